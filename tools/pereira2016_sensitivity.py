@@ -3,11 +3,11 @@
 `python tools/pereira2016_sensitivity.py` for the arm in physics, `… servo` for servos; names of variants after that
 choose some. `… iiwa` for the simulated iiwa of appendix C, whose simulator is not described.
 
-Each variant of the plant has its first number fitted anew to the error of K on the spiral with the best gains, if it
-has one; the other columns are ours over published then, and the share T mean|u| that the arm gives way. On servos: how
-far the joints go beyond their limits. In physics: L.Acc of K on the spiral, Eff, L.Vel and L.Acc of K on the circle;
-the loop gain k T at which K starts to shake on the spiral, so that its hand moves twice the printed 1.409 m; the robust
-laws with their gains times a factor; and what the damping λ of P16's pseudoinverses would do.
+Each variant runs twice: with the plant's first number as it is in use, and with that number fitted anew to the error
+of K on the spiral with the best gains. The columns are ours over published, and the share T mean|u| that the arm gives
+way. On servos: how far the joints go beyond their limits. In physics: L.Acc of K on the spiral, Eff, L.Vel and L.Acc of
+K on the circle; the loop gain k T at which K starts to shake on the spiral, so that its hand moves twice the printed
+1.409 m; the robust laws with their gains times a factor; and what the damping λ of P16's pseudoinverses would do.
 """
 
 from __future__ import annotations
@@ -70,9 +70,20 @@ IN_PHYSICS: dict[str, Variant] = {
     "feedforward 1": {"feedforward": 1},
     "stiffness 0.8": {"stiffness": 0.8},
     "no posture": NO_POSTURE,
+    "posture at 1 1/s": {"posture": 1},
+    "posture at 20 1/s": {"posture": 20},
+    "start not turned": {"turned": [0, 0, 0]},
+    "start turned by −0.1 rad": {"turned": [0, -0.1, 0]},
+    "start turned about x": {"turned": [0.1, 0, 0]},
+    "start turned about z": {"turned": [0, 0, 0.1]},
+    "no posture, start not turned": NO_POSTURE | {"turned": [0, 0, 0]},
+    "start on the path": {"turned": [0, 0, 0], "moved": [0, 0, 0]},
+    "Riccati solved exactly": {"riccati_steps": "accurate"},
     "no encoder noise": {"encoder_noise": 0.0},
     "Runge-Kutta steps": {"accurate": True},
 }
+OF_THE_START = {"turned": "rotation", "moved": "translation"}
+FITTED = ("spiral", "K", "best")
 FIRST_GUESSES = {SERVO: (0.7, 1.0), PHYSICS: (0.77, 0.65)}
 CELLS = (
     ("spiral", "K", "ln2"),
@@ -103,6 +114,13 @@ def metrics(spec: dict[str, Any], law: str, parameters: dict[str, Any], variant:
     data = spec | {"laws": {law: spec["laws"][law] | parameters}, "repeats": 1}
     data.pop("parameter_sets", None)
     changes = dict(variant)
+    start = {OF_THE_START[key]: changes.pop(key) for key in OF_THE_START if key in changes}
+    if start:
+        reference = data["reference"]
+        data["reference"] = reference | {"offset": reference["offset"] | start}
+    steps = changes.pop("riccati_steps", None)
+    if steps and "riccati_steps" in data["laws"][law]:
+        data["laws"][law]["riccati_steps"] = steps
     if "null_space" in changes:
         del data["null_space"], changes["null_space"]
     elif "posture" in changes:
@@ -133,11 +151,10 @@ def error(found: Metrics | None) -> float:
 
 def fitted(plant: str, variant: Variant) -> float | None:
     """Return the plant's one number, fitted to the error of K; None where runs fail on the way."""
-    place = ("spiral", "K", "best")
-    target, key = published(*place), FITS[plant][0].key
+    target, key = published(*FITTED), FITS[plant][0].key
 
     def distance(value: float) -> float:
-        found = cell(plant, place, variant | {key: value})
+        found = cell(plant, FITTED, variant | {key: value})
         if found is None:
             raise ArithmeticError
         return found.error.integral - target
@@ -165,13 +182,24 @@ def limit(plant: str, variant: Variant) -> float:
     return high
 
 
-def row(plant: str, label: str, variant: Variant) -> list[Any]:
-    """Fit a variant, and return its row of the table."""
-    number = None if "mode" in variant else fitted(plant, variant)  # the servos of THETA know no gravity
-    if number is not None:
-        variant = variant | {FITS[plant][0].key: number}
-    ratios = [error(cell(plant, place, variant)) / published(*place) for place in CELLS]
-    best = cell(plant, ("spiral", "K", "best"), variant)
+def rows(plant: str, label: str, variant: Variant) -> list[list[Any]]:
+    """Return a variant's rows of the table: with the plant's number as it is, and fitted again."""
+    if not variant or "mode" in variant:  # the servos of THETA know no gravity
+        return [row(plant, label, variant, None)]
+    number = fitted(plant, variant)
+    again = [] if number is None else [row(plant, f"{label}, fitted again", variant, number)]
+    return [row(plant, label, variant, None), *again]
+
+
+def row(plant: str, label: str, variant: Variant, number: float | None) -> list[Any]:
+    """Return what a variant gives with the plant's number, None for the one in use."""
+    key = FITS[plant][0].key
+    if number is None:
+        number = published_spec("spiral", plant)["plant"][key]
+    else:
+        variant = variant | {key: number}
+    ratios = [error(cell(plant, place, variant)) / published(*place) for place in (FITTED, *CELLS)]
+    best = cell(plant, FITTED, variant)
     share = math.nan if best is None else PERIOD * best.control.mean
     if plant == SERVO:
         beyond = math.nan if best is None else math.degrees(min(best.limit_margin, 0.0))
@@ -193,7 +221,10 @@ def row(plant: str, label: str, variant: Variant) -> list[Any]:
 def table(plant: str, variants: dict[str, Variant]) -> Table:
     """Return the table of a plant's variants."""
     columns = [Column("Variant"), Column("α" if plant == SERVO else "f", "", ".3f")]
-    columns += [Column(" ".join(place).removesuffix(" fixed"), "", ".2f") for place in CELLS]
+    columns += [
+        Column(" ".join(place).removesuffix(" fixed"), "", ".3f" if place == FITTED else ".2f")
+        for place in (FITTED, *CELLS)
+    ]
     columns += [Column("T mean|u|", "rad", ".3f")]
     if plant == SERVO:
         columns += [Column("beyond limits", "°", ".0f")]
@@ -201,7 +232,9 @@ def table(plant: str, variants: dict[str, Variant]) -> Table:
         columns += [Column("L.Acc, spiral K best", "", ".2f")]
         columns += [Column(f"{metric}, circle K", "", ".2f") for metric in ("Eff", "L.Vel", "L.Acc")]
         columns += [Column("K shakes from k T", "", ".2f")]
-    return Table(columns, [row(plant, label, variant) for label, variant in variants.items()])
+    return Table(
+        columns, [each for label, variant in variants.items() for each in rows(plant, label, variant)]
+    )
 
 
 def robust_laws() -> Table:

@@ -41,8 +41,8 @@ def test_at_their_own_best_the_laws_differ_by_less_than_a_thousandth_on_servos()
     assert errors == sorted(errors)
     assert errors[-1] < 1.001 * errors[0]
     learnt = next(table for table in done.tables if table.title.startswith("The spiral"))
-    printed, best, after = (row[1] for row in learnt.rows)
-    assert after < best / 10 < printed / 10
+    best, after = (row[1] for row in learnt.rows)  # nothing printed beside them: P16 prints no distance
+    assert after < best / 10
 
 
 @pytest.mark.slow

@@ -3,24 +3,34 @@
 import dataclasses
 import sys
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from dqcontrol import cli, reproductions as published
+from dqcontrol import algebra, cli, reproductions as published
 from dqcontrol.errors import ExistsError, LimitWarning, UnknownNameError
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute, measure
 from dqcontrol.experiments.spec import read_spec
+from dqcontrol.figures.style import COLOURS
 from dqcontrol.reproductions import pereira2016
 from dqcontrol.reproductions.catalogue import Conditions
-from dqcontrol.reproductions.judgement import Judgement, verdict_table
+from dqcontrol.reproductions.judgement import Judgement, by_cases, verdict_table
 from dqcontrol.reproductions.pereira2016.calibration import calibrate
 from dqcontrol.reproductions.pereira2016.hundredfold import printed_factors, with_hundredfold
+from dqcontrol.reproductions.pereira2016.operation_counts import (
+    DUAL_QUATERNION,
+    OPERATIONS,
+    TWELVE,
+    WHOLE,
+    count,
+)
 from dqcontrol.reproductions.pereira2016.own_durations import late_laws, own_durations_table
 from dqcontrol.reproductions.pereira2016.own_periods import LateLaw, LateRun
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import EXPERIMENTS, spec_path
 from dqcontrol.reproductions.pereira2016.pereira2016_figures import study_figures
+from dqcontrol.reproductions.pereira2016.predictions import ComparedCell, distinct, predictions
 from dqcontrol.reproductions.pereira2016.published_specs import published_spec
 from dqcontrol.reproductions.pereira2016.verdicts import Evidence
 from dqcontrol.reproductions.pereira2016.verdicts.evidence import JUDGES
@@ -98,12 +108,16 @@ def test_the_robust_laws_run_a_second_time_with_a_hundred_times_their_gains():
 
 
 def test_printed_numbers_alone_give_the_factor_at_both_periods():
-    factors = {tuple(row[:3]): row[-1] for row in printed_factors().rows}
-    assert len(factors) == 14
-    assert {name for name, _, _ in factors} == {"circle, 20 ms", "spiral, 8 ms"}
-    assert min(factors.values()) > 99.2
-    assert max(factors.values()) < 101.9
-    assert np.mean(list(factors.values())) == pytest.approx(100.7, abs=0.2)
+    rows = printed_factors().rows
+    beside_dq = {tuple(row[:3]): row[-1] for row in rows if row[0] != "spiral of 5.5, 8 ms"}
+    assert len(beside_dq) == 14
+    assert {name for name, _, _ in beside_dq} == {"circle, 20 ms", "spiral, 8 ms"}
+    assert min(beside_dq.values()) > 99.2
+    assert max(beside_dq.values()) < 101.9
+    assert np.mean(list(beside_dq.values())) == pytest.approx(100.7, abs=0.2)
+    others = [row[-1] for row in rows if tuple(row[:3]) not in beside_dq]
+    assert len(others) == 10  # Tables 5.6 and 5.7, five sets each
+    assert 92.9 < min(others) < max(others) < 101.4
 
 
 def test_sentences_on_laws_that_did_not_follow_are_not_decided():
@@ -112,29 +126,158 @@ def test_sentences_on_laws_that_did_not_follow_are_not_decided():
     }
 
     def row(law, error, step):
-        return {
-            "law": law,
-            "set": "best",
-            "stopped": "duration",
-            "error.integral": error * printed["error"],
-            "hand_speed.integral": printed["hand_speed"],
-            "joint_step.integral": step,
-        }
+        return [
+            {
+                "law": law,
+                "set": each,
+                "stopped": "duration",
+                "error.integral": error * printed["error"],
+                "hand_speed.integral": printed["hand_speed"],
+                "joint_step.integral": step * printed["joint_step"],
+            }
+            for each in ("best", "ln2", "ln2²")
+        ]
 
-    def judged(*rows):
-        evidence = Evidence(Results({"": [row("K", 1.0, 1.0), *rows]}), {}, reproduction="spiral")
+    def judged(*groups):
+        rows = [each for group in (row("K", 1.0, 1.0), *groups) for each in group]
+        evidence = Evidence(Results({"": rows}), {}, reproduction="spiral")
         return JUDGES["h-infinity-without-excessive-speed"](evidence)
 
     lost, near = (
         [row(law, 30.0, 0.5) for law in ("HIR", "HIRT")],
         [row(law, 1.0, 0.5) for law in ("HIR", "HIRT")],
     )
-    hundredfold = [row(f"{law} × 100", 1.0, 2.0) for law in ("HIR", "HIRT")]
+    hundredfold = [row(f"{law} × 100", 1.0, 1.5) for law in ("HIR", "HIRT")]
     assert judged(*near).holds is True
+    shaken = [row(law, 1.0, 2.1) for law in ("HIR", "HIRT")]
+    assert judged(*shaken).why_not == "the law did not follow"  # its joints moved twice as far as the robot's
     none = judged(*lost)
     assert (none.holds, str(none.verdict)) == (None, "cannot be decided: the law did not follow")
     assert judged(*lost, *hundredfold).holds is False  # of those that followed
     assert "gains as printed, which do not follow" in judged(*lost, *hundredfold).number
+    for each in near:
+        each[0] |= {"error.integral": 30.0 * printed["error"]}
+    some = judged(*near)  # one set of three not tested
+    assert str(some.verdict) == (
+        "partly supported: HIR and HIRT ln2, HIR and HIRT ln2²; not tested HIR and HIRT best, the law did not follow"
+    )
+
+
+def test_one_rule_gives_all_verdicts():
+    def verdict(**cases):
+        return str(by_cases(cases, "", "its reason").verdict)
+
+    assert verdict(a=True, b=True) == "supported"
+    assert verdict(a=False, b=False) == verdict(a=False, b=None) == "not supported"
+    assert verdict(a=None, b=None) == "cannot be decided: its reason"
+    assert verdict(a=True, b=False) == "partly supported: a; not b"
+    assert verdict(a=True, b=None) == "partly supported: a; not tested b, its reason"
+
+
+def test_sets_of_weights_that_are_one_controller_differ_in_nothing():
+    """Seven sentences say of such sets that they differ; by the rule none is supported."""
+    sets = ("q=1 r=0.001", "q=10 r=0.01", "q=100 r=0.1", "q=1000 r=1")
+
+    def alike(laws):
+        return [
+            {"law": law, "set": each, "stopped": "duration"} | dict.fromkeys(METRICS.values(), 2.0)
+            for law in laws
+            for each in sets
+        ]
+
+    chapter = Evidence(Results({"": alike(["LQR-R8", "LQR-DQ"])}), {}, reproduction="lqr")
+    appendix = Evidence(
+        Results(
+            {
+                f"{robot} {path}": alike(["LQR-R8"])
+                for robot in ("iiwa", "meka")
+                for path in ("circle", "square")
+            }
+        ),
+        {},
+        reproduction="circle-and-square",
+    )
+    for claim in ("lqr-trades-effort-for-error", "dq-error-rises-with-r", "lower-r-more-effort"):
+        assert str(JUDGES[claim](chapter).verdict) == "not supported", claim
+    for claim in ("simulated-hand-faster-with-r", "larger-r-less-effort", "larger-q-less-error"):
+        assert str(JUDGES[claim](appendix).verdict) == "not supported", claim
+    half = JUDGES["simulated-error-rises-with-r"](appendix)
+    assert str(half.verdict) == "partly supported: Eff that barely changes; not an error that rises"
+
+
+def test_laws_that_were_late_are_judged_by_their_run_at_the_printed_period():
+    rows = [
+        {"law": law, "set": "q=1 r=0.001", "stopped": "duration"} | dict.fromkeys(METRICS.values(), 2.0)
+        for law in ("LQR-R8", "LQR-DQ")
+    ]
+    late = {("LQR-DQ", "q=1 r=0.001"): {"error": 2.1}}
+    evidence = Evidence(
+        Results({"": rows}), {"": prepare(spec_path("circle"))}, reproduction="circle", late=late
+    )
+    assert evidence.mean("LQR-DQ", "q=1 r=0.001") == 2.1
+    assert evidence.mean("LQR-R8", "q=1 r=0.001") == 2.0
+    found = JUDGES["lqr-dq-worse-tracking"](evidence)
+    assert str(found.verdict) == "partly supported: a higher integral; not a worse tracking"
+
+
+def test_no_two_laws_of_a_figure_share_a_colour():
+    for name, chosen in EXPERIMENTS.items():
+        labels = set()
+        for spec in chosen.specs.values():
+            data = published_spec(spec)
+            labels |= set((with_hundredfold(data) if chosen.robust else data)["laws"])
+        assert len(labels) <= len(set(COLOURS)), name
+
+
+def test_calculations_are_those_counted_by_hand():
+    counts = {name: {kind: count(each) for kind, each in kinds.items()} for name, kinds in OPERATIONS.items()}
+    assert list(counts["one motion after another"].values()) == [48 + 40, 64 + 48, 36 + 27]
+    assert list(counts["inverse"].values()) == [0, 9 + 6, 9 + 6]
+    assert list(counts["a point moved"].values())[1:] == [16 + 12, 9 + 9]
+
+
+def test_operations_on_matrices_are_those_on_dual_quaternions():
+    rng = np.random.default_rng(0)
+    turns = rng.uniform([1, -0.5, -0.5, -0.5], [2, 0.5, 0.5, 0.5], (2, 4))  # less than half a turn
+    a, b = algebra.pose(turns / np.linalg.norm(turns, axis=1)[:, None], rng.uniform(-1, 1, (2, 3)))
+    point = rng.uniform(-1, 1, 3)
+
+    def result(name, kind, x, y):
+        out = np.zeros(16)
+        OPERATIONS[name][kind](x, y, out)
+        return out
+
+    def matrix(x):
+        return algebra.matrix_from_pose(x).ravel()
+
+    for kind, size in ((WHOLE, 16), (TWELVE, 12)):
+        for name in ("one motion after another", "inverse", "difference of two poses"):
+            expected = matrix(result(name, DUAL_QUATERNION, a, b)[:8])[:size]
+            found = result(name, kind, matrix(a)[:size], matrix(b)[:size])[:size]
+            np.testing.assert_allclose(found, expected, atol=1e-14)
+        forms = ((DUAL_QUATERNION, a), (kind, matrix(a)))
+        moved = [result("a point moved", each, x, [*point, 1.0])[:3] for each, x in forms]
+        np.testing.assert_allclose(*moved, atol=1e-14)
+        for name, length in (("position", 3), ("rotation as a quaternion", 4)):
+            pair = [result(name, each, x, b)[:length] for each, x in forms]
+            np.testing.assert_allclose(*pair, atol=1e-14)
+
+
+def test_cells_are_counted_once_and_predictions_by_what_is_simulated():
+    cells = [
+        ComparedCell("spiral", "K", "best", "error", 1.232, 1.235),  # f was fitted on it
+        ComparedCell("spiral", "K+FF", "best", "error", 1.232, 1.2355),
+        ComparedCell("spiral", "K", "ln2", "error", 1.68, 1.745),
+        ComparedCell("spiral", "K+FF", "ln2", "error", 1.69, 1.744),
+        ComparedCell("circle", "LQR-R8", "q=1 r=0.001", "error", 4.882, 4.883),
+        ComparedCell("circle", "LQR-R8", "q=10 r=0.01", "error", 4.858, 4.883),
+        ComparedCell("circle", "LQR-R8", "q=1 r=0.001", "error", 4.882, 4.883),  # Table 5.9 after 5.3
+    ]
+    assert len(distinct(cells)) == 6
+    assert [[cell.printed for cell in group] for group in predictions(cells)] == [
+        [1.68, 1.69],
+        [4.882, 4.858],
+    ]
 
 
 def test_ratios_are_means_over_printed_means():
@@ -272,7 +415,14 @@ def test_integrals_over_the_durations_that_table_61_prints():
     table = own_durations_table(cells, Results({"": rows}), {"": prepare(spec_path("circle"))})
     assert table
     assert {line[0] for line in table.rows} == {"LQR-DQ"}  # at 20 ms the other one kept its period
-    assert [line[2] for line in table.rows] == ["Err", "θ̇ [rad]", "Eff [rad s]"]
+    assert [line[2] for line in table.rows] == [
+        "Err",
+        "θ̇ [rad]",
+        "Eff [rad s]",
+        "L.Vel [m]",
+        "L.Acc [m/s]",
+    ]
+    assert table.rows[3][7] == 2.0  # the hand's path is as long however long it takes
     assert table.rows[0][6:] == pytest.approx([1.0587, 2.1174, 2.1174 / 5.593])
     (late,) = late_laws(cells, {"": prepare(spec_path("circle"))}, {"": "circle"})
     assert late == LateLaw("circle", "LQR-DQ", "q=1 r=0.001")
@@ -293,6 +443,19 @@ def test_figures_are_one_set_each_or_pairs_as_printed():
     assert "figure-5.2-HIR-times-100" in study_figures("h-infinity", {})
 
 
+def test_figures_say_which_laws_they_leave_out_and_why():
+    data = with_hundredfold(published_spec("circle", "servo"))
+    data["reference"] = data["reference"] | {"duration": 0.2}
+    data |= {"laws": {law: data["laws"][law] for law in ("K", "HIR")}, "repeats": 1}
+    data["parameter_sets"] = {"fixed": {"K": {}, "HIR": {}}}
+    row = {"set": "fixed", "stopped": "duration"} | dict.fromkeys(METRICS.values(), 0.01)
+    rows = [row | {"law": "K"}, row | {"law": "HIR", "error.integral": 48.0}]
+    study = SimpleNamespace(rows=rows, setting=lambda: prepare(data))
+    figure = study_figures("circle", {"circle": study})["figure-5.3"]()
+    assert figure.get_suptitle() == "Not drawn, as they did not follow: HIR (Err 48, printed 1.5)."
+    assert "HIR" not in {text.get_text() for legend in figure.legends for text in legend.get_texts()}
+
+
 def test_claims_say_where_they_stand():
     places = [
         row[0]
@@ -303,7 +466,14 @@ def test_claims_say_where_they_stand():
             "",
         ).rows
     ]
-    assert {"Section 5.7", "Section 5.10", "Chapter 6", "Tables 5.13 to 5.15"} == set(places)
+    assert set(places) == {
+        "Abstract",
+        "Section 1.2.3",
+        "Section 5.7",
+        "Section 5.10",
+        "Chapter 6",
+        "Tables 5.13 to 5.15",
+    }
 
 
 def test_names():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,10 +35,11 @@ _DECADES = 5  # of the criteria below their peak that are shown
 
 _MOST = 8  # runs; more can hardly be told apart
 _MOST_COLUMNS = 4
+_LETTERS = 100  # of a line of notes across two columns
 
 
 @styled
-def compare_criteria(records: Mapping[str, Record], unit: str = "rad or m") -> Figure:
+def compare_criteria(records: Mapping[str, Record], unit: str = "rad or m", note: str = "") -> Figure:
     """Plot the criteria of several runs of one task, and their poses over the desired one [P16 5.2, Figures 5.2–5.4].
 
     The criteria are the norms of error, control signal, joint step from sample to sample, velocity and acceleration of
@@ -50,6 +52,8 @@ def compare_criteria(records: Mapping[str, Record], unit: str = "rad or m") -> F
         Runs by label; the first eight are shown. The desired pose shown is that of the longest.
     unit
         Of the inputs' way: ``"rad"`` if all joints are revolute.
+    note
+        Words above the panels, as on runs that are not drawn.
 
     Raises
     ------
@@ -94,8 +98,10 @@ def compare_criteria(records: Mapping[str, Record], unit: str = "rad or m") -> F
     figure.align_ylabels()
     figure.set_layout_engine("constrained", wspace=0.05)
     left_out = len(records) - len(chosen)
-    note = [Line2D([], [], ls="", label=f"{left_out} more not shown")] if left_out else []
-    legend_below(figure, coordinates[0], note)
+    more = [Line2D([], [], ls="", label=f"{left_out} more not shown")] if left_out else []
+    legend_below(figure, coordinates[0], more)
+    if note:
+        figure.suptitle(fill(note, _LETTERS), fontsize="medium")
     return figure
 
 

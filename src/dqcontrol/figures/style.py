@@ -20,8 +20,19 @@ P = ParamSpec("P")
 
 WIDTHS = {"single": 3.5, "double": 7.16}  # in; one and both columns of a journal's page
 DOUBLE = WIDTHS["double"]
-# Okabe and Ito's colours, told apart by every kind of colour vision, with Tol's wine for their pale yellow.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#882255")
+# Okabe and Ito's colours, told apart by every kind of colour vision, with Tol's wine for their pale yellow; then Tol's
+# indigo and a brown, so that the nine labels of the largest published table have one each.
+COLOURS = (
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#CC79A7",
+    "#E69F00",
+    "#56B4E9",
+    "#882255",
+    "#332288",
+    "#5C3A21",
+)
 DESIRED, LIMIT, NEUTRAL = "#222222", "#B2182B", "#555555"
 PANE = (0.97, 0.97, 0.97, 1.0)  # the walls of figures in space
 FLOOR = 1e-17  # shown in place of an error of exactly 0 on a logarithmic axis
@@ -132,7 +143,7 @@ def panels_across(most: int) -> int:
 
 
 def line_style(index: int) -> dict[str, Any]:
-    """Return colour and dashes of the n-th curve; 28 differ, and neighbours in both, for prints without colours."""
+    """Return colour and dashes of the n-th curve; 36 differ, and neighbours in both, for prints without colours."""
     return {"color": COLOURS[index % len(COLOURS)], "linestyle": LINES[index % len(LINES)]}
 
 
@@ -142,7 +153,7 @@ def line_widths(count: int) -> Sequence[float]:
 
 
 def mark_style(index: int) -> dict[str, Any]:
-    """Return colour and form of the n-th kind of points; 35 differ, and neighbours in both."""
+    """Return colour and form of the n-th kind of points; 45 differ, and neighbours in both."""
     colour = COLOURS[index % len(COLOURS)]
     return {
         "linestyle": "",

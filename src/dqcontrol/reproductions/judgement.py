@@ -1,4 +1,18 @@
-"""Verdicts on the claims of the sources, each with the number that decides it."""
+"""Verdicts on the claims of the sources, each with the number that decides it.
+
+One rule gives them all:
+
+1. A sentence has cases: the laws, sets of gains, paths, robots and criteria that it names; where it names none, those
+   of its experiment.
+2. A case is not tested where the law did not follow its path here, and where it holds or fails with a choice of ours
+   that the source does not tell and that was made with its numbers in view.
+3. Supported: all cases hold. Not supported: none that was tested holds. Partly supported: some hold, and others fail or
+   were not tested; the verdict names them. Cannot be decided: none was tested, for the reason named.
+4. A difference that a sentence speaks of has to be larger than what the same law shows again: sets of weights that are
+   one controller differ in nothing.
+5. A cause that a sentence names holds only if the effect is missing without it.
+6. What only the source's robot or its program could tell cannot be decided here, whatever our numbers are.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +26,7 @@ from dqcontrol.reproductions.printed import Claim
 DID_NOT_FOLLOW = "the law did not follow"
 ABOUT_THE_ROBOT = "it is about the robot"
 ABOUT_THE_PROGRAM = "it is about the source's program"
+HANGS_ON_A_CHOICE = "it hangs on what the source does not tell"
 
 
 @dataclass(frozen=True)
@@ -21,23 +36,58 @@ class Judgement:
     Attributes
     ----------
     holds
-        None if our numbers cannot decide it.
+        None if our numbers cannot decide it, or if it holds in part.
     number
         What was found.
     why_not
-        Of what cannot be decided: why, as `DID_NOT_FOLLOW`, `ABOUT_THE_ROBOT` or `ABOUT_THE_PROGRAM`; empty if the
-        number says it.
+        Of what cannot be decided: why, as `DID_NOT_FOLLOW`, `ABOUT_THE_ROBOT`, `ABOUT_THE_PROGRAM` or
+        `HANGS_ON_A_CHOICE`; empty if the number says it.
+    partly
+        Of what holds in part: which cases hold, and which do not.
     """
 
     holds: bool | None
     number: str
     why_not: str = ""
+    partly: str = ""
 
     @property
     def verdict(self) -> VerdictCell:
         """In words."""
+        if self.partly:
+            return VerdictCell(f"partly supported: {self.partly}", None)
         words = {True: "supported", False: "not supported", None: "cannot be decided"}[self.holds]
         return VerdictCell(f"{words}: {self.why_not}" if self.why_not else words, self.holds)
+
+
+def by_cases(cases: Mapping[str, bool | None], number: str, untested: str = DID_NOT_FOLLOW) -> Judgement:
+    """Return the verdict that the cases of a sentence give.
+
+    Parameters
+    ----------
+    cases
+        By what they are of: whether it holds there; None where that was not tested.
+    number
+        What was found.
+    untested
+        Why a case was not tested.
+
+    Examples
+    --------
+    >>> str(by_cases({"K": True, "LQR-DQ": False, "HIR": None}, "").verdict)
+    'partly supported: K; not LQR-DQ; not tested HIR, the law did not follow'
+    >>> str(by_cases({"LQR-DQ": False, "HIR": None}, "").verdict)
+    'not supported'
+    """
+    hold, fail, left = (
+        ", ".join(name for name, holds in cases.items() if holds is wanted) for wanted in (True, False, None)
+    )
+    if not hold:
+        return Judgement(False if fail else None, number, "" if fail else untested)
+    if not fail and not left:
+        return Judgement(True, number)
+    parts = [hold, f"not {fail}" if fail else "", f"not tested {left}, {untested}" if left else ""]
+    return Judgement(None, number, partly="; ".join(filter(None, parts)))
 
 
 def verdict_table(

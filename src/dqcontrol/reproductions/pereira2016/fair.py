@@ -36,7 +36,6 @@ _NOT_LINEAR = ("exchange_period", "dry_friction", "base_shaking")
 _REPEATS = {SERVO: 20}
 _FEW = 3
 _SHOWN = ("error.integral", "position.rms", "orientation.rms", "joint_step.integral", "hand_speed.peak")
-_PRINTED = 10.0  # mm, the error of the spiral that P16 speaks of in its conclusion
 _COMPARISONS = (
     "lqr-worst-error-on-circle",
     "h-infinity-lowest-error-on-circle",
@@ -45,7 +44,6 @@ _COMPARISONS = (
     "h-infinity-best-everywhere",
     "h-infinity-lower-effort",
     "dq-better-than-proportional",
-    "proportional-less-repeatable",
 )
 
 
@@ -162,8 +160,6 @@ def _judged(results: Results) -> dict[str, Judgement]:
         means = ", ".join(f"{law} {results.mean(law, metric=metric):.3g}" for law in (*some, *others))
         return Judgement(holds, means)
 
-    spreads = {law: results.deviation(law) / results.mean(law) for law in _LAWS}
-    rest = (*_LINEAR_QUADRATIC, *_ROBUST)
     return {
         "lqr-worst-error-on-circle": all_below((*_PROPORTIONAL, *_ROBUST), _LINEAR_QUADRATIC),
         "h-infinity-lowest-error-on-circle": all_below(_ROBUST, (*_PROPORTIONAL, *_LINEAR_QUADRATIC)),
@@ -172,10 +168,6 @@ def _judged(results: Results) -> dict[str, Judgement]:
         "h-infinity-best-everywhere": all_below(("HIR",), (*_PROPORTIONAL, *_LINEAR_QUADRATIC)),
         "h-infinity-lower-effort": all_below(("HIR",), ("K", "LQR-R8"), "joint_step"),
         "dq-better-than-proportional": all_below(("LQR-DQ",), _PROPORTIONAL),
-        "proportional-less-repeatable": Judgement(
-            min(spreads[law] for law in _PROPORTIONAL) > max(spreads[law] for law in rest),
-            ", ".join(f"{law} {100 * value:.2g} %" for law, value in spreads.items()),
-        ),
     }
 
 
@@ -193,7 +185,6 @@ def _learnt(data: dict[str, Any], tuning: Tuning, conditions: Conditions) -> Tab
     )
     first, best = found.repeats[0], found.repeats[found.best]
     rows: list[list[Cell]] = [
-        ["P16, as printed", _PRINTED, None],
         [f"{tuning.best.label}, at its best", first.position, first.peak],
         [f"{tuning.best.label}, after {found.best} repeats with a tracker", best.position, best.peak],
     ]

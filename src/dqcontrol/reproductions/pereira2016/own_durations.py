@@ -65,9 +65,9 @@ def own_durations_table(
     late = {(run.law, run.set): each.criteria for run, each in (runs or {}).items()}
     for cell in cells:
         factor = _lateness(cell, settings)
-        if cell.metric in _OVER_TIME and factor > _LATE:
+        if cell.metric in NAMES and factor > _LATE:
             mean = ours.mean(cell.law, cell.set, cell.metric, cell.experiment)
-            longer = factor * mean
+            longer = factor * mean if cell.metric in _OVER_TIME else mean
             rows.append(
                 [
                     cell.law,

@@ -59,7 +59,8 @@ EXPERIMENTS = {
         robust=True,
     ),
     "sampling-time": Reproduction(
-        "periods kept in the real-time loop (Table 61, Figs 5.5–5.6)", specs={"": "sampling-time"}
+        "periods kept in the real-time loop (Table 61, Figs 5.5–5.6), calculations of rigid motions counted",
+        specs={"": "sampling-time"},
     ),
     "circle-and-square": Reproduction(
         "circle and square, iiwa 7 and Meka (App. C, Tables 3–4)",

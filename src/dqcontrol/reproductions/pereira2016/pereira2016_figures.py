@@ -15,6 +15,7 @@ from dqcontrol.loop.record import Record
 from dqcontrol.references.sample import TWIST
 from dqcontrol.reproductions.pereira2016.hundredfold import LAWS, SUFFIX
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import EXACT
+from dqcontrol.reproductions.pereira2016.published_numbers import published_cells
 from dqcontrol.reproductions.pereira2016.verdicts.evidence import Evidence, record_of
 from dqcontrol.reproductions.pereira2016.verdicts.grid import grid_of
 from dqcontrol.reproductions.printed import PublishedCell
@@ -66,18 +67,37 @@ def _file_name(label: str) -> str:
 
 
 def _one_set(name: str, study: Study, label: str) -> Figure:
-    """Draw all laws with one set of gains; the robust ones with a hundred times the printed, where these follow."""
+    """Draw all laws with one set of gains; the robust ones where they follow, and say where they do not."""
     from dqcontrol.figures import compare_criteria
 
     setting, records = study.setting(), {}
     evidence = Evidence(Results({"": study.rows}), {}, reproduction=name)
-    for case in setting.cases:
-        law = case.names.law
-        if case.names.set not in (label, _FIXED) or law in LAWS or law.endswith(EXACT):
-            continue
-        if not law.endswith(SUFFIX) or evidence.followed(law, (case.names.set.replace(_FIXED, ""),)):
-            records[law] = execute(setting, case)
-    return compare_criteria(records, unit="rad")
+    cases = [
+        case
+        for case in setting.cases
+        if case.names.set in (label, _FIXED) and not case.names.law.endswith(EXACT)
+    ]
+    robust = {
+        case.names.law: case.names.set.replace(_FIXED, "")
+        for case in cases
+        if case.names.law.removesuffix(SUFFIX) in LAWS
+    }
+    lost = {law: each for law, each in robust.items() if not evidence.followed(law, (each,))}
+    for case in cases:
+        if case.names.law not in lost:
+            records[case.names.law] = execute(setting, case)
+    named = ", ".join(_lost(name, evidence, *each) for each in lost.items())
+    return compare_criteria(records, "rad", f"Not drawn, as they did not follow: {named}." if lost else "")
+
+
+def _lost(name: str, evidence: Evidence, law: str, label: str) -> str:
+    """Name a law that did not follow, and by how much."""
+    printed = next(
+        cell.mean
+        for cell in published_cells(name)
+        if (cell.law, cell.set, cell.metric) == (law.removesuffix(SUFFIX), label, "error")
+    )
+    return f"{law} (Err {evidence.mean(law, label):.2g}, printed {printed:.2g})"
 
 
 def _pair(study: Study, law: str) -> Figure:

@@ -14,6 +14,7 @@ from dqcontrol.reproductions.judgement import verdict_table
 from dqcontrol.reproductions.pereira2016.calibration import calibrate
 from dqcontrol.reproductions.pereira2016.fair import reproduce_fair
 from dqcontrol.reproductions.pereira2016.hundredfold import SUFFIX, printed_factors, with_hundredfold
+from dqcontrol.reproductions.pereira2016.operation_counts import operation_costs, operation_table
 from dqcontrol.reproductions.pereira2016.own_durations import late_laws, own_durations_table
 from dqcontrol.reproductions.pereira2016.own_periods import LateRun, run_late
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import (
@@ -90,7 +91,7 @@ def _compared(
     ours = _results(chosen, {experiment: studies[spec] for experiment, spec in chosen.specs.items()})
     settings = {where: studies[spec].setting() for where, spec in chosen.specs.items()}
     title = "" if plant == SERVO else plant
-    tables = []
+    tables, runs_by_law = [], {}
     for where, setting in settings.items():
         here = [cell for cell in cells if cell.experiment == where]
         in_physics = setting.cases[0].names.plant != SERVO
@@ -100,11 +101,13 @@ def _compared(
         late = late_laws(cells, settings, chosen.specs) if plant == PHYSICS else []
         text = "".join(setting.text for setting in settings.values())
         runs = conditions.each("own periods", run_late, LateRun, late, text)
-        if table := own_durations_table(cells, ours, settings, title, dict(zip(late, runs, strict=True))):
+        runs_by_law = dict(zip(late, runs, strict=True))
+        if table := own_durations_table(cells, ours, settings, title, runs_by_law):
             tables.append(table)
     if name == "h-infinity":
         tables.append(attenuation_table(attenuations()))
-    evidence = Evidence(ours, settings, plant, name)
+    criteria = {(law.law, law.set): run.criteria for law, run in runs_by_law.items()}
+    evidence = Evidence(ours, settings, plant, name, criteria)
     if name == "spiral":
         tables.append(when_to_use(evidence))
     tables.append(_verdicts(name, evidence, title))
@@ -144,6 +147,7 @@ def _in_real_time(chosen: Reproduction, conditions: Conditions) -> Reproduced:
     tables = [
         *comparison_tables(published_cells(spec), ours, _SHORT),
         sampling_table(rows, f"{samples} samples in real time on this machine"),
+        operation_table(operation_costs()),
         _verdicts(spec, Evidence(ours, {}, plant, spec)),
     ]
     return Reproduced(f"{SOURCE}/{spec}", tables, figures=period_figures(rows), plant=plant)

@@ -2,18 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 
 from dqcontrol.measures.metrics import evaluate
-from dqcontrol.reproductions.judgement import ABOUT_THE_ROBOT, Judgement, listed
-from dqcontrol.reproductions.pereira2016.verdicts.evidence import PROPORTIONAL, Evidence, decides, record_of
+from dqcontrol.reproductions.judgement import (
+    ABOUT_THE_ROBOT,
+    HANGS_ON_A_CHOICE,
+    Judgement,
+    by_cases,
+    listed,
+)
+from dqcontrol.reproductions.pereira2016.verdicts.circle_verdicts import ONE_CONTROLLER
+from dqcontrol.reproductions.pereira2016.verdicts.evidence import (
+    PROPORTIONAL,
+    Cases,
+    Evidence,
+    agreed,
+    decides,
+    record_of,
+)
 from dqcontrol.reproductions.pereira2016.verdicts.grid import grid_of
 
 IIWA, MEKA = ("iiwa circle", "iiwa square"), ("meka circle", "meka square")
 _ROBOTS = ("iiwa", "meka")
 _LQR = "LQR-R8"
+_NO_DIFFERENCE = 0.01  # as of the circle's sets
 
 
 def _over(evidence: Evidence, experiments: tuple[str, ...], metric: str) -> list[float]:
@@ -49,49 +65,63 @@ def _varies(evidence: Evidence) -> Judgement:
 
 @decides("simulated-lqr-worse")
 def _worse(evidence: Evidence) -> Judgement:
-    ratios = _over(evidence, IIWA, "error")
-    followed = []  # where targets do not move on from the measured angle, the error is another one
+    return _by_both_simulators(evidence, "error", lambda ratios: min(ratios) > 1, "Err")
+
+
+@decides("simulated-lqr-slower-hand")
+def _slower(evidence: Evidence) -> Judgement:
+    return _by_both_simulators(evidence, "hand_speed", lambda ratios: max(ratios) < 1, "L.Vel")
+
+
+def _by_both_simulators(
+    evidence: Evidence, metric: str, holds: Callable[[list[float]], bool], name: str
+) -> Judgement:
+    """Judge where targets move on from the measured angle, as was chosen, and where from the last target."""
+    cases: Cases = {}
+    texts = []
     for where in IIWA:
+        chosen = _over(evidence, (where,), metric)
         setting = evidence.changed(
-            where.replace(" ", "-"), ("K", _LQR), plant={"kind": "servo", "time_constant": 0.05}
+            where.replace(" ", "-"), (*PROPORTIONAL, _LQR), plant={"kind": "servo", "time_constant": 0.05}
         )
-        lqr, k = (evaluate(record_of(setting, law)).error.integral for law in (_LQR, "K"))
-        followed.append(lqr / k)
-    return Judgement(
-        min(ratios) > 1,
-        f"Err over K's and K+FF's: {_range(ratios)} with targets from the measured angle; over K's with integrated "
-        f"targets {listed(followed)}",
+        lqr, *others = (
+            getattr(evaluate(record_of(setting, law)), metric).integral for law in (_LQR, *PROPORTIONAL)
+        )
+        integrated = [lqr / other for other in others]
+        cases[where] = agreed(holds(chosen), holds(integrated))
+        texts.append(f"{where} {_range(chosen)} and {_range(integrated)}")
+    return by_cases(
+        cases,
+        f"{name} over K's and K+FF's by targets from the measured angle, and from the last target: {'; '.join(texts)}",
+        HANGS_ON_A_CHOICE,
     )
 
 
 @decides("simulated-error-rises-with-r")
 def _rises(evidence: Evidence) -> Judgement:
     errors, steps = (_by_set(evidence, key, IIWA[0]) for key in ("error", "joint_step"))
-    rises = all(b > a for a, b in pairwise(errors))
-    barely = max(steps) / min(steps) <= 1.02
-    return Judgement(rises and barely, f"circle: Err {listed(errors, '.4f')}, Eff {listed(steps, '.4f')}")
-
-
-@decides("simulated-lqr-slower-hand")
-def _slower(evidence: Evidence) -> Judgement:
-    ratios = np.array(_over(evidence, IIWA, "hand_speed")).reshape(-1, 2)
-    count = int((ratios < 1).all(axis=1).sum())
-    return Judgement(count > 4, f"below both in {count} of {len(ratios)}; {_range(list(ratios.ravel()))}")
+    return by_cases(
+        {
+            "an error that rises": all(b > (1 + _NO_DIFFERENCE) * a for a, b in pairwise(errors)),
+            "Eff that barely changes": max(steps) / min(steps) <= 1.02,
+        },
+        f"circle: Err {listed(errors, '.4f')}, Eff {listed(steps, '.4f')}: {ONE_CONTROLLER}",
+    )
 
 
 @decides("simulated-hand-faster-with-r")
 def _faster(evidence: Evidence) -> Judgement:
     steps = [
-        100 * (b / a - 1)
+        b / a - 1
         for where in IIWA
         for metric in ("hand_speed", "hand_acceleration")
         for a, b in pairwise(_by_set(evidence, metric, where))
     ]
-    count = sum(step > 0 for step in steps)
-    number = f"{count} of {len(steps)} steps rise, by {min(steps):+.2g} … {max(steps):+.2g} %"
-    if max(map(abs, steps)) < 1:
-        return Judgement(None, f"{number}: q/r = 1000 in all four sets, one controller")
-    return Judgement(count > len(steps) / 2, number)
+    count = sum(step > _NO_DIFFERENCE for step in steps)
+    return Judgement(
+        count > len(steps) / 2,
+        f"{count} of {len(steps)} steps rise by more than 1 %, the most by {100 * max(steps):.1g} %: {ONE_CONTROLLER}",
+    )
 
 
 @decides("larger-r-less-effort")
@@ -105,56 +135,61 @@ def _less_error(evidence: Evidence) -> Judgement:
 
 
 def _first_to_last(evidence: Evidence, metric: str, name: str) -> Judgement:
-    changes, noise = [], []
+    changes = {}
     for where in MEKA:
         values = _by_set(evidence, metric, where)
-        changes.append(100 * (values[-1] / values[0] - 1))
-        noise.append(
-            100 * evidence.ours.deviation(_LQR, evidence.ours.sets(_LQR, where)[0], metric, where) / values[0]
-        )
-    number = (
-        f"{name} last over first set {listed(changes, '+.2f')} %, deviation of repeats {max(noise):.2g} %"
+        changes[where] = values[-1] / values[0] - 1
+    return by_cases(
+        {where: change < -_NO_DIFFERENCE for where, change in changes.items()},
+        f"{name} last over first set {listed([100 * each for each in changes.values()], '+.2f')} %: {ONE_CONTROLLER}",
     )
-    if max(abs(change) for change in changes) < 1:
-        return Judgement(None, f"{number}: q/r = 1000 in all four sets, one controller")
-    return Judgement(max(changes) < 0, number)
 
 
 @decides("lqr-less-effort-and-speed")
 def _less_both(evidence: Evidence) -> Judgement:
     steps, speeds = (_over(evidence, MEKA, key) for key in ("joint_step", "hand_speed"))
-    holds = max(steps + speeds) < 1
-    return Judgement(holds, f"Eff {_range(steps)}, L.Vel {_range(speeds)} of K's and K+FF's")
+    return by_cases(
+        {"Eff": max(steps) < 1, "L.Vel": max(speeds) < 1},
+        f"Eff {_range(steps)}, L.Vel {_range(speeds)} of K's and K+FF's",
+    )
 
 
 @decides("lqr-less-precise")
 def _less_precise(evidence: Evidence) -> Judgement:
-    ratios = _over(evidence, MEKA, "error")
-    return Judgement(min(ratios) > 1, f"Err over K's and K+FF's: {_range(ratios)}; the gains give 1.58")
+    ratios = {where: _over(evidence, (where,), "error") for where in MEKA}
+    return by_cases(
+        {where: min(each) > 1 for where, each in ratios.items()},
+        f"Err over K's and K+FF's: {', '.join(map(_range, ratios.values()))}; the gains give 1.58",
+    )
 
 
 @decides("lqr-lowest-peaks")
 def _lowest_peaks(evidence: Evidence) -> Judgement:
-    ratios = [
-        evidence.first_peak(key, _LQR, evidence.ours.sets(_LQR, where)[-1], where)
-        / evidence.first_peak(key, law, "", where)
-        for where in MEKA
-        for key in ("hand_speed", "hand_acceleration")
-        for law in PROPORTIONAL
-    ]
-    return Judgement(max(ratios) < 1, f"first peaks over K's and K+FF's: {_range(ratios)}")
+    return _lower_peaks(evidence, later=False)
 
 
 @decides("lqr-lower-peaks-throughout")
 def _later_peaks(evidence: Evidence) -> Judgement:
-    ratios = [
-        evidence.peak(key, _LQR, evidence.ours.sets(_LQR, where)[-1], where, later=True)
-        / evidence.peak(key, law, "", where, later=True)
+    return _lower_peaks(evidence, later=True)
+
+
+def _lower_peaks(evidence: Evidence, *, later: bool) -> Judgement:
+    def peak(key: str, law: str, each: str, where: str) -> float:
+        return evidence.peak(key, law, each, where, later=later)
+
+    ratios = {
+        f"{name}, {where}": [
+            peak(key, _LQR, evidence.ours.sets(_LQR, where)[-1], where) / peak(key, law, "", where)
+            for law in PROPORTIONAL
+        ]
         for where in MEKA
-        for key in ("hand_speed", "hand_acceleration")
-        for law in PROPORTIONAL
-    ]
-    return Judgement(max(ratios) < 1, f"later peaks over K's and K+FF's: {_range(ratios)}")
+        for name, key in (("L.Vel", "hand_speed"), ("L.Acc", "hand_acceleration"))
+    }
+    found = "; ".join(f"{name} {_range(each)}" for name, each in ratios.items())
+    return by_cases(
+        {name: max(each) < 1 for name, each in ratios.items()},
+        f"{'later' if later else 'first'} peaks over K's and K+FF's: {found}",
+    )
 
 
 @decides("lqr-higher-first-effort")
@@ -175,18 +210,18 @@ def _surface_effort(evidence: Evidence) -> Judgement:
     for robot in _ROBOTS:
         steps = np.diff(_surface(evidence, robot, "joint_step")[2], axis=1)
         shares.append(100 * float((steps < 0).sum() / np.isfinite(steps).sum()))
-    return Judgement(
-        shares[0] > 50,
-        f"steps of r in which Eff falls: iiwa {shares[0]:.0f} %, of which it is said; meka {shares[1]:.0f} %",
+    return by_cases(
+        {"iiwa": shares[0] > 50, "meka, of which the reverse is said": shares[1] < 50},
+        f"steps of r in which Eff falls: iiwa {shares[0]:.0f} %, meka {shares[1]:.0f} %",
     )
 
 
 @decides("surface-speed")
 def _surface_speed(evidence: Evidence) -> Judgement:
-    iiwa, meka = (_rank_correlation(*_against_gain(evidence, robot, "hand_speed")) for robot in _ROBOTS)
-    return Judgement(
-        iiwa > 0.5,
-        f"rank correlation of L.Vel with q/r: iiwa {iiwa:.2f}, of which it is said; meka {meka:.2f}",
+    found = {robot: _rank_correlation(*_against_gain(evidence, robot, "hand_speed")) for robot in _ROBOTS}
+    text = ", ".join(f"{robot} {value:.2f}" for robot, value in found.items())
+    return by_cases(
+        {robot: value > 0.5 for robot, value in found.items()}, f"rank correlation of L.Vel with q/r: {text}"
     )
 
 
@@ -204,15 +239,16 @@ def _q_or_r(evidence: Evidence) -> Judgement:
 
 @decides("surface-error")
 def _surface_error(evidence: Evidence) -> Judgement:
-    texts, rises = [], False
+    texts = []
+    cases: Cases = {}
     for robot in _ROBOTS:
         gains, errors = _against_gain(evidence, robot, "error")
         levels = sorted(set(np.round(gains, 9)))
         means = [float(errors[np.isclose(gains, level)].mean()) for level in levels]
         count = int((np.diff(means) > 0).sum())
-        rises = rises or count > 0
+        cases[robot] = count > 0
         texts.append(f"{robot} {count} of {len(means) - 1} steps")
-    return Judgement(rises, f"steps of √(q/r) in which Err rises: {'; '.join(texts)}")
+    return by_cases(cases, f"steps of √(q/r) in which Err rises: {'; '.join(texts)}")
 
 
 def _against_gain(evidence: Evidence, robot: str, metric: str) -> tuple[np.ndarray, np.ndarray]:

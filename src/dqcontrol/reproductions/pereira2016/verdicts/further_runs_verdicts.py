@@ -10,11 +10,25 @@ import numpy as np
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment
 from dqcontrol.measures.metrics import evaluate
 from dqcontrol.references import Sample
-from dqcontrol.reproductions.judgement import ABOUT_THE_PROGRAM, ABOUT_THE_ROBOT, Judgement, listed
+from dqcontrol.reproductions.judgement import (
+    ABOUT_THE_PROGRAM,
+    ABOUT_THE_ROBOT,
+    HANGS_ON_A_CHOICE,
+    Judgement,
+    by_cases,
+    listed,
+)
 from dqcontrol.reproductions.pereira2016.own_periods import stretch
-from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PHYSICS
+from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import EXACT, PHYSICS
 from dqcontrol.reproductions.pereira2016.published_specs import published_spec
-from dqcontrol.reproductions.pereira2016.verdicts.evidence import LAWS, LQR, Evidence, decides, record_of
+from dqcontrol.reproductions.pereira2016.verdicts.evidence import (
+    LAWS,
+    LQR,
+    Evidence,
+    agreed,
+    decides,
+    record_of,
+)
 
 _CALLS, _ROUNDS = 400, 15
 _SAME = 0.01
@@ -102,37 +116,50 @@ def _duration(evidence: Evidence) -> Judgement:
     before = error(nominal, nominal)
     exponent = math.log(printed / nominal) / math.log(longer / nominal)
     true, kept = ((error(longer, step) / before) ** exponent for step in (longer, nominal))
-    alike = [abs(ratio - 1) <= _SAME for ratio in (true, kept)]
-    return Judgement(
-        alike[0] if alike[0] == alike[1] else None,
+    return by_cases(
+        {law: agreed(*(abs(ratio - 1) <= _SAME for ratio in (true, kept)))},
         f"Err of {law} at the printed {1e3 * printed:.4g} ms over {1e3 * nominal:g} ms: {true:.3f} if the program "
         f"multiplies commands by the true period, {kept:.3f} if by the nominal one, which is nearer to its tables",
+        HANGS_ON_A_CHOICE,
     )
 
 
 @decides("shorter-period-improves-lqr")
 def _shorter(evidence: Evidence) -> Judgement:
-    circle, spiral = _mean_error(_circle(evidence), "LQR-R8"), evidence.mean("LQR-R8", "best", "error.mean")
-    return Judgement(
-        spiral < circle,
-        f"mean Err {spiral:.4f} (spiral, 8 ms, gain 164) against {circle:.4f} (circle, 20 ms, 31.6)",
+    """Judge the cause by the same gain at the shorter period."""
+    law = "LQR-R8"
+    circle, shorter = (
+        _mean_error(evidence.changed("circle", (law,), period=period), law) for period in (0.02, 0.008)
+    )
+    spiral = evidence.mean(law, "best", "error.mean")
+    return by_cases(
+        {"a smaller error": spiral < circle, "the shorter period as its cause": shorter < circle},
+        f"mean Err {spiral:.4f} (spiral, 8 ms, gain 164) against {circle:.4f} (circle, 20 ms, 31.6), which the shorter "
+        f"period alone makes {shorter:.4f}",
     )
 
 
 @decides("lqr-varies-with-trajectory")
 def _varies(evidence: Evidence) -> Judgement:
-    circle = _circle(evidence)
+    circle = evidence.changed("circle", ("K", *LQR))
     spreads = {}
-    for law, gain, high in (("K", 50, 125), ("LQR-R8", 31.62, 164.3), ("LQR-DQ", 31.62, 164.3)):
-        products = [_mean_error(circle, law) * gain * 0.02]
+    for law, gain, high in (
+        ("K", 50, 125),
+        ("LQR-R8", 31.62, 164.3),
+        ("LQR-R8" + EXACT, 31.62, 164.3),
+        ("LQR-DQ", 31.62, 164.3),
+    ):
+        products = [_mean_error(circle, law.removesuffix(EXACT)) * gain * 0.02]
         for share, each in ((1.0, "best"), (np.log(2), "ln2"), (np.log(2) ** 2, "ln2²")):
             part = share if law == "K" else np.sqrt(share)
             products.append(evidence.mean(law, each, "error.mean") * high * part * 0.008)
         spreads[law] = float(np.ptp(products) / np.mean(products))
     text = ", ".join(f"{law} {100 * spread:.0f} %" for law, spread in spreads.items())
-    return Judgement(
-        min(spreads["LQR-R8"], spreads["LQR-DQ"]) > spreads["K"],
+    euler, exact, dq = (spreads[law] > spreads["K"] for law in ("LQR-R8", "LQR-R8" + EXACT, "LQR-DQ"))
+    return by_cases(
+        {"LQR-R8": agreed(euler, exact), "LQR-DQ": dq},
         f"spread of mean Err × gain × period over circle and spiral: {text}",
+        HANGS_ON_A_CHOICE,
     )
 
 
@@ -142,10 +169,6 @@ def _chatters(evidence: Evidence) -> Judgement:
     record = record_of(setting, "K")
     high, low = (evaluate(each).hand_acceleration.integral for each in (record, evidence.record("K", "best")))
     return Judgement(high / low > 2, f"L.Acc of K at kT = 2.2 over kT = 1: {high / low:.2f}")
-
-
-def _circle(evidence: Evidence) -> PreparedExperiment:
-    return evidence.changed("circle", ("K", *LQR))
 
 
 def _mean_error(setting: PreparedExperiment, law: str) -> float:

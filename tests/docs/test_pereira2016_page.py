@@ -1,0 +1,42 @@
+"""What docs/pereira2016.md counts is what its tables hold."""
+
+import re
+import sys
+
+import pytest
+from page_blocks import ROOT
+
+sys.path.insert(0, str(ROOT / "tools"))
+from pereira2016_cells import NEAR, counted, readings
+
+PAGE = (ROOT / "docs/pereira2016.md").read_text(encoding="utf-8")
+TABLES = (ROOT / "docs/pereira2016-tables.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("label", [label for label in readings() if not label.startswith("over")])
+def test_cells_near_the_printed_ones_are_those_of_the_tables(label):
+    (line,) = (line for line in PAGE.splitlines() if line.startswith(f"| {label} |"))
+    found = [text for metric in NEAR for text in counted(readings()[label], metric)]
+    assert [cell.strip() for cell in line.strip("| ").split(" | ")][1:] == found
+
+
+def verdicts():
+    """Return the verdicts of all tables of claims but that on laws at their own best."""
+    found, wanted = [], False
+    for line in TABLES.splitlines():
+        if line.startswith("**"):
+            wanted = line.startswith("**Claims of P16")
+        elif wanted and line.startswith("| ") and not line.startswith("| Where"):
+            found.append([cell.strip() for cell in line.strip("| ").split(" | ")][2])
+    return found
+
+
+def test_verdicts_are_counted_as_they_stand_in_the_tables():
+    said = re.search(
+        r"Of (\d+) claims (\d+) are supported, (\d+) in part, (\d+) are not, and (\d+) cannot be decided",
+        PAGE,
+    )
+    assert said
+    kinds = ("supported", "partly supported", "not supported", "cannot be decided")
+    counts = [sum(each.split(":")[0] == kind for each in verdicts()) for kind in kinds]
+    assert [int(number) for number in said.groups()] == [len(verdicts()), *counts]
