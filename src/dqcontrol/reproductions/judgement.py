@@ -21,21 +21,26 @@ class Judgement:
     Attributes
     ----------
     holds
-        None if our numbers cannot decide it.
+        None if our numbers cannot decide it, or decide it by what the source does not print.
     number
         What was found.
     why_not
         Of what cannot be decided: why, as `DID_NOT_FOLLOW`, `ABOUT_THE_ROBOT` or `ABOUT_THE_PROGRAM`; empty if the
         number says it.
+    depends_on
+        Of what holds with some values of something that the source does not print and with others not: what that is.
     """
 
     holds: bool | None
     number: str
     why_not: str = ""
+    depends_on: str = ""
 
     @property
     def verdict(self) -> VerdictCell:
         """In words."""
+        if self.depends_on:
+            return VerdictCell(f"depends on {self.depends_on}", None)
         words = {True: "supported", False: "not supported", None: "cannot be decided"}[self.holds]
         return VerdictCell(f"{words}: {self.why_not}" if self.why_not else words, self.holds)
 
@@ -60,7 +65,7 @@ def verdict_table(
     title
         Caption.
     ours
-        Judgements on what our own law does in place of the printed one, as two more columns.
+        Judgements on what our own law does in place of the source's, as two more columns.
     """
     rows: list[list[Cell]] = []
     for claim in claims:
@@ -74,7 +79,7 @@ def verdict_table(
     columns = [Column(f"Where in {source}"), Column("Claim"), Column("Verdict"), Column("Our number")]
     if ours is not None:
         columns[2:] = [
-            Column("Verdict, as printed"),
+            Column(f"Verdict, {source}'s law and stop"),
             Column("Number"),
             Column("Verdict, our law and stop"),
             Column("Number"),
