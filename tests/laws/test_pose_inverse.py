@@ -1,12 +1,11 @@
 """The damped inverse of eight rows against S17's (4.19) and (4.46) as they are printed, in NumPy."""
 
-import msgspec
 import numpy as np
 import pytest
 
 import dqcontrol as dqc
 from dqcontrol import algebra
-from dqcontrol.errors import ValueRangeError
+from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.laws import (
     Cascade,
     ClassicWholeBody,
@@ -149,15 +148,14 @@ def test_interpreted_and_compiled_are_equal():
 
 
 @pytest.mark.parametrize(
-    "law", [Proportional(gain=1.0), HInfinity(orientation_gain=1.0, translation_gain=1.0)]
+    ("law", "gains"),
+    [(Proportional, {"gain": 1.0}), (HInfinity, {"orientation_gain": 1.0, "translation_gain": 1.0})],
 )
-def test_other_laws_refuse_it(law):
-    arm = dqc.load_robot("iiwa7")
-    with pytest.raises(ValueRangeError, match="inverse: DampedPoseInverse is for FeedbackLinearization"):
-        msgspec.structs.replace(law, inverse=DampedPoseInverse(damping=0.1)).prepare(arm, None, T)
+def test_other_laws_refuse_it(law, gains):
+    with pytest.raises(ShapeError, match=r"inverse: expected .*, got DampedPoseInverse"):
+        law(**gains, inverse=DampedPoseInverse(damping=0.1))
 
 
 def test_bad_damping():
-    law = ClassicWholeBody(gain=0.5, inverse=DampedPoseInverse(damping=0.0))
     with pytest.raises(ValueRangeError, match=r"inverse.damping: must be > 0"):
-        law.prepare(dqc.load_robot("iiwa7"), None, T)
+        DampedPoseInverse(damping=0.0)

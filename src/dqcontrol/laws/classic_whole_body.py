@@ -14,7 +14,7 @@ from dqcontrol.laws.hand_twist import twist_work
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
 from dqcontrol.laws.law import LAW
 from dqcontrol.laws.pose_error import left_error, left_error_twist, solve_left_error
-from dqcontrol.laws.pose_inverse import DAMPED_POSE, DampedPoseInverse, row_of, solve_pose_rows
+from dqcontrol.laws.pose_inverse import DAMPED_POSE, DampedPoseInverse, solve_pose_rows
 from dqcontrol.laws.pose_law import PoseLaw, pose_parameters
 from dqcontrol.laws.unconstrained_drive import drive_table, feasible_inputs, twist_jacobian_with_sideways
 from dqcontrol.robots import Robot
@@ -119,10 +119,6 @@ class ClassicWholeBody(PoseLaw, frozen=True, kw_only=True, tag="classic-whole-bo
 
     kernel = classic_whole_body
     inverse: Inverse | DampedPoseInverse = FilteredInverse()  # pyright: ignore[reportIncompatibleVariableOverride]
-
-    def inverse_row(self) -> tuple[float, ...]:
-        """Return the numbers of the inverse, that of N's eight rows too."""
-        return row_of(self.inverse)
 
     def parameter_rows(self, robot: Robot, times: np.ndarray) -> np.ndarray:
         """Return inverse, hysteresis, gain diagonal and the table of drives at each time."""

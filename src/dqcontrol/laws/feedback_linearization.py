@@ -24,7 +24,7 @@ from dqcontrol.laws.linearization import (
 )
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import AnyNullSpace, BestHeading
-from dqcontrol.laws.pose_inverse import DampedPoseInverse, row_of
+from dqcontrol.laws.pose_inverse import DampedPoseInverse
 from dqcontrol.laws.pose_law import checked_hysteresis
 from dqcontrol.laws.unconstrained_drive import drive_table, feasible_inputs, turn_rates
 from dqcontrol.robots import Robot
@@ -151,7 +151,7 @@ class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linear
                 f"velocity_state: {self.velocity_state!r} is for the constrained form of {robot.name}, got the other"
             )
         return linearization_parameters.pack(
-            inverse=row_of(self.inverse),
+            inverse=self.inverse.parameters(),
             hysteresis=checked_hysteresis(self.hysteresis),
             period=dt,
             stiffness=as_positive("stiffness", self.stiffness),

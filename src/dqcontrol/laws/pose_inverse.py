@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, ClassVar
 
-from msgspec import Meta, Struct
+from msgspec import Meta
 
 from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.compiled.compile import inline
-from dqcontrol.errors import ValueRangeError
 from dqcontrol.laws.hand_twist import twist_work
-from dqcontrol.laws.inverses import DampedInverse, Inverse, solve
+from dqcontrol.laws.inverses import DampedInverse, solve
+from dqcontrol.named_fields import CheckedFields
 from dqcontrol.robots.kinematics_kernels import hand_jacobian
 
 DAMPED_POSE = 3.0  # beside the kinds of `inverses`
 
 
-class DampedPoseInverse(Struct, frozen=True, tag="damped-pose", tag_field="kind", forbid_unknown_fields=True):
+class DampedPoseInverse(
+    CheckedFields, frozen=True, tag="damped-pose", tag_field="kind", forbid_unknown_fields=True
+):
     """Damped least squares of the law's own matrix of eight rows: J⁺ = Jᵀ(JJᵀ + λ²I)⁻¹. [S17 4.19, Wampler 1986]
 
     J is the pose Jacobian, vec8(ẋ) = J u, in `FeedbackLinearization` and `Cascade`, and N, of the rate of x*x_d, in
@@ -28,7 +30,7 @@ class DampedPoseInverse(Struct, frozen=True, tag="damped-pose", tag_field="kind"
     |vec8(ẋ)|² = ¼ (|ω|² + ¼ (d·ω)² + |v|²),
 
     so that the eight rows are six in this measure: (JᵀJ + λ²I)⁻¹Jᵀ is the same matrix. At d = 0 it is a
-    `DampedInverse` of 2λ with ℓ = 1 m. Other laws refuse it.
+    `DampedInverse` of 2λ with ℓ = 1 m.
 
     Examples
     --------
@@ -40,20 +42,12 @@ class DampedPoseInverse(Struct, frozen=True, tag="damped-pose", tag_field="kind"
     True
     """
 
+    spec_key: ClassVar[str] = "inverse"
     damping: Annotated[float, Meta(gt=0, description="λ, of the pose's eight numbers a radian of the joints")]
 
     def parameters(self) -> tuple[float, ...]:
-        """Raise a `ValueRangeError`: a law that has no eight rows of its own asks."""
-        raise ValueRangeError(
-            "inverse: DampedPoseInverse is for FeedbackLinearization, Cascade and ClassicWholeBody, got another law"
-        )
-
-
-def row_of(inverse: Inverse | DampedPoseInverse) -> tuple[float, ...]:
-    """Return an inverse's numbers, for a law that has eight rows of its own."""
-    if isinstance(inverse, DampedPoseInverse):
-        return DAMPED_POSE, *DampedInverse(damping=inverse.damping).parameters()[1:]
-    return inverse.parameters()
+        """Return kind and numbers as compiled code reads them."""
+        return DAMPED_POSE, *DampedInverse(damping=self.damping).parameters()[1:]
 
 
 @inline

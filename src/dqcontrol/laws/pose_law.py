@@ -53,14 +53,10 @@ class PoseLaw(Law, frozen=True, kw_only=True):
         float, Meta(ge=0, lt=1, description="how far Re(x_e) must pass 0 before the sign of x_d flips")
     ] = 0.2
 
-    def inverse_row(self) -> tuple[float, ...]:
-        """Return the numbers of the inverse."""
-        return self.inverse.parameters()
-
     def parameter_rows(self, robot: Robot, times: np.ndarray) -> np.ndarray:
         """Return inverse, hysteresis and gain diagonal at each time."""
         return pose_parameters.pack(
-            inverse=self.inverse_row(),
+            inverse=self.inverse.parameters(),
             hysteresis=checked_hysteresis(self.hysteresis),
             gain=gain_matrix_rows("gain", self.gain, 8, times),
         )
