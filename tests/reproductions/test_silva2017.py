@@ -1,5 +1,7 @@
 """Silva 2017 again: what must hold whatever the machine, on short forms of the experiments."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,7 +14,8 @@ from dqcontrol.reproductions.silva2017 import (
     comparison_experiment as comparison,
 )
 from dqcontrol.reproductions.silva2017.gains_experiment import damping_ratio
-from dqcontrol.reproductions.silva2017.race import matched_gain
+from dqcontrol.reproductions.silva2017.inverses import Compared, judge_inverses
+from dqcontrol.reproductions.silva2017.race import RaceOutcome, matched_gain
 from dqcontrol.reproductions.silva2017.specs import FOLDER, printed, setting_of
 
 ONE = Conditions(jobs=1)
@@ -38,7 +41,7 @@ def test_gains_by_s17s_law_and_ours():
     table, claims = done.tables
     by_law = {
         law: [row for row in table.rows if row[0] == law]
-        for law in ("S17", "ours", "S17 with (3.13) and (4.44)")
+        for law in ("S17", "ours", "S17 with (3.13), (4.19) and (4.44)")
     }
     assert (
         min(row[2] for row in by_law["ours"])
@@ -47,7 +50,7 @@ def test_gains_by_s17s_law_and_ours():
     )
     assert [row[5] for row in by_law["S17"]] == pytest.approx([1.3, 1.0, 0.94, 1.1, 1.2], abs=0.06)  # %
     assert max(row[5] for row in by_law["ours"]) < 0.1
-    assert min(row[5] for row in by_law["S17 with (3.13) and (4.44)"]) > 20  # does not arrive
+    assert min(row[5] for row in by_law["S17 with (3.13), (4.19) and (4.44)"]) > 20  # does not arrive
     assert [str(row[2]) for row in claims.rows] == ["supported"] * 5
     expected = ["not supported", "supported", "supported", "not supported", "supported"]
     assert [str(row[4]) for row in claims.rows] == expected
@@ -68,18 +71,34 @@ def test_the_comparison_has_s17s_law_and_stop_first():
         4.8729,
         9.2067,
     )
-    limited = {row[0]: row for row in done.tables[1].rows}
+    inverses = {row[0]: row for row in done.tables[1].rows}
+    iterations = [inverses[f"λ = {level}"][1] for level in ("0.02", "0.05", "0.07")]
+    assert iterations == [149, 240, 335], "as a loop of S17's own eight rows in NumPy"
+    assert np.isnan(inverses["λ = 0.1"][1]), "does not arrive"
+    assert max(row[4] for row in inverses.values()) < 1.01 * min(row[4] for row in inverses.values()), (
+        "the classic law's effort does not depend on how N is inverted"
+    )
+    both = [row[6] for row in inverses.values() if row[6] is not None]
+    assert (min(both), max(both)) == pytest.approx((0.53, 0.77), abs=0.005)
+    limited = {row[0]: row for row in done.tables[2].rows}
     assert (limited["S17"][1:3], limited["classic"][1:3]) == ([650, 139], [650, 128])
     assert all(row[10] < 1e-6 for row in limited.values()), "none goes beyond a limit"
     assert limited["classic"][11] > 100, "without them the classic law does"
-    for box in done.tables[2:4]:
+    for box in done.tables[3:5]:
         by_law = {row[0]: row for row in box.rows}
         assert by_law["remedy: guided K along a planned way"][2:4] == [2, 2], "the remedy reaches all"
         assert {"S17", "S17 with (4.19)", "S17 with (3.13)", "ours", "classic", "cascade"} <= by_law.keys()
-    claims = {row[1]: row for row in done.tables[4].rows}
+    claims = {row[1]: row for row in done.tables[5].rows}
     assert len(claims) == 9
     similar = next(row for quotation, row in claims.items() if "similar convergence" in quotation)
-    assert [str(similar[k]) for k in (2, 4)] == ["supported", "not supported"]
+    assert [str(similar[k]) for k in (2, 4)] == ["depends on λ of (4.19)", "not supported"]
+    smaller = next(row for quotation, row in claims.items() if "smaller control effort" in quotation)
+    assert str(smaller[2]) == "depends on λ of (4.19)"
+    assert str(smaller[3]).endswith("holds filtered, undamped, λ = 0.02, λ = 0.05")
+    half = next(row for quotation, row in claims.items() if "almost half" in quotation)
+    assert str(half[2]) == "not supported", "at equal times with no inverse"
+    spikes = next(row for quotation, row in claims.items() if "spikes" in quotation)
+    assert str(spikes[2]) == "cannot be decided: it is about the robot", "we assume the outliers"
     error = comparison._as_error(done.studies["comparison"].runs["S17 · camera"])
     assert error.pose[-1] == pytest.approx(error.desired_pose[-1], abs=0.05)  # 1
     assert "figure-5.4-lines" in done.figures
@@ -138,11 +157,35 @@ def test_clamping_does_not_end_at_the_nearest_pose_in_general():
 @pytest.mark.slow
 def test_clamping_spares_the_motors_and_periods_are_tried_at_their_limit():
     claims = published.reproduce("silva2017/clamping-robot", jobs=1).tables[-1]
-    by_ours = ["not supported", "supported", "supported", "supported"]
-    assert [str(row[4]) for row in claims.rows] == by_ours
-    assert [str(row[2]) for row in claims.rows] == ["not supported"] * 4  # by S17's
+    about_it = (
+        "cannot be decided: it is about the robot"  # whose masses, motors, start and goal are not printed
+    )
+    keeps = [about_it, about_it, "supported", about_it, about_it]
+    assert [[str(row[k]) for row in claims.rows] for k in (2, 4)] == [keeps, keeps]
     periods, limit = published.reproduce("silva2017/discretisation", jobs=1).tables
     first = np.array([row[4] / row[0] for row in periods.rows])
     np.testing.assert_allclose(first, first[0], rtol=0.01)  # the first command is proportional to T
     below, above = limit.rows
     assert below[3] < 1e-9 < 1e-2 < above[3]
+
+
+def test_what_an_unprinted_inverse_decides_is_said_to_depend_on_it():
+    """All hold: supported; none: not supported; some: the verdict names what it depends on, and those."""
+    run = RaceOutcome(100.0, 100.0, 5.0, 1.0, 1.0, 0.0, 0.0)
+
+    def pairs(*settling):
+        return [Compared(f"λ = {each}", replace(run, settling=each), run, run, 1.0) for each in settling]
+
+    def judged(*settling):
+        return judge_inverses(pairs(*settling), lambda each: each.pace < 1.2, lambda each: f"{each.pace:.1f}")
+
+    assert (str(judged(100, 110).verdict), judged(100, 110).number) == (
+        "supported",
+        "1.0 (λ = 100); 1.1 (λ = 110)",
+    )
+    assert str(judged(200, 300).verdict) == "not supported"
+    found = judged(100, 200)
+    assert (str(found.verdict), found.holds) == ("depends on λ of (4.19)", None)
+    assert found.number == "1.0 (λ = 100); 2.0 (λ = 200); holds λ = 100"
+    assert str(judged(100, float("nan")).verdict) == "supported", "S17's robot arrived"
+    assert judged(300).number == "3.0"

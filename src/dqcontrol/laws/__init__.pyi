@@ -62,6 +62,7 @@ from .null_space import (
 )
 from .own_law import OwnLaw as OwnLaw
 from .plan_following import GuidedProportional as GuidedProportional
+from .pose_inverse import DampedPoseInverse as DampedPoseInverse
 from .proportional import Proportional as Proportional
 from .reduced_gradient import ReducedGradient as ReducedGradient
 from .riccati import Steps as Steps

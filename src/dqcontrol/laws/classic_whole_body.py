@@ -6,13 +6,15 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.compile import kernel
+from dqcontrol.compiled.compile import inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.laws.hand_twist import twist_work
-from dqcontrol.laws.inverses import inverse_parameters
+from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
 from dqcontrol.laws.law import LAW
-from dqcontrol.laws.pose_error import left_error, solve_left_error
+from dqcontrol.laws.pose_error import left_error, left_error_twist, solve_left_error
+from dqcontrol.laws.pose_inverse import DAMPED_POSE, DampedPoseInverse, solve_pose_rows
 from dqcontrol.laws.pose_law import PoseLaw, pose_parameters
 from dqcontrol.laws.unconstrained_drive import drive_table, feasible_inputs, twist_jacobian_with_sideways
 from dqcontrol.robots import Robot
@@ -43,6 +45,13 @@ whole_body_parameters: MemoryLayout[WholeBodyParameters] = MemoryLayout(WholeBod
 whole_body_work: MemoryLayout[WholeBodyWork] = MemoryLayout(WholeBodyWork, "m", "columns")
 
 
+@inline
+def from_goal(pose, sample):
+    """Return p − p_d, inertial axes."""
+    (x, y, z), (a, b, c) = position(pose), position(sample)
+    return x - a, y - b, z - c
+
+
 @kernel(LAW)
 def classic_whole_body(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write F N⁺ K vec8(e), N with a sideways column for each drive."""
@@ -55,9 +64,23 @@ def classic_whole_body(q, pose, pose_jacobian, twist_jacobian, sample, parameter
     left_error(pose, sample, given.hysteresis, state, own.error)
     for i in range(8):
         own.target[i] = given.gain[i] * own.error[i]
-    status = solve_left_error(
-        own.target, own.error, pose, own.jacobian, own.preferred_rates, given.inverse, own.solver, own.rates
-    )
+    if inverse_parameters(given.inverse).kind == DAMPED_POSE:
+        twist = left_error_twist(own.target, own.error, pose)
+        lever = from_goal(pose, sample)
+        status = solve_pose_rows(
+            pose, lever, own.jacobian, twist, own.preferred_rates, given.inverse, own.solver, own.rates
+        )
+    else:
+        status = solve_left_error(
+            own.target,
+            own.error,
+            pose,
+            own.jacobian,
+            own.preferred_rates,
+            given.inverse,
+            own.solver,
+            own.rates,
+        )
     feasible_inputs(given.drives, own.rates, out)
     return status
 
@@ -95,6 +118,7 @@ class ClassicWholeBody(PoseLaw, frozen=True, kw_only=True, tag="classic-whole-bo
     """
 
     kernel = classic_whole_body
+    inverse: Inverse | DampedPoseInverse = FilteredInverse()  # pyright: ignore[reportIncompatibleVariableOverride]
 
     def parameter_rows(self, robot: Robot, times: np.ndarray) -> np.ndarray:
         """Return inverse, hysteresis, gain diagonal and the table of drives at each time."""

@@ -24,6 +24,7 @@ from dqcontrol.laws.linearization import (
 )
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import AnyNullSpace, BestHeading
+from dqcontrol.laws.pose_inverse import DampedPoseInverse
 from dqcontrol.laws.pose_law import checked_hysteresis
 from dqcontrol.laws.unconstrained_drive import drive_table, feasible_inputs, turn_rates
 from dqcontrol.robots import Robot
@@ -93,7 +94,8 @@ class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linear
         How J is inverted; the default is exact where singular values exceed 0.02. Its ℓ is 1 m, unlike that of other
         laws: where J has lost rank, P the projection onto its range, V̇ = −2 k_v |ξ̃|² of a goal at rest needs ⟨ξ_b, P
         U⟩ = ⟨ξ_b, U⟩, which least squares in |[ω ; ṗ]| alone, V's own measure, gives. Without a null space motion the
-        damping acts once a sample on the velocity itself: a `DampedInverse` is then friction σ²/(σ² + λ²) everywhere.
+        damping acts once a sample on the velocity itself: a `DampedInverse` is then friction σ²/(σ² + λ²) everywhere,
+        more of it the shorter the period, and so is the `DampedPoseInverse` that S17 prints (4.19).
     hysteresis
         How far Re(x̃) must pass 0 before its sign flips.
     velocity_state
@@ -129,7 +131,7 @@ class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linear
     gain_powers: ClassVar[Mapping[str, float]] = {"stiffness": 2, "damping": 1}
     stiffness: Annotated[float, Meta(gt=0, description="k̄, 1/s²")]
     damping: Annotated[float, Meta(gt=0, description="k_v, 1/s")]
-    inverse: Inverse = IN_BODY_TWISTS
+    inverse: Inverse | DampedPoseInverse = IN_BODY_TWISTS
     hysteresis: Annotated[float, Meta(ge=0, lt=1)] = 0.2
     velocity_state: VelocityState = "realised"
     logarithm: Logarithm = "body"

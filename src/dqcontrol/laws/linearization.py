@@ -11,6 +11,7 @@ from dqcontrol.algebra.dual_quaternion_kernels import (
     cross_twist,
     log_body,
     log_inertial,
+    position,
 )
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
@@ -18,6 +19,7 @@ from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.laws.hand_twist import in_inertial_axes, solve_hand_twist, twist_work
 from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.laws.pose_error import short_sign
+from dqcontrol.laws.pose_inverse import DAMPED_POSE, solve_pose_rows
 from dqcontrol.laws.unconstrained_drive import twist_jacobian_with_sideways
 from dqcontrol.limits.position_limit import FIXED
 
@@ -181,7 +183,12 @@ def linearize(pose, twist_jacobian, sample, given, kept, own):
         if given.smooth != 0.0 and not is_fixed(jacobian, i):
             preferred[i] = last[i] + period * given.damping * (preferred[i] - last[i])
     hand_twist = in_inertial_axes(body_twist, pose)
-    status = solve_hand_twist(pose, jacobian, hand_twist, preferred, given.inverse, own.solver, own.rates)
+    if inverse_parameters(given.inverse).kind == DAMPED_POSE:
+        status = solve_pose_rows(
+            pose, position(pose), jacobian, hand_twist, preferred, given.inverse, own.solver, own.rates
+        )
+    else:
+        status = solve_hand_twist(pose, jacobian, hand_twist, preferred, given.inverse, own.solver, own.rates)
     apply(jacobian, own.rates, twist)
     adjoint_twist(opposite, twist, kept.twist)
     for i in range(n):

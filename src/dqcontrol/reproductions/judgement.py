@@ -36,7 +36,7 @@ class Judgement:
     Attributes
     ----------
     holds
-        None if our numbers cannot decide it, or if it holds in part.
+        None if our numbers cannot decide it, if it holds in part, or if what the source does not print decides it.
     number
         What was found.
     why_not
@@ -44,18 +44,23 @@ class Judgement:
         `HANGS_ON_A_CHOICE`; empty if the number says it.
     partly
         Of what holds in part: which cases hold, and which do not.
+    depends_on
+        Of what holds with some values of something that the source does not print and with others not: what that is.
     """
 
     holds: bool | None
     number: str
     why_not: str = ""
     partly: str = ""
+    depends_on: str = ""
 
     @property
     def verdict(self) -> VerdictCell:
         """In words."""
         if self.partly:
             return VerdictCell(f"partly supported: {self.partly}", None)
+        if self.depends_on:
+            return VerdictCell(f"depends on {self.depends_on}", None)
         words = {True: "supported", False: "not supported", None: "cannot be decided"}[self.holds]
         return VerdictCell(f"{words}: {self.why_not}" if self.why_not else words, self.holds)
 
@@ -110,7 +115,7 @@ def verdict_table(
     title
         Caption.
     ours
-        Judgements on what our own law does in place of the printed one, as two more columns.
+        Judgements on what our own law does in place of the source's, as two more columns.
     """
     rows: list[list[Cell]] = []
     for claim in claims:
@@ -124,7 +129,7 @@ def verdict_table(
     columns = [Column(f"Where in {source}"), Column("Claim"), Column("Verdict"), Column("Our number")]
     if ours is not None:
         columns[2:] = [
-            Column("Verdict, as printed"),
+            Column(f"Verdict, {source}'s law and stop"),
             Column("Number"),
             Column("Verdict, our law and stop"),
             Column("Number"),

@@ -31,12 +31,13 @@ from dqcontrol.reproductions.silva2017.goal_runs import (
     counted,
     has_arrived,
     median_final,
+    run_along_plan,
     run_to_goal,
     with_acceleration_limits,
 )
 from dqcontrol.reproductions.silva2017.race import RaceOutcome
 from dqcontrol.reproductions.silva2017.random_races import BOXES, GoalBox
-from dqcontrol.reproductions.silva2017.specs import OURS, S17, setting_of, verdicts
+from dqcontrol.reproductions.silva2017.specs import GOOD_ENOUGH, OURS, S17, setting_of, verdicts
 from dqcontrol.robots import WholeBody
 
 _REMEDY = "remedy: guided K along a planned way"
@@ -59,7 +60,8 @@ def reproduce(conditions: Conditions, count: int = 100, in_physics: int = 20) ->
     ]
     far = {trial.law: each for trial, each in found.items() if trial.box == BOXES[-1]}
     claims = verdicts(
-        "far-goals", _judge(far[S17], count) | _judge_plan(far[_REMEDY], count), _judge(far[OURS], count)
+        "far-goals",
+        *(_judge(far[label], count) | _judge_plan(far[label], count) for label in (S17, OURS)),
     )
     return Reproduced("silva2017/far-goals", [*tables, claims])
 
@@ -84,8 +86,8 @@ class Reached:
         in physics with limits of joints and wheels, as `counted` tells them.
     limited_final, everything_final, physics_final
         Medians of the last errors.
-    arrived
-        How many runs without limits arrived, and how many with them.
+    along_plan
+        How many runs without limits along a plan to the goal end below `GOOD_ENOUGH`, of S17's law and ours.
     outside
         Of runs without limits that did not, of S17's law and ours: the share of the twist asked for that was outside
         the range of J.
@@ -98,7 +100,7 @@ class Reached:
     limited_final: float
     everything_final: float
     physics_final: float | None
-    arrived: tuple[int, int]
+    along_plan: int
     outside: list[float]
 
 
@@ -122,6 +124,11 @@ def reached(trial: GoalTrial) -> Reached:
         free.append(RaceOutcome.of(run, period))
         if trial.law in (S17, OURS) and not has_arrived(free[-1]):
             outside.append(float(task_range(scene.robot, run, inverse=inverse).share[-1]))
+    along_plan = sum(
+        float(run_along_plan(scene.robot, scene.start, goal, law, period).error[-1]) < GOOD_ENOUGH
+        for goal in goals
+        if trial.law in (S17, OURS)
+    )
     limited = [RaceOutcome.of(run, period) for run in runs(Integrator(), LIMITED, goals)]
     everything = [RaceOutcome.of(run, period) for run in _with_all_limits(scene, law, goals, period)]
     physics = [RaceOutcome.of(run, period) for run in runs(MobilePlant(), LIMITED, goals[: trial.in_physics])]
@@ -133,7 +140,7 @@ def reached(trial: GoalTrial) -> Reached:
         median_final(limited),
         median_final(everything),
         median_final(physics) if physics else None,
-        (sum(map(has_arrived, free)), sum(map(has_arrived, limited))),
+        along_plan,
         outside,
     )
 
@@ -188,19 +195,19 @@ def _judge(found: Reached, count: int) -> dict[str, Judgement]:
     inside = sum(share < _INSIDE for share in lost)
     return {
         "range-of-jacobian": Judgement(
-            inside == 0,
+            None,
             f"{len(lost)} of {count} do not arrive, {inside} of them with the twist asked for inside the range; "
             f"median share outside {np.median(lost):.2f}",
+            "it says what is necessary, not what is enough",
         )
     }
 
 
 def _judge_plan(found: Reached, count: int) -> dict[str, Judgement]:
-    """Judge what S17 says of trajectories in the range of J, by the remedy, which follows one."""
-    free, limited = found.arrived
+    """Judge what S17 says of trajectories in the range of J, by the runs along one."""
     return {
         "tracking-in-range": Judgement(
-            free == limited == count,
-            f"along a plan {free} of {count} arrive without limits, {limited} with them",
+            found.along_plan == count,
+            f"along a plan {found.along_plan} of {count} end below {GOOD_ENOUGH}",
         )
     }

@@ -13,7 +13,7 @@ from dqcontrol.laws import Constraints, GuidedProportional, Law
 from dqcontrol.limits import CommandLimits, ModifiedClamping
 from dqcontrol.loop import Record, Stop
 from dqcontrol.loop.simulate import simulate
-from dqcontrol.plants import Plant
+from dqcontrol.plants import Integrator, Plant
 from dqcontrol.references import DriveTo, Reference, SetPoint
 from dqcontrol.references.sample import POSE
 from dqcontrol.reproductions.silva2017.race import RaceOutcome
@@ -27,6 +27,7 @@ LIMITED = CommandLimits(position=ModifiedClamping(), velocity=True)  # of joints
 COUNTED = "first below 0.04, below it for good, below 0.001 at the end"
 JOINT_ACCELERATION, BASE_ACCELERATION, BASE_TURN_ACCELERATION = 2.0, 0.5, 2.0  # rad/s², m/s², rad/s²; assumed
 ALL_LIMITS = Constraints(acceleration=JOINT_ACCELERATION, self_collision=False)
+_AFTERWARDS = 60.0  # s; S17's law takes up to that to settle
 _SAMPLES = 50  # in a row below `ARRIVED` end a run
 
 
@@ -79,6 +80,14 @@ def run_to_goal(
     desired = record.desired.copy()
     desired[:, POSE] = goal
     return replace(record, desired=desired)
+
+
+def run_along_plan(robot: Robot, start: Array, goal: Array, law: Law, period: float) -> Record:
+    """Return a run that tracks a planned way to a hand pose on ideal joints, and stays there for a minute."""
+    way = DriveTo.pose(robot, start, goal)
+    return simulate(
+        robot, way, law, Integrator(), start, period, way.duration + _AFTERWARDS, limits=UNLIMITED
+    )
 
 
 def counted(outcomes: Sequence[RaceOutcome]) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,10 +13,11 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.experiments.prepared_experiment import PreparedRobot
-from dqcontrol.laws import Law
+from dqcontrol.laws import DampedPoseInverse, Law
 from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.references import SetPoint, random_goals
 from dqcontrol.reproductions.catalogue import Conditions
+from dqcontrol.reproductions.silva2017.inverses import UNDAMPED
 from dqcontrol.reproductions.silva2017.race import RaceOutcome, guided_outcome, matched_gain, outcome
 from dqcontrol.reproductions.silva2017.specs import GOOD_ENOUGH, S17, setting_of
 
@@ -25,6 +26,7 @@ _SECONDS = 120.0
 _AT_ONCE = 5  # goals
 _SETTLED = 1e-3  # last error norm of a run that has arrived
 _CLASSIC, _MATCHED = "classic", "classic, matched to S17's on each goal"
+_LEVEL = 0.05  # λ of S17's law in the spec
 _GUIDED = "remedy: guided K along a planned way"
 
 
@@ -63,8 +65,11 @@ class HeatOutcome:
     found: dict[str, list[RaceOutcome | None]]
 
 
-def random_tables(count: int, conditions: Conditions) -> list[Table]:
-    """Return of each box one row a law: how many goals it reached, and medians over those shared with the classic law.
+Races = Mapping[GoalBox, Sequence[HeatOutcome]]
+
+
+def race_on_random_goals(count: int, conditions: Conditions) -> Races:
+    """Run all laws to so many goals of each box.
 
     The goals are hand poses of configurations with the base in the box and the arm within its limits; runs last two
     minutes on ideal joints, without limits, which the remedy's plan keeps nevertheless.
@@ -78,13 +83,37 @@ def random_tables(count: int, conditions: Conditions) -> list[Table]:
     outcomes = dict(
         zip(heats, conditions.each("random goals", run_heat, HeatOutcome, heats, text), strict=True)
     )
-    return [_table(box, count, [outcomes[heat] for heat in heats if heat.box == box]) for box in BOXES]
+    return {box: [outcomes[heat] for heat in heats if heat.box == box] for box in BOXES}
+
+
+def random_tables(count: int, races: Races) -> list[Table]:
+    """Return of each box one row a law: how many goals it reached, and medians over those that the classic one did."""
+    return [_table(box, count, heats) for box, heats in races.items()]
+
+
+def overshooting(label: str, races: Races, least: float) -> tuple[int, int]:
+    """Return on how many goals the classic law overshoots by more than that and than another law, and of how many."""
+    pairs = [
+        (linear.overshoot, other.overshoot)
+        for heats in races.values()
+        for heat in heats
+        for linear, other in zip(heat.found[_CLASSIC], heat.found[label], strict=True)
+        if linear and other
+    ]
+    return sum(linear > max(least, other) for linear, other in pairs), len(pairs)
 
 
 def run_heat(heat: Heat) -> HeatOutcome:
     """Run all laws to some goals."""
     setting = setting_of("comparison", duration=_SECONDS)
-    scene, period, laws = setting.scene, setting.spec.period, setting.spec.law_by_label
+    scene, period = setting.scene, setting.spec.period
+    classic = setting.spec.law_by_label[_CLASSIC]
+    laws = setting.spec.law_by_label | {
+        "classic, N† undamped": msgspec.structs.replace(classic, inverse=UNDAMPED),
+        f"classic, N† damped, λ = {_LEVEL:g}": msgspec.structs.replace(
+            classic, inverse=DampedPoseInverse(damping=_LEVEL)
+        ),
+    }
     found: dict[str, list[RaceOutcome | None]] = {label: [] for label in (*laws, _GUIDED, _MATCHED)}
     for goal in _goals(heat.box, heat.drawn)[heat.first : heat.last]:
         samples = SetPoint(goal).samples(scene.samples[:, -1])
@@ -97,12 +126,10 @@ def run_heat(heat: Heat) -> HeatOutcome:
         found[_GUIDED].append(guided_outcome(scene.robot, scene.start, samples, period))
         target = found[S17][-1]
         gain = matched_gain(
-            lambda k, run=run: run(msgspec.structs.replace(laws[_CLASSIC], gain=k)).settling,
+            lambda k, run=run: run(msgspec.structs.replace(classic, gain=k)).settling,
             target.settling if target else math.nan,
         )
-        found[_MATCHED].append(
-            None if gain is None else run(msgspec.structs.replace(laws[_CLASSIC], gain=gain))
-        )
+        found[_MATCHED].append(None if gain is None else run(msgspec.structs.replace(classic, gain=gain)))
     return HeatOutcome(found)
 
 
