@@ -163,7 +163,8 @@ def test_what_is_refused_is_named(path, tmp_path, old, new, message):
 # An arm whose gripper closes loops, as those of two fingers with parallel jaws do: drivers carry couplers, and
 # connect equalities pin followers to these; one driver follows the other.
 FINGER = """<body name="{0}_driver" pos="0 {1} 0.05"><joint name="{0}_driver_joint" axis="1 0 0"/><geom size="0.01"/>
-  <body name="{0}_coupler" pos="0 {1} 0.02"><joint name="{0}_coupler_joint" axis="1 0 0"/><geom size="0.01"/></body></body>
+  <body name="{0}_coupler" pos="0 {1} 0.02"><joint name="{0}_coupler_joint" axis="1 0 0"/><geom size="0.01"/></body>
+</body>
 <body name="{0}_spring" pos="0 {1} 0.06"><joint name="{0}_spring_joint" axis="1 0 0"/><geom size="0.01"/>
   <body name="{0}_follower" pos="0 {1} 0.03"><joint name="{0}_follower_joint" axis="1 0 0"/><geom size="0.01"/>
     <body name="{0}_pad" pos="0 0 0.02"><geom size="0.01"/></body></body></body>"""

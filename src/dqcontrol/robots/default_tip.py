@@ -40,7 +40,7 @@ class TreeEdge(Protocol):
 J = TypeVar("J", bound=TreeEdge)
 
 
-class Way(NamedTuple, Generic[J]):
+class PartedWay(NamedTuple, Generic[J]):
     """The joints from a link to an end of the tree: those of the arm, and the moving ones of the gripper at its end."""
 
     arm: list[J]
@@ -60,7 +60,7 @@ def ways_down(joints: Iterable[J], base: str) -> Iterator[list[J]]:
 
 def longest_arms(
     ways: Iterable[list[J]], moves: Callable[[J], bool], held: Callable[[J], bool]
-) -> tuple[int, list[Way[J]]]:
+) -> tuple[int, list[PartedWay[J]]]:
     """Return the ways with most joints before their grippers, and how many joints these are.
 
     A gripper is what moves last, if it is named like one or held: by a loop, or by another joint that it follows, but
@@ -129,19 +129,19 @@ def shared(ways: Sequence[list[J]]) -> list[J]:
     return [each[0] for each in steps]
 
 
-def _parted(way: list[J], moves: Callable[[J], bool], held: Callable[[J], bool]) -> Way[J]:
+def _parted(way: list[J], moves: Callable[[J], bool], held: Callable[[J], bool]) -> PartedWay[J]:
     moving = [i for i, joint in enumerate(way) if moves(joint) or held(joint)]
     last = list(takewhile(lambda i: held(way[i]) or _GRIPPER.search(way[i].name), reversed(moving)))
     if not last or 2 * len(last) > len(moving):
-        return Way(way, [])
+        return PartedWay(way, [])
     arm, gripper = way[: last[-1]], [way[i] for i in reversed(last)]
     followed = {joint.mimic.joint for joint in gripper if joint.mimic is not None}
-    return Way(way, []) if followed & {joint.name for joint in arm} else Way(arm, gripper)
+    return PartedWay(way, []) if followed & {joint.name for joint in arm} else PartedWay(arm, gripper)
 
 
-def _hands(ways: Iterable[Way[J]], moves: Callable[[J], bool]) -> Iterable[list[Way[J]]]:
+def _hands(ways: Iterable[PartedWay[J]], moves: Callable[[J], bool]) -> Iterable[list[PartedWay[J]]]:
     """Return ways by the joint that moves their ends."""
-    hands: dict[str, list[Way[J]]] = {}
+    hands: dict[str, list[PartedWay[J]]] = {}
     for way in ways:
         last = next((joint.name for joint in reversed(way.arm) if moves(joint)), "")
         hands.setdefault(last, []).append(way)
