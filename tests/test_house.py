@@ -28,3 +28,12 @@ def test_no_package_is_too_large():
         lines[path.relative_to(ROOT).parts[0]] += len(path.read_text(encoding="utf-8").splitlines())
     largest = {name: count / lines.total() for name, count in lines.most_common(3)}
     assert max(largest.values()) <= MOST, largest
+
+
+def test_no_results_of_a_run_lie_in_the_repository():
+    """Commands that write results into the folder where they run, as `figures`, must find them ignored here."""
+    root = Path(__file__).parents[1]
+    ignored = (root / ".gitignore").read_text(encoding="utf-8").split()
+    found = {f"/{marker.parent.name}/" for marker in root.glob("*/.dqcontrol-results")}
+    assert {"/results/", "/figures/"} <= set(ignored)
+    assert found <= set(ignored), found - set(ignored)

@@ -317,3 +317,20 @@ def test_how_far_a_base_rolls_without_measurements_is_said_where_somebody_lets_i
     rolls = [[text for text in each.remarks() if "rolls" in text] for each in found]
     assert not rolls[0]
     assert rolls[1][0].startswith("proportional · integrator: the base rolls up to about 0.2 m before")
+
+
+def test_a_spec_with_a_block_of_tune_or_learn_is_checked_without_it():
+    plain = check(spec())
+    for block in ({"tune": {"budget": 5}}, {"learn": {"repeats": 2}}):
+        assert [repr(each) for each in check({**spec(), **block})] == [repr(each) for each in plain]
+    with pytest.raises(FileFormatError, match="sweep: describes a parameter study; run it with"):
+        check({**spec(), "sweep": {}})
+
+
+def test_frequency_is_a_period():
+    fast = spec(period="125 Hz")
+    assert [each.period for each in check(fast)] == [0.008]
+    with pytest.raises(FileFormatError, match=r"period: expected a number in s, got '0 Hz'"):
+        check(spec(period="0 Hz"))
+    with pytest.raises(FileFormatError, match=r"duration: expected a number in s, got '5 Hz'"):
+        check(spec(duration="5 Hz"))

@@ -9,6 +9,7 @@ import yaml
 from dqcontrol import algebra, cli
 from dqcontrol.errors import FileFormatError, ReachError, ValueRangeError
 from dqcontrol.experiments.painting import START, paint
+from dqcontrol.experiments.spec.spec import part_of_spec
 from dqcontrol.films.light_painting import light_painting, painting_clip
 from dqcontrol.recording import load_metadata
 
@@ -94,3 +95,15 @@ def test_picture_and_clip_show_only_what_is_lit(two_lines, tmp_path):
     assert len(sums) > 30
     assert sums[0] < 0.05 * sums[-1]
     assert np.all(np.diff(sums) > -0.02 * sums[-1])
+
+
+def test_any_law_and_plant_may_paint(two_lines):
+    """Ideal joints behind a law with feed-forward are off by the corners at most; a slow law lags behind."""
+    law = part_of_spec("--law", "{kind: proportional-feedforward, gain: 5}", "law")
+    ideal = paint(two_lines, width=0.1, law=law, plant=part_of_spec("--plant", "integrator", "plant"))
+    slow = paint(two_lines, width=0.1, law=part_of_spec("--law", "{kind: proportional, gain: 2}", "law"))
+    assert ideal.record.position_error.max() < 1e-3 < 1e-2 < slow.record.position_error.max()
+    with pytest.raises(
+        FileFormatError, match=r"--law: kind: unknown name 'proportionl'; did you mean 'proportional'"
+    ):
+        part_of_spec("--law", "{kind: proportionl, gain: 2}", "law")

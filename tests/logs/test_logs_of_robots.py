@@ -249,3 +249,26 @@ def test_no_overshoot_of_a_run_that_starts_on_its_target(tmp_path, arm, motion):
     away = write(tmp_path / "away.csv", time, q + 0.2 * np.exp(-9 * time)[:, None], names)
     record = evaluate_log(away, "iiwa7", write(tmp_path / "still.csv", time, q, names)).record
     assert evaluate(record).settling_time == pytest.approx(np.log(50) / 9, abs=0.05)
+
+
+def test_names_of_universal_robots_are_known(tmp_path):
+    """Its interface numbers joints from 0: actual_q_0 is what was measured, target_q_0 what was commanded."""
+    arm = dqc.load_robot("ur5")
+    rng = np.random.default_rng(6)
+    q, target, time = rng.normal(0, 0.5, (3, 6)), rng.normal(0, 0.5, (3, 6)), [[0.0], [0.008], [0.016]]
+    names = [f"{kind}_{i}" for kind in ("target_q", "actual_q", "actual_qd") for i in range(6)]
+    path = tmp_path / "rtde.csv"
+    np.savetxt(
+        path,
+        np.hstack([time, target, q, 0 * q]),
+        delimiter=" ",
+        comments="",
+        header=" ".join(["timestamp", *names]),
+    )
+    log = read_joint_log(path, arm)
+    np.testing.assert_allclose(log.q, q, atol=1e-12)
+    assert log.target is not None
+    np.testing.assert_allclose(log.target, target, atol=1e-12)
+    named = read_joint_log(path, arm, targets="target_q_")
+    assert named.target is not None
+    np.testing.assert_allclose(named.target, target, atol=1e-12)

@@ -217,3 +217,12 @@ def test_a_recording_of_something_else_is_refused(tmp_path):
         writer.write_message("/a", schema, {"data": 1.0}, log_time=0)
     with pytest.raises(FileFormatError, match=r"other\.mcap: is no record of dqcontrol"):
         load_record(path)
+
+
+def test_the_folder_of_a_run_is_its_record(tmp_path):
+    record = random_record()
+    save_record(record, tmp_path / "record.mcap")
+    np.testing.assert_array_equal(load_record(tmp_path).q, record.q)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(FileFormatError, match=r"empty/record\.mcap: cannot be read: No such file"):
+        load_record(tmp_path / "empty")

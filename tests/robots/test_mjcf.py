@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol.errors import FileFormatError, UnknownNameError
+from dqcontrol.errors import FileFormatError, NoteWarning, UnknownNameError
 from dqcontrol.plants import MujocoPlant
 from dqcontrol.plants.mujoco.mujoco_servos import mass_matrix
 from dqcontrol.robots import load_tree
@@ -158,6 +158,87 @@ def test_what_is_refused_is_named(path, tmp_path, old, new, message):
     (tmp_path / "two.xml").write_text(text)
     with pytest.raises(FileFormatError, match=message):
         load_tree(tmp_path / "two.xml")
+
+
+# An arm whose gripper closes loops, as those of two fingers with parallel jaws do: drivers carry couplers, and
+# connect equalities pin followers to these; one driver follows the other.
+FINGER = """<body name="{0}_driver" pos="0 {1} 0.05"><joint name="{0}_driver_joint" axis="1 0 0"/><geom size="0.01"/>
+  <body name="{0}_coupler" pos="0 {1} 0.02"><joint name="{0}_coupler_joint" axis="1 0 0"/><geom size="0.01"/></body>
+</body>
+<body name="{0}_spring" pos="0 {1} 0.06"><joint name="{0}_spring_joint" axis="1 0 0"/><geom size="0.01"/>
+  <body name="{0}_follower" pos="0 {1} 0.03"><joint name="{0}_follower_joint" axis="1 0 0"/><geom size="0.01"/>
+    <body name="{0}_pad" pos="0 0 0.02"><geom size="0.01"/></body></body></body>"""
+PARALLEL = f"""<mujoco model="arm"><worldbody><body name="upper" pos="0 0 0.2" euler="10 0 0">
+<joint name="j1" axis="0 0 1"/><geom size="0.1"/>
+<body name="fore" pos="0.3 0 0.1"><joint name="j2" axis="0 1 0" range="-90 90"/><geom size="0.1"/>
+<body name="wrist" pos="0.2 0 0"><joint name="j3" axis="1 0 0"/><geom size="0.05"/>
+<body name="mount" pos="0.05 0 0" euler="0 90 0"><geom size="0.02"/><site name="pinch" pos="0 0 0.15" euler="0 0 45"/>
+<site name="wrist"/>{FINGER.format("right", 0.01)}{FINGER.format("left", -0.01)}</body></body></body></body></worldbody>
+<tendon><fixed name="split"><joint joint="right_driver_joint" coef="0.5"/><joint joint="left_driver_joint" coef="0.5"/>
+</fixed></tendon>
+<equality><connect anchor="0 0 0.01" body1="right_follower" body2="right_coupler"/>
+<connect anchor="0 0 0.01" body1="left_follower" body2="left_coupler"/>
+<joint joint1="right_driver_joint" joint2="left_driver_joint"/></equality></mujoco>"""
+
+
+def test_loops_of_a_gripper_stay_beside_the_arm(tmp_path):
+    path = tmp_path / "parallel.xml"
+    path.write_text(PARALLEL)
+    with pytest.warns(NoteWarning, match="arm: the arm ends at mount, without the joints of its gripper"):
+        arm = dqc.load_robot(path)
+    assert arm.joint_names == ("j1", "j2", "j3")
+    model = mujoco.MjModel.from_xml_path(str(path))
+    assert arm.inertia is not None
+    assert abs(arm.inertia.mass.sum() - model.body_mass.sum()) < 1e-12
+    tree = load_tree(path, ["pinch"])
+    assert tree.joint_names == ("j1", "j2", "j3")
+    with pytest.raises(
+        FileFormatError,
+        match=r"connects 'right_follower' and 'right_coupler': that closes a loop.*a tip above",
+    ):
+        load_tree(path)
+    with pytest.raises(FileFormatError, match=r"parallel.xml:\d+: equality .* closes a loop"):
+        dqc.load_robot(path, tip_link="left_pad")
+
+
+def test_a_site_is_a_tip(tmp_path):
+    path = tmp_path / "parallel.xml"
+    path.write_text(PARALLEL)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data, q = mujoco.MjData(model), np.array([0.3, -0.4, 0.8])
+    data.qpos[:3] = q
+    mujoco.mj_kinematics(model, data)
+    site, arm = data.site("pinch"), dqc.load_robot(path, tip_link="pinch")
+    hand = dqc.DualQuaternion(arm.fkm(q))
+    assert np.abs(hand.translation - site.xpos).max() < 1e-12
+    seen = dqc.DualQuaternion(load_tree(path, ["mount"]).fkm(q, "pinch"))
+    assert np.abs(seen.matrix()[:3, :3] - site.xmat.reshape(3, 3)).max() < 1e-12
+    assert np.abs(hand.matrix() - seen.matrix()).max() < 1e-12
+    assert dqc.load_robot(path, tip_link="wrist site").joint_names == arm.joint_names  # "wrist" is a body
+
+
+def test_what_is_welded_to_the_hand_or_hangs_on_a_ball_leaves_the_arm(tmp_path):
+    """A free body goes where it is welded to; a ball joint beside the chain does not move it."""
+    free = '<body name="cup"><freejoint/><geom size="0.02"/></body></worldbody>'
+    ball = '<body name="bell"><joint name="ring" type="ball"/><geom size="0.02"/></body><site name="wrist"/>'
+    text = PARALLEL.replace("</worldbody>", free).replace('<site name="wrist"/>', ball)
+    path = tmp_path / "cup.xml"
+    path.write_text(text.replace("</equality>", '<weld body1="mount" body2="cup"/></equality>'))
+    assert dqc.load_robot(path, tip_link="mount").joint_names == ("j1", "j2", "j3")
+    with pytest.raises(FileFormatError, match="joint 'ring': is a ball joint"):
+        dqc.load_robot(path, tip_link="bell")
+
+
+def test_a_loop_within_the_arm_is_refused(tmp_path):
+    """Not shortened: the joint before the loop is no arm."""
+    path = tmp_path / "linkage.xml"
+    text = PARALLEL.replace("</equality>", '<connect anchor="0 0 0" body1="fore" body2="world"/></equality>')
+    path.write_text(text)
+    with (
+        pytest.warns(NoteWarning, match="ends at mount"),
+        pytest.raises(FileFormatError, match="connects 'fore' and 'world': that closes a loop"),
+    ):
+        dqc.load_robot(path)
 
 
 def test_a_file_that_is_not_there():

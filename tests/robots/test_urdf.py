@@ -159,16 +159,26 @@ def test_bad_robots(load, text, caplog):
     assert not caplog.records
 
 
-def test_a_gripper_that_nobody_asked_for_is_told(load):
+def test_a_gripper_that_nobody_asked_for_is_left_out(load):
     with_jaw = robot(*CHAIN, joint("jaw_joint", "d", "e"), links="abcde")
-    with pytest.warns(NoteWarning, match="ends with jaw_joint.*--tip-link d;"):
-        assert load(with_jaw).joint_names == ("ab", "bc", "jaw_joint")
-    fingers = robot(*CHAIN, joint("left_finger", "d", "e"), joint("right_finger", "d", "f"), links="abcdef")
-    with pytest.raises(UnknownNameError, match=r"e, f \(--tip-link d;"):
-        load(fingers)
+    with pytest.warns(NoteWarning, match=r"ends at d, without the joints of its gripper \(jaw_joint\)"):
+        assert load(with_jaw).joint_names == ("ab", "bc")
+    fingers = (joint("left_finger", "d", "e"), joint("right_finger", "d", "f"))
+    with pytest.warns(NoteWarning, match=r"ends at d, .*\(left_finger, right_finger\)"):
+        assert load(robot(*CHAIN, *fingers, links="abcdef")).links[-1] == "d"
+    follows = '<mimic joint="left_finger"/>'  # what follows is no joint of the arm, whatever its name
+    tied = robot(*CHAIN, fingers[0], joint("second", "e", "f", inner=follows), links="abcdef")
+    with pytest.warns(NoteWarning, match=r"ends at d, .*\(left_finger, second\)"):
+        assert load(tied).joint_names == ("ab", "bc")
+    camera = robot(*CHAIN, *fingers, joint("mount", "c", "g", "fixed"), links="abcdefg")
+    with pytest.warns(NoteWarning, match="ends at d,"):  # not at a frame beside the gripper
+        assert load(camera).joint_names == ("ab", "bc")
+    two_arms = (joint("ax", "a", "x"), joint("xy", "x", "y"), joint("yz", "y", "z", "fixed"))
+    with pytest.raises(UnknownNameError, match=r"2 links end a chain of 2 joints: d, z \(--tip-link d;"):
+        load(robot(*CHAIN, *fingers, *two_arms, links="abcdefxyz"))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        load(with_jaw, tip_link="e")  # asked for
+        assert load(with_jaw, tip_link="e").joint_names == ("ab", "bc", "jaw_joint")  # asked for
         load(robot(joint("finger", "a", "b"), links="ab"))  # nothing but a finger
 
 

@@ -43,10 +43,10 @@ def compare(
     from dqcontrol.experiments.load_results import is_study, is_sweep
     from dqcontrol.experiments.ranking import BEST_BY
     from dqcontrol.experiments.results_folder import SPEC_FILE, new_folder
-    from dqcontrol.experiments.run_comparison import MEANS, write_table
+    from dqcontrol.experiments.run_comparison import MEANS, unit_of_way, write_table
     from dqcontrol.measures import means_table
     from dqcontrol.reports import write_report
-    from dqcontrol.reports.compared_runs import surroundings_of, unit_of_way, write_comparison_figures
+    from dqcontrol.reports.compared_runs import surroundings_of, write_comparison_figures
     from dqcontrol.reports.provenance import RERUN_FOLDER, command, origins
 
     if not folders:

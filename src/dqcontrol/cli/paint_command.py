@@ -20,6 +20,8 @@ def paint(
     width: float | None = None,
     speed: float = 0.1,
     plane: str = "xz",
+    law: str | None = None,
+    plant: str | None = None,
 ) -> None:
     """Paint a drawing with a lamp in the hand: a picture as a long exposure shows it, a clip and the recording.
 
@@ -41,12 +43,15 @@ def paint(
         Of the lamp, m/s.
     plane
         xy, xz or yz: how the paper lies.
+    law, plant
+        As in a spec, "{kind: proportional, gain: 5}", or the kind alone; default: lqr-dq with q/r = 100, servo.
     """
     import yaml
 
     from dqcontrol.errors import ValueRangeError
     from dqcontrol.experiments.painting import paint as painted
     from dqcontrol.experiments.results_folder import check_new, new_folder
+    from dqcontrol.experiments.spec.spec import part_of_spec
     from dqcontrol.films.light_painting import light_painting, painting_clip
     from dqcontrol.measures import evaluate
     from dqcontrol.recording import save_record
@@ -62,7 +67,12 @@ def paint(
     ends = {"base_link": base_link, "tip_link": tip_link}
     chain = {key: link for key, link in ends.items() if link is not None}
     arm = load_robot(robot, **ends) if chain else robot
-    done = painted(drawing, arm, q, width=width, speed=speed, plane=plane)
+    chosen = {
+        name: part_of_spec(f"--{name}", text, name)
+        for name, text in (("law", law), ("plant", plant))
+        if text is not None
+    }
+    done = painted(drawing, arm, q, width=width, speed=speed, plane=plane, **chosen)
     with new_folder(folder, force=force) as new:
         light_painting(done.record, done.lit).savefig(new / "painting.png", dpi=150)
         painting_clip(done.record, new / "painting.gif", done.lit)

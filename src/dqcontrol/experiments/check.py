@@ -352,7 +352,7 @@ def check(source: str | Path | dict[str, Any]) -> Checks:
     >>> print(*checks.remarks())
     proportional · servo: position unstable: k = 60 1/s, limit 50 1/s; choose k ≤ 7.2 1/s
     """
-    setting = prepare(source)
+    setting = prepare(source, leaving_out=("tune", "learn"))
     return Checks(setting.spec.name, tuple(loop_checks(setting)), tuple(task_remarks(setting)))
 
 

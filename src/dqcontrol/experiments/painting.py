@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,18 +13,20 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ReachError, ValueRangeError, as_array, as_positive
 from dqcontrol.files.text_file import read_text
-from dqcontrol.laws import LinearQuadraticDQ
+from dqcontrol.laws import Law, LinearQuadraticDQ
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Record, simulate
-from dqcontrol.plants import Servo
-from dqcontrol.references import Drawing, JerkLimited, Rest, Sequence as InSequence, StraightStroke
+from dqcontrol.plants import Plant, Servo
+from dqcontrol.references import Drawing, JerkLimited, Sequence as InSequence, StraightStroke
 from dqcontrol.references.drawing.drawing_file import parse_drawing
-from dqcontrol.references.drawing.svg_file import PenStroke, load_svg
+from dqcontrol.references.drawing.pen_strokes import PenStroke, box_of, scaled
+from dqcontrol.references.drawing.svg_file import load_svg
 from dqcontrol.references.plane import Plane, plane_axes
-from dqcontrol.references.strokes import Arc, PenPath, Stroke
+from dqcontrol.references.strokes import PenPath, Stroke
 from dqcontrol.robots import Robot, load_robot
 
 PERIOD = 0.01  # s
+LAW, PLANT = LinearQuadraticDQ(error_weight=100.0, control_weight=1.0), Servo()
 START = (1.5708, -0.8, 0.0, -2.4, 0.0, 3.1708, 0.7854)  # of the Panda: the hand points forward, along y
 _WIDEST, _NARROWEST = 0.45, 0.05  # m; what is tried if no width is given
 _SHRINK = 0.88
@@ -65,8 +67,10 @@ def paint(
     width: float | None = None,
     speed: float = 0.1,
     plane: Plane = "xz",
+    law: Law = LAW,
+    plant: Plant = PLANT,
 ) -> Painting:
-    """Draw a file with a lamp in the hand, by the law LQR-DQ on the default servos.
+    """Draw a file with a lamp in the hand, unless told otherwise by the law LQR-DQ on the default servos.
 
     The middle of the drawing is where the hand is in the start configuration. Between two outlines the lamp is off.
     The hand rests at corners; joints keep their velocity limits.
@@ -86,6 +90,8 @@ def paint(
         Of the lit lamp, m/s.
     plane
         How the paper lies; see `Drawing`.
+    law, plant
+        What drives, and what is driven.
 
     Raises
     ------
@@ -105,13 +111,13 @@ def paint(
         start = START
     q = as_array("start", start, (arm.configuration_size,))
     axes, pace = plane_axes("plane", plane), as_positive("speed", speed)
-    low, high = _box(pens)
+    low, high = box_of(pens)
     extent = high - low
     own_size = Path(drawing).suffix.lower() == ".txt"
     if width is not None or own_size:
         wide = float(extent[0]) if width is None else as_positive("width", width)
         scale = wide / float(extent[0] or extent[1])
-        if not _reached(arm, q, axes, _scaled(pens, 0.5 * (low + high), scale, pace)):
+        if not _reached(arm, q, axes, scaled(pens, 0.5 * (low + high), scale, pace)):
             best = _fitting(arm, q, axes, pens, low, high, pace, wide)
             hint = f"at most about {best * extent[0] * 1e3:.0f} mm" if best else "move it: another start"
             raise ReachError(f"width: {1e3 * wide:.0f} mm is more than {arm.name} reaches here; {hint}")
@@ -119,16 +125,15 @@ def paint(
         scale = _fitting(arm, q, axes, pens, low, high, pace, _WIDEST)
         if not scale:
             raise ReachError(f"drawing: {arm.name} cannot reach any of it from this start; give another")
-    placed = _scaled(pens, 0.5 * (low + high), scale, pace)
+    placed = scaled(pens, 0.5 * (low + high), scale, pace)
     reference, switched = _motion(arm.fkm(q), axes, placed, pace)
     if reference.duration > _LONGEST:
         raise ValueRangeError(
             f"speed: {pace:g} m/s makes a drawing of {reference.duration:.0f} s, at most {_LONGEST:g} s are drawn"
         )
     first = arm.solve(reference.at(0.0).pose, q).q
-    law = LinearQuadraticDQ(error_weight=100.0, control_weight=1.0)
     limits = CommandLimits(velocity=True)
-    record = simulate(arm, reference, law, Servo(), first, PERIOD, limits=limits)
+    record = simulate(arm, reference, law, plant, first, PERIOD, limits=limits)
     lit = np.searchsorted(switched, record.time, side="right") % 2 == 1
     return Painting(record, lit, arm, (scale * float(extent[0]), scale * float(extent[1])))
 
@@ -140,38 +145,6 @@ def _pens(drawing: str | Path) -> tuple[PenStroke, ...]:
     if suffix == ".txt":
         return (PenStroke((0.0, 0.0), parse_drawing(read_text(drawing), str(drawing)).strokes),)
     raise FileFormatError(f"{drawing}: expected a .svg or a .txt file, got '{suffix}'")
-
-
-def _relative(pen: PenStroke, origin: Array, scale: float, pace: float) -> tuple[Stroke, ...]:
-    """Return strokes in paper coordinates, about an origin."""
-
-    def moved(stroke: Stroke) -> Stroke:
-        if isinstance(stroke, Rest):
-            return stroke
-        x, y = scale * (np.array([stroke.x, stroke.y]) - origin)
-        if isinstance(stroke, StraightStroke):
-            return replace(stroke, x=float(x), y=float(y), speed=pace)
-        cx, cy = scale * (np.array([stroke.centre_x, stroke.centre_y]) - origin)
-        return Arc(float(x), float(y), float(cx), float(cy), stroke.clockwise, pace)
-
-    return tuple(map(moved, pen.strokes))
-
-
-def _box(pens: Sequence[PenStroke]) -> tuple[Array, Array]:
-    boxes = [PenPath.of(_relative(pen, np.array(pen.start), 1.0, 1.0)).box() + pen.start for pen in pens]
-    low, high = np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)
-    if (high - low).max() < 1e-6:
-        raise FileFormatError("drawing: has no size")
-    return low, high
-
-
-def _scaled(pens: Sequence[PenStroke], middle: Array, scale: float, pace: float) -> list[PenStroke]:
-    """Return strokes in m, each about its own start; starts about the middle."""
-    out = []
-    for pen in pens:
-        x, y = scale * (np.array(pen.start) - middle)
-        out.append(PenStroke((float(x), float(y)), _relative(pen, np.array(pen.start), scale, pace)))
-    return out
 
 
 def _fitting(
@@ -187,7 +160,7 @@ def _fitting(
     """Return the largest scale that is reached and tried, or 0."""
     longest = float((high - low).max())
     while wide > _NARROWEST:
-        if _reached(arm, q, axes, _scaled(pens, 0.5 * (low + high), wide / longest, pace)):
+        if _reached(arm, q, axes, scaled(pens, 0.5 * (low + high), wide / longest, pace)):
             return wide / longest
         wide *= _SHRINK
     return 0.0

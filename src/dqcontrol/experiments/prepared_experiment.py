@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
@@ -200,15 +200,15 @@ def program() -> str:
     return " ".join(found)
 
 
-def prepare(source: str | Path | dict[str, Any]) -> PreparedExperiment:
-    """Load everything that a spec names and check that it fits together, before anything moves.
+def prepare(source: str | Path | dict[str, Any], leaving_out: Collection[str] = ()) -> PreparedExperiment:
+    """Load everything that a spec names and check that it fits together, before anything moves; see `read_spec`.
 
     Raises
     ------
     Error
         If something is missing, malformed, does not fit or is out of reach.
     """
-    spec, folder = read_spec(source)
+    spec, folder = read_spec(source, leaving_out)
     with nullcontext() if isinstance(source, dict) else error_prefix(str(source)):
         return prepare_spec(spec, folder, {})
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace as replace_field
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
@@ -25,7 +26,8 @@ from dqcontrol.experiments.spec import AnyLaw, AnyPlant, MetricsFrom, Spec, read
 from dqcontrol.experiments.spec.spec_files import copy_inputs
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.files.yaml_file import parse_yaml
-from dqcontrol.laws import Law
+from dqcontrol.laws import Constraints, Law
+from dqcontrol.laws.constrained.constraints import MapObstacle
 from dqcontrol.loop import Clock, Record, Timing
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.simulate import simulate_prepared
@@ -132,6 +134,19 @@ class Run:
     def law(self) -> AnyLaw | None:
         """What drove it, as the spec has it; None of an evaluated log."""
         return None if self._parts is None else next(iter(self._parts.law_by_label.values()))
+
+    @cached_property
+    def surroundings(self) -> Constraints | None:
+        """What figures show around the robot: what its law kept clear of, and the map that its way was planned on."""
+        if self._parts is None or self.law is None:
+            return None
+        given, planned_on = self.law.constraints, getattr(self._parts.reference, "map", None)
+        if planned_on is None or not Path(planned_on).is_file():
+            return given
+        kept = given or Constraints()
+        if any(each.file == planned_on for each in kept.obstacles.values() if isinstance(each, MapObstacle)):
+            return kept
+        return replace_field(kept, obstacles={**kept.obstacles, "map": MapObstacle(file=planned_on)})
 
     @cached_property
     def _parts(self) -> Spec | None:

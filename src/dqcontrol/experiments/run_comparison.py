@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dqcontrol.loop.record import Record
+from dqcontrol.measures.metric_tables import fitting_unit
 from dqcontrol.measures.tables import Column, Table
+from dqcontrol.robots import Robot
 
 if TYPE_CHECKING:
     from dqcontrol.experiments.run import Run
@@ -18,11 +21,11 @@ COMPARED = {  # keys of `Metrics.flat`; errors without the start that the spec e
     "position.settled_peak": Column("pos. error max", "mm", ".3g"),
     "orientation.settled_rms": Column("rot. error RMS", "°", ".3g"),
     "orientation.settled_peak": Column("rot. error max", "°", ".3g"),
-    "effort": Column("effort", "rad/√s", ".3g"),
-    "control.peak": Column("peak |u|", "rad/s", ".3g"),
+    "effort": Column("effort", "rad/√s or m/√s", ".3g"),
+    "control.peak": Column("peak |u|", "rad/s or m/s", ".3g"),
     "hand_speed.peak": Column("peak speed", "m/s", ".3g"),
     "hand_acceleration.peak": Column("peak acc.", "m/s²", ".3g"),
-    "limit_margin": Column("limit margin", "rad", ".3g"),
+    "limit_margin": Column("limit margin", "rad or m", ".3g"),
 }
 
 TOUCHED = {  # shown where an obstacle is
@@ -62,13 +65,16 @@ def summary(runs: Mapping[str, Run | Record], title: str = "") -> Table:
     """
     records = {label: run if isinstance(run, Record) else run.record for label, run in runs.items()}
     rows = ((label, {**run.metrics.flat(), "stopped": records[label].stopped}) for label, run in runs.items())
-    return summary_of(rows, title)
+    robots = [run.robot for run in runs.values() if not isinstance(run, Record)]
+    return summary_of(rows, title, unit_of_way(robots) if len(robots) == len(runs) else "rad or m")
 
 
-def summary_of(rows: Iterable[tuple[str, Mapping[str, Any]]], title: str = "") -> Table:
-    """Return the same of labels with rows as of `Study.rows`."""
+def summary_of(
+    rows: Iterable[tuple[str, Mapping[str, Any]]], title: str = "", unit: str = "rad or m"
+) -> Table:
+    """Return the same of labels with rows as of `Study.rows`; ``unit`` is that of what the inputs move."""
     rows = list(rows)
-    columns = dict(COMPARED)
+    columns = {key: replace(column, unit=fitting_unit(column.unit, unit)) for key, column in COMPARED.items()}
     for some in (TOUCHED, DRIVEN):
         if any(row.get(key) is not None for key in some for _, row in rows):
             columns |= some
@@ -80,6 +86,12 @@ def summary_of(rows: Iterable[tuple[str, Mapping[str, Any]]], title: str = "") -
         rows = [(label, {**row, "task": cut.get(label)}) for label, row in rows]
     lines = [[label, *(row.get(key) for key in columns), row["stopped"]] for label, row in rows]
     return Table([Column("run"), *columns.values(), Column("ended by")], lines, title)
+
+
+def unit_of_way(robots: Iterable[Robot]) -> str:
+    """Return the unit of what the inputs of all robots move: ``"rad"``, ``"m"``, or ``"rad or m"`` if they differ."""
+    kinds = {kind for robot in robots for kind in robot.input_types}
+    return {frozenset({"revolute"}): "rad", frozenset({"prismatic"}): "m"}.get(frozenset(kinds), "rad or m")
 
 
 def write_table(table: Table, folder: Path, name: str) -> None:

@@ -19,7 +19,7 @@ from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE, folder_names, new_folder
 from dqcontrol.experiments.row_file import Row, write_rows
 from dqcontrol.experiments.run import Run, execute
-from dqcontrol.experiments.run_comparison import MEANS, MOST_CURVES, summary_of, write_table
+from dqcontrol.experiments.run_comparison import MEANS, MOST_CURVES, summary_of, unit_of_way, write_table
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.experiments.spec.spec_files import copy_inputs
 from dqcontrol.experiments.trials import Trial, trial_folder
@@ -95,7 +95,8 @@ class Study:
         """Return means and standard deviations of repeats; one row a run where there are none."""
         if self.is_repeated:
             return means_table(self.rows, MEANS, self.name)
-        return summary_of(((Trial.of(row).names.label, row) for row in self.rows), self.name)
+        rows = ((Trial.of(row).names.label, row) for row in self.rows)
+        return summary_of(rows, self.name, unit_of_way(run.robot for run in self.runs.values()))
 
     def _repr_markdown_(self) -> str:
         """Return what notebooks show: the table."""

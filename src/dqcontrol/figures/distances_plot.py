@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dqcontrol.errors import ShapeError
-from dqcontrol.figures.style import DOUBLE, legend_below, line_style, new_figure, styled
+from dqcontrol.figures.style import DOUBLE, beyond_spikes, legend_below, line_style, new_figure, styled
 from dqcontrol.loop.kept_signals import PRESSURE, ROOM, SLACK
 
 if TYPE_CHECKING:
@@ -49,6 +49,8 @@ def distances(record: Record) -> Figure:
         panels[1].plot(record.time, pressure.values[:, i], **line_style(k))
         panels[2].plot(record.time, 1e3 * slack.values[:, i], **line_style(k))
     panels[0].set_yscale("symlog", linthresh=10.0)
+    beyond_spikes(panels[1], pressure.values[:, nearest])
+    beyond_spikes(panels[2], 1e3 * slack.values[:, nearest])
     panels[0].axhline(0.0, color="black", linewidth=0.6)
     panels[0].set_ylabel("room beyond\nwhat is asked")
     panels[1].set_ylabel("multiplier")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dqcontrol.figures.style import COLOURS, DOUBLE, NEUTRAL, logarithmic, new_figure, styled
+from dqcontrol.figures.style import COLOURS, DOUBLE, NEUTRAL, legend_above, logarithmic, new_figure, styled
 from dqcontrol.loop import Record
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def repeats_of_learning(learning: Learning) -> Figure:
     logarithmic(left)
     left.set_xlabel("repeat")
     left.set_ylabel("position error [mm]")
-    left.legend()
+    legend_above(left, 2)
     left.xaxis.get_major_locator().set_params(integer=True)
     start = learning.first.desired_position
     before, after = _over_time(learning.first, start), _over_time(learning.last, start)
@@ -47,7 +47,7 @@ def repeats_of_learning(learning: Learning) -> Figure:
     logarithmic(right)
     right.set_ylim(bottom=0.1 * min(np.median(before[1]), np.median(after[1])))  # at the start both are 0
     right.set_xlabel("time [s]")
-    right.legend()
+    legend_above(right, 2)
     return figure
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dqcontrol.figures.style import COLOURS, DESIRED, DOUBLE, new_figure, styled
+from dqcontrol.figures.style import COLOURS, DESIRED, DOUBLE, legend_below, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,8 +53,7 @@ def servo_fits(joints: Mapping[str, tuple[JointTrace, float]]) -> Figure:
         close.set_ylabel("[rad]")
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
-    for axes in grid[0]:
-        axes.legend(loc="upper right", ncols=3)
+    legend_below(figure, grid[0][0], grid[0][1].get_legend_handles_labels()[0])
     return figure
 
 

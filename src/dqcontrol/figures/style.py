@@ -9,6 +9,9 @@ from contextvars import ContextVar
 from functools import wraps
 from typing import TYPE_CHECKING, Any, ParamSpec
 
+import numpy as np
+
+from dqcontrol.arrays import Array
 from dqcontrol.errors import unknown_name
 
 if TYPE_CHECKING:
@@ -38,6 +41,10 @@ PANE = (0.97, 0.97, 0.97, 1.0)  # the walls of figures in space
 FLOOR = 1e-17  # shown in place of an error of exactly 0 on a logarithmic axis
 LINES = ("-", "--", "-.", ":")
 ERROR = r"$|1 - x^{*} x_d|$"  # label of the norm of an error, which has no unit
+_USUAL, _SPIKE = (
+    0.9,
+    10.0,
+)  # a tenth of the values may be spikes; ten times as high hides the others on a linear axis
 MARKERS = ("o", "s", "^", "D", "v")
 
 _width = ContextVar("width", default=DOUBLE)
@@ -177,6 +184,19 @@ def legend_below(figure: Figure, axes: Axes, extra: Sequence[Artist] = ()) -> No
         ncols=-(-len(handles) // rows),  # none much shorter than the others
         handlelength=2.8,
     )
+
+
+def legend_above(axes: Axes, columns: int) -> None:
+    """Put the legend of one panel of several above it, never over its curves."""
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, ncols=columns)
+
+
+def beyond_spikes(axes: Axes, values: Array) -> None:
+    """Compress the y axis beyond what most values that are not 0 reach, if the largest would flatten all others."""
+    sizes = np.abs(values[np.isfinite(values) & (values != 0.0)])
+    usual = float(np.quantile(sizes, _USUAL)) if len(sizes) else 0.0
+    if usual > 0 and sizes.max() > _SPIKE * usual:
+        axes.set_yscale("symlog", linthresh=usual)
 
 
 def at_least(axes: Axes, span: float) -> None:

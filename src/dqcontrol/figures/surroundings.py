@@ -26,6 +26,7 @@ _CAP = 7  # circles of half a sphere
 _ROOM = 0.5  # of the longest extent of what else is drawn: how far beyond it things are shown
 _BELOW = 1e-3  # m: what of a thing is shown below the floor
 _EDGE_ON = 0.02  # sine of the angle below which a plane is seen as a line
+_OVER_GRID = 0.6  # Matplotlib draws grids at 0.5, curves at 2
 _CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
 
 
@@ -105,10 +106,12 @@ def draw_flat(axes: Any, drawn: Sequence[DrawnFaces], onto: Array) -> None:
         if each.plane is None:
             flat = [face @ onto.T for face in each.faces]
             pale = _pale(colour, each.strength)
-            axes.add_collection(PolyCollection(flat, fc=pale, ec=pale, lw=0.4, zorder=0))
+            axes.add_collection(PolyCollection(flat, fc=pale, ec=pale, lw=0.4, zorder=_OVER_GRID))
         elif np.linalg.norm(onto @ each.plane) ** 2 > 1 - _EDGE_ON**2:
             at, normal = onto @ each.faces[0].mean(axis=0), onto @ each.plane
-            axes.axline(at, at + 0.01 * np.array([-normal[1], normal[0]]), color=colour, lw=1.0, zorder=0)
+            axes.axline(
+                at, at + 0.01 * np.array([-normal[1], normal[0]]), color=colour, lw=1.0, zorder=_OVER_GRID
+            )
 
 
 def entries(drawn: Sequence[DrawnFaces]) -> list[Artist]:

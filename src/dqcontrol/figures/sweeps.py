@@ -13,6 +13,7 @@ from dqcontrol.figures.style import (
     DESIRED,
     DOUBLE,
     MARKERS,
+    legend_above,
     legend_below,
     logarithmic,
     new_figure,
@@ -80,7 +81,7 @@ def sweep_figure(ranking: Ranking) -> Figure:
         if (y > 0).all() and y.max() > _DECADE * y.min():
             logarithmic(axes)
         if name in joined:
-            axes.legend(fontsize="small")
+            legend_above(axes, 3)
     for axes in grid[:, 0]:
         axes.set_ylabel(number_column(ranking.by).heading)
     for axes in grid.flat[len(names) :]:

@@ -150,7 +150,7 @@ def _chosen(
     known = {*joint_names, *(f"q{i + 1}" for i in range(n)), *TIME_NAMES}.union(*commanded, *wanted)
     cells = [name_and_unit(cell, known) for cell in header[1]]
     names, units = [cell[0] for cell in cells], [cell[1] for cell in cells]
-    joints = find_columns(where, "joints", names, joint_names, "q")
+    joints = find_columns(where, "joints", names, _measured_names(names, joint_names), "q")
     commands = _find_commands(where, names, joint_names)
     lowered = [name.lower() for name in names]
     time = next((name for name in TIME_NAMES if name in lowered), "time")
@@ -169,17 +169,25 @@ def _chosen(
     return _Columns(where, names, units, place, joints, commands, held)
 
 
+def _measured_names(names: Sequence[str], joint_names: Sequence[str]) -> Sequence[str]:
+    """Return the names of the joints' columns: the robot's, or those of the interface of Universal Robots."""
+    theirs = [f"actual_q_{i}" for i in range(len(joint_names))]
+    ours = {*joint_names, "q1"}
+    return theirs if theirs[0] in names and ours.isdisjoint(names) else joint_names
+
+
 def _target_names(joint_names: Sequence[str], targets: str | Sequence[str] | None) -> list[list[str]]:
     """Return which names commanded positions may have, in the order in which they are looked for."""
     count = range(1, len(joint_names) + 1)
     if targets is None:
         usual = [[f"target{dot}{name}" for name in joint_names] for dot in "._"]
-        return [*usual, [f"r{i}" for i in count]]
+        return [*usual, [f"r{i}" for i in count], [f"target_q_{i - 1}" for i in count]]
     listed = targets.split(",") if isinstance(targets, str) else list(targets)
     listed = [name.strip() for name in listed]
     if len(listed) == 1:
         stem = listed[0].rstrip("*…")
         numbered = [[f"{stem}{letter}{i}" for i in count] for letter in ("", "q")]
+        numbered.append([f"{stem}{i - 1}" for i in count])
         return [[f"{stem}{name}" for name in joint_names], *numbered, *([listed] if len(count) == 1 else [])]
     if len(listed) != len(joint_names) or len(set(listed)) != len(listed):
         raise ShapeError(

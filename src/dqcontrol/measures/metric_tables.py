@@ -102,6 +102,18 @@ def summary_table(metrics: Metrics, title: str = "") -> Table:
     return Table([Column("Metric"), Column("Value"), Column("Unit")], rows, title)
 
 
+def fitting_unit(text: str, unit: str) -> str:
+    """Return of a unit with two forms, as ``rad/s or m/s``, the one of inputs that move ``"rad"`` or ``"m"``.
+
+    Examples
+    --------
+    >>> fitting_unit("rad/s or m/s", "m"), fitting_unit("rad/s or m/s", "rad or m"), fitting_unit("mm", "m")
+    ('m/s', 'rad/s or m/s', 'mm')
+    """
+    both = text.split(" or ")
+    return text if " or " in unit or len(both) == 1 else both[unit == "m"]
+
+
 def metrics_tables(metrics: Metrics, unit: str = "rad or m") -> list[Table]:
     """Return the numbers of one run as its report shows them: tables of deviations, of signals, and of all others.
 
@@ -110,9 +122,7 @@ def metrics_tables(metrics: Metrics, unit: str = "rad or m") -> list[Table]:
     flat = metrics.flat()
 
     def fitting(text: str) -> str:
-        """Return of a unit with two forms, as ``rad/s or m/s``, the one of this robot."""
-        both = text.split(" or ")
-        return text if " or " in unit or len(both) == 1 else both[unit == "m"]
+        return fitting_unit(text, unit)
 
     first = [Column("Signal"), Column("Unit")]
     deviations: list[list[Cell]] = [

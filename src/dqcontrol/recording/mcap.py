@@ -89,7 +89,7 @@ def load_record(path: str | Path) -> Record:
     Parameters
     ----------
     path
-        A file written by `save_record`.
+        A file written by `save_record`, or the folder of a run, which holds it as ``record.mcap``.
 
     Raises
     ------
@@ -123,6 +123,8 @@ def _write(stream: IO[bytes], record: Record, spec: str) -> None:
 
 def _read(path: str | Path, parse: Callable[[_Contents], T], *, messages: bool = True) -> T:
     """Read a file, make something of it, and word whatever a damaged one raises."""
+    if Path(path).is_dir():
+        path = Path(path) / "record.mcap"
     try:
         with open_regular(path) as stream:
             return parse(_Contents(read_records(stream, messages=messages)))

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from dqcontrol.experiments.run_comparison import MOST_CURVES
 from dqcontrol.loop import Record
-from dqcontrol.robots import Robot
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -17,15 +16,9 @@ if TYPE_CHECKING:
     from dqcontrol.laws.constrained.constraints import Constraints
 
 
-def unit_of_way(robots: Iterable[Robot]) -> str:
-    """Return the unit of what the inputs of all robots move: ``"rad"``, ``"m"``, or ``"rad or m"`` if they differ."""
-    kinds = {kind for robot in robots for kind in robot.input_types}
-    return {frozenset({"revolute"}): "rad", frozenset({"prismatic"}): "m"}.get(frozenset(kinds), "rad or m")
-
-
 def surroundings_of(runs: Iterable[Run]) -> Constraints | None:
     """Return constraints with the obstacles and zones that all runs have that have any; None where these differ."""
-    given = [run.law.constraints for run in runs if run.law is not None and run.law.constraints is not None]
+    given = [run.surroundings for run in runs if run.surroundings is not None]
     alike = all((each.obstacles, each.zones) == (given[0].obstacles, given[0].zones) for each in given)
     return given[0] if given and alike else None
 
@@ -35,7 +28,8 @@ def write_comparison_figures(
 ) -> dict[str, Figure]:
     """Write figures of a dozen records at most, by label, into an existing folder, and return them.
 
-    ``unit`` is that of what the inputs move, see `unit_of_way`; ``constraints`` are drawn around paths, see
+    ``unit`` is that of what the inputs move, see `experiments.run_comparison.unit_of_way`; ``constraints`` are
+    drawn around paths, see
     `surroundings_of`.
     """
     from dqcontrol.figures import comparison_figures, save_figures

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE
 from dqcontrol.experiments.run import Run, units_of
+from dqcontrol.experiments.run_comparison import unit_of_way
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop.record import has_failed
 from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.measures.metric_tables import metrics_tables
 from dqcontrol.reports.about import about_run
-from dqcontrol.reports.compared_runs import unit_of_way
 from dqcontrol.reports.provenance import RERUN_FOLDER, command, evaluation_command, origins
 from dqcontrol.reports.run_verdicts import interventions_tables, run_verdicts
 
@@ -77,7 +77,7 @@ def _figures(run: Run, certificate: Certificate | None) -> dict[str, Figure]:
         robot=run.robot,
         timing=run.timing,
         certificate=certificate,
-        constraints=run.law.constraints if run.law else None,
+        constraints=run.surroundings,
     )
     return {name: each() for name, each in draw.items()}
 

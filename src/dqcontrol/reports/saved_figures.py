@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from dqcontrol.experiments.load_results import is_study, is_sweep, load_rows, load_runs
 from dqcontrol.experiments.ranking import rank
-from dqcontrol.experiments.run_comparison import MOST_CURVES
-from dqcontrol.reports.compared_runs import surroundings_of, unit_of_way
+from dqcontrol.experiments.run_comparison import MOST_CURVES, unit_of_way
+from dqcontrol.reports.compared_runs import surroundings_of
 from dqcontrol.reports.run_report import figures_of
 
 if TYPE_CHECKING:

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE
 from dqcontrol.experiments.row_file import Row
-from dqcontrol.experiments.run_comparison import MOST_CURVES
+from dqcontrol.experiments.run_comparison import MOST_CURVES, unit_of_way
 from dqcontrol.experiments.study import Study, by_label
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop.record import Record, has_failed
 from dqcontrol.measures.table_cells import Cell, VerdictCell
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reports.about import about_study
-from dqcontrol.reports.compared_runs import surroundings_of, unit_of_way, write_comparison_figures
+from dqcontrol.reports.compared_runs import surroundings_of, write_comparison_figures
 from dqcontrol.reports.provenance import RERUN_FOLDER, command, origins
 
 if TYPE_CHECKING:

@@ -13,6 +13,7 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, UnknownNameError, suggest
 from dqcontrol.robots.axes import rotation_matrix
+from dqcontrol.robots.default_tip import default_tip, ways_down
 from dqcontrol.robots.dh import compose, shift
 from dqcontrol.robots.kinematics_kernels import PRISMATIC, REVOLUTE
 from dqcontrol.robots.limits import Inertia, Limits
@@ -21,7 +22,8 @@ from dqcontrol.robots.robot import NamedFrame, PlacedLinks
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.tree_robot import PoseTask, TreeJoints, TreeRobot
 
-LinkJointKind: TypeAlias = Literal["revolute", "prismatic", "fixed", "floating"]
+LinkJointKind: TypeAlias = Literal["revolute", "prismatic", "fixed", "floating", "other"]
+_MOVING = ("revolute", "prismatic")
 _FLOATING = (("x", "prismatic"), ("y", "prismatic"), ("z", "prismatic"), ("yaw", "revolute"), ("pitch", "revolute"),
              ("roll", "revolute"))  # fmt: skip
 
@@ -49,7 +51,7 @@ class LinkJoint:
     Attributes
     ----------
     name, kind, parent, child
-        ``floating``: the child is free.
+        ``floating``: the child is free; ``other``: it moves as no screw does, and only stays where the file has it.
     fixed
         Pose (7,) of the joint's frame in the parent link's; it turns about or slides along its z axis.
     link
@@ -94,6 +96,10 @@ class LinkTree:
         The masses of links that have one.
     error
         Makes an error about a joint of that file, with its line.
+    held
+        Joints that cannot move by themselves, as in a loop: what is said where a chain or tree needs one.
+    marks
+        Links that only mark a place on others: never a default end.
     """
 
     name: str
@@ -102,6 +108,8 @@ class LinkTree:
     joints: tuple[LinkJoint, ...]
     bodies: Mapping[str, LinkBody]
     error: Callable[[str, str], Error]
+    held: Mapping[str, Error] = field(default_factory=dict)
+    marks: frozenset[str] = frozenset()
 
     @property
     def links(self) -> tuple[str, ...]:
@@ -129,13 +137,14 @@ class LinkTree:
         UnknownNameError
             If there is no such link.
         FileFormatError
-            If a joint follows one that does not exist, or that follows another itself.
+            If a joint follows one that does not exist, or that follows another itself, or cannot move by itself.
         """
         for name in (*(tips or ()), *([base] if base else ())):
             self._check(name)
         joints = [*self._free_base(floating), *self.joints]
         kept = _ancestors(joints, tips) if tips else {joint.name for joint in joints}
-        free = [joint for joint in joints if joint.kind in ("revolute", "prismatic") and joint.name in kept]
+        self._check_free(kept)
+        free = [joint for joint in joints if joint.kind in _MOVING and joint.name in kept]
         leaders = self._leaders(free)
         coordinates = [joint for joint in free if joint.mimic is None]
         coordinates += [joint for name, joint in leaders.items() if joint not in coordinates]
@@ -153,7 +162,7 @@ class LinkTree:
             rows.append((pose, kind, row, coordinate, coordinate, mimic.multiplier, offset))
         limits = [(joint.lower, joint.upper, joint.velocity, joint.effort) for joint in coordinates]
         frames = {name: NamedFrame(*at[name]) for name in self.links}
-        first = tips[0] if tips else _first_leaf(self.joints, self.root)
+        first = tips[0] if tips else _first_leaf(self._joints_of_bodies(), self.root)
         task = (
             PoseTask("frame", (first,))
             if base in (None, self.root)
@@ -178,6 +187,8 @@ class LinkTree:
     def chain(self, base: str | None = None, tip: str | None = None) -> SerialArm:
         """Return the serial chain between two links, without those beside it but with their masses.
 
+        Without a tip it is the chain with most joints, up to the link that carries its gripper; a `NoteWarning` tells.
+
         Raises
         ------
         UnknownNameError, FileFormatError
@@ -197,7 +208,8 @@ class LinkTree:
             path.append(carried[link])
             link = path[-1].parent
         path.reverse()
-        moving = [joint for joint in path if joint.kind in ("revolute", "prismatic")]
+        self._check_free({joint.name for joint in path})
+        moving = [joint for joint in path if joint.kind in _MOVING]
         if not moving:
             raise UnknownNameError(f"tip_link: no joint moves between '{start}' and '{end}' in {self.where}")
         for joint in moving:
@@ -234,26 +246,22 @@ class LinkTree:
         return arm
 
     def default_tip(self, base: str) -> str:
-        """Return the leaf with most joints above it."""
-        carried = {joint.child: joint for joint in self.joints}
-        parents = {joint.parent for joint in self.joints}
-        counts: dict[str, int] = {}
-        for link in self.links:
-            joint = carried.get(link)
-            if link == base:
-                counts[link] = 0
-            elif joint is not None and joint.parent in counts:
-                moves = joint.kind in ("revolute", "prismatic") and joint.mimic is None
-                counts[link] = counts[joint.parent] + moves
-        leaves = {link: count for link, count in counts.items() if link not in parents}
-        most = max(leaves.values())
-        best = [link for link, count in leaves.items() if count == most]
-        if len(best) > 1:
-            raise UnknownNameError(
-                f"tip_link: must be given for {self.where}; {len(best)} links end a chain of {most} joints: "
-                f"{', '.join(best)} (--tip-link {best[0]}; in a spec robot: {{source: …, tip_link: {best[0]}}})"
-            )
-        return best[0]
+        """Return the end of the chain with most joints, without its gripper."""
+        return default_tip(
+            self.where, self.name, base, ways_down(self._joints_of_bodies(), base), moves_alone, self.is_held
+        )
+
+    def is_held(self, joint: LinkJoint) -> bool:
+        """Return whether a joint moves with others only."""
+        return joint.mimic is not None or joint.name in self.held
+
+    def _joints_of_bodies(self) -> list[LinkJoint]:
+        return [joint for joint in self.joints if joint.child not in self.marks]
+
+    def _check_free(self, joints: set[str]) -> None:
+        for name, error in self.held.items():  # in the file's order
+            if name in joints:
+                raise error
 
     def _check(self, name: str, field: str = "frame") -> str:
         if name not in self.links:
@@ -271,7 +279,7 @@ class LinkTree:
             if joint.mimic is None:
                 continue
             leader = by_name.get(joint.mimic.joint)
-            if leader is None or leader.kind in ("fixed", "floating"):
+            if leader is None or leader.kind not in _MOVING:
                 raise self.error(
                     joint.name,
                     f"follows joint '{joint.mimic.joint}', which {'does not exist' if leader is None else 'is fixed'}"
@@ -344,9 +352,14 @@ class LinkTree:
         return stands, at, parts
 
 
+def moves_alone(joint: LinkJoint) -> bool:
+    """Return whether a joint turns or slides, and follows no other."""
+    return joint.kind in _MOVING and joint.mimic is None
+
+
 def _at_zero(joint: LinkJoint) -> Array:
     """Return the pose (7,) of a joint's screw where all coordinates are zero."""
-    if joint.kind in ("fixed", "floating"):
+    if joint.kind not in _MOVING:
         return shift()
     return _screw(joint, joint.offset + (joint.mimic.offset if joint.mimic else 0.0))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -49,15 +49,16 @@ class ServoGains:
 def mjcf_tree(path: str | Path) -> LinkTree:
     """Read an MJCF file, with its includes, defaults and assets, as MuJoCo does.
 
-    Bodies become links, named as there; joints between them are hinges and slides. Equalities of two joints become
-    mimic joints. What cannot be: ball joints, and equalities that close loops.
+    Bodies become links, named as there; joints between them are hinges and slides. Sites are links that mark a place
+    on others. Equalities of two joints become mimic joints. Ball joints, and those that other equalities tie, as in
+    the loops of a gripper, stay where the file has them: a chain or tree that needs one of them is refused.
 
     Raises
     ------
     MissingExtraError
         If mujoco is not installed.
     FileFormatError
-        If MuJoCo cannot read it, or it has something that a tree of hinges and slides cannot hold: it is named.
+        If MuJoCo cannot read it.
     """
     return MjcfFile(path).tree()
 
@@ -149,13 +150,13 @@ class MjcfFile:
         return FileFormatError(f"{self.path}{line}: {what}: {text}")
 
     def tree(self) -> LinkTree:
-        """Return its bodies and joints."""
-        model = self.model
-        follows = self._equalities()
-        names = self.body_names
+        """Return its bodies and joints, and its sites."""
+        model, names = self.model, self.body_names
+        follows, held = self._equalities()
         joints: list[LinkJoint] = []
         for body in range(1, model.nbody):
             joints += self._body_joints(body, names, follows)
+        sites = list(self._sites(names))
         bodies = {
             names[b]: LinkBody(
                 float(model.body_mass[b]),
@@ -169,9 +170,22 @@ class MjcfFile:
         def error(joint: str, text: str) -> Error:
             return self.refuse(f"joint '{joint}'", text, self.spec.joint(joint))
 
+        ball = "is a ball joint; a tree of screws has hinges and slides only"
+        held |= {joint.name: error(joint.name, ball) for joint in joints if joint.kind == "other"}
         stem = self.spec.modelname or Path(self.path).stem
         name = Path(self.path).stem if stem == "MuJoCo Model" else stem
-        return LinkTree(name, str(self.path), "world", tuple(joints), bodies, error)
+        marks = frozenset(site.child for site in sites)
+        return LinkTree(name, str(self.path), "world", (*joints, *sites), bodies, error, held, marks)
+
+    def _sites(self, names: list[str]) -> Iterator[LinkJoint]:
+        """Yield the sites that have a name, fixed to their bodies; one that is named as a body is called a site."""
+        model = self.model
+        for i in range(model.nsite):
+            name = self.mujoco.mj_id2name(model, self.mujoco.mjtObj.mjOBJ_SITE, i)
+            if name:
+                place = np.concatenate([model.site_quat[i], model.site_pos[i]])
+                child = f"{name} site" if name in names else name
+                yield LinkJoint(f"{child} fixed", "fixed", names[int(model.site_bodyid[i])], child, place)
 
     def _body_joints(self, body: int, names: list[str], follows: dict[int, Mimic]) -> Iterator[LinkJoint]:
         """Yield the joints of a body, one after the other, or that which fixes it to its parent."""
@@ -189,13 +203,11 @@ class MjcfFile:
         for j in range(first, first + count):
             name = self.joint_name(j)
             kind = int(model.jnt_type[j])
-            if kind == _BALL:
-                raise self.refuse(
-                    f"joint '{name}'",
-                    "is a ball joint; a tree of screws has hinges and slides only",
-                    self.spec.joint(name),
-                )
             child = names[body] if j == first + count - 1 else f"{names[body]} after {name}"
+            if kind == _BALL:
+                yield LinkJoint(name, "other", parent, child, place)
+                parent, place = child, shift()
+                continue
             anchor = compose(shift(*model.jnt_pos[j]), z_onto(model.jnt_axis[j]))
             limited = bool(model.jnt_limited[j])
             lower, upper = model.jnt_range[j] if limited else (-math.inf, math.inf)
@@ -226,40 +238,91 @@ class MjcfFile:
                 found.append(float(model.actuator_forcerange[i, 1] * abs(model.actuator_gear[i, 0])))
         return min(found)
 
-    def _equalities(self) -> dict[int, Mimic]:
-        """Return what joints follow, by their numbers; refuse what closes loops."""
-        model, follows = self.model, {}
+    def _equalities(self) -> tuple[dict[int, Mimic], dict[str, Error]]:
+        """Return what joints follow, by their numbers, and what else ties joints, by their names."""
+        model, follows = self.model, dict[int, Mimic]()
+        held = dict[str, Error]()
+        placed = set[int]()  # free joints that an equality places: a second one closes a loop
         for i in range(model.neq):
             if not model.eq_active0[i]:
                 continue
-            kind, element = int(model.eq_type[i]), self.spec.equalities[i]
-            what = f"equality '{self.name('EQUALITY', i)}'"
-            if kind == _WELD and self._is_mocap(i):
-                continue  # what drags a body about from outside
+            kind = int(model.eq_type[i])
             if kind in (_CONNECT, _WELD):
+                if kind == _WELD and self._is_mocap(i):
+                    continue  # what drags a body about from outside
+                tied = self._between(self._bodies(i))
+                free = {j for j in tied if int(model.jnt_type[j]) == _FREE} - placed
+                if free:
+                    placed.add(min(free))
+                    continue  # what is free goes where it is tied to
                 pair = " and ".join(f"'{self._object_name(model, i, side)}'" for side in (1, 2))
-                text = "connects" if kind == _CONNECT else "welds"
-                raise self.refuse(what, f"{text} {pair}: that closes a loop, and a tree has none", element)
-            if kind != _JOINT:
-                text = "ties tendons" if kind == _TENDON else "is of a kind"
-                raise self.refuse(what, f"{text}, which a tree of joints cannot hold", element)
-            first, second, poly = int(model.eq_obj1id[i]), int(model.eq_obj2id[i]), model.eq_data[i, :5]
-            if second < 0:
-                raise self.refuse(
-                    what, f"holds joint '{self.joint_name(first)}' at a value; make it a fixed body", element
-                )
-            if np.abs(poly[2:]).max() > 0:
-                raise self.refuse(
-                    what,
-                    f"ties joint '{self.joint_name(first)}' to '{self.joint_name(second)}' by a polynomial; only "
-                    "multiplier and offset are possible",
-                    element,
-                )
-            start = model.qpos0[model.jnt_qposadr[first]], model.qpos0[model.jnt_qposadr[second]]
-            follows[first] = Mimic(
-                self.joint_name(second), float(poly[1]), float(start[0] + poly[0] - poly[1] * start[1])
+                text = f"{'connects' if kind == _CONNECT else 'welds'} {pair}: that closes a loop, and a tree has none"
+            elif kind == _JOINT:
+                text, tied = self._tie(i, follows)
+            elif kind == _TENDON:
+                text, tied = "ties tendons, which a tree of joints cannot hold", self._tendon_joints(i)
+            else:
+                text, tied = "is of a kind, which a tree of joints cannot hold", set(range(model.njnt))
+            what = f"equality '{self.name('EQUALITY', i)}'"
+            error = self.refuse(what, f"{text}; a tip above it leaves it out", self.spec.equalities[i])
+            held |= {self.joint_name(j): error for j in sorted(tied)}
+        return follows, held
+
+    def _tie(self, equality: int, follows: dict[int, Mimic]) -> tuple[str, set[int]]:
+        """Note a joint that follows another; or return which does so in another way, and what to say."""
+        model = self.model
+        first, second = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
+        poly, name = model.eq_data[equality, :5], self.joint_name(first)
+        if second < 0:
+            return f"holds joint '{name}' at a value; make it a fixed body", {first}
+        if np.abs(poly[2:]).max() > 0:
+            other = self.joint_name(second)
+            return (
+                f"ties joint '{name}' to '{other}' by a polynomial; only multiplier and offset are possible",
+                {first},
             )
-        return follows
+        start = model.qpos0[model.jnt_qposadr[first]], model.qpos0[model.jnt_qposadr[second]]
+        follows[first] = Mimic(
+            self.joint_name(second), float(poly[1]), float(start[0] + poly[0] - poly[1] * start[1])
+        )
+        return "", set()
+
+    def _bodies(self, equality: int) -> list[int]:
+        """Return the bodies that an equality of bodies or sites ties."""
+        model = self.model
+        sites = int(model.eq_objtype[equality]) == int(self.mujoco.mjtObj.mjOBJ_SITE)
+        pair = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
+        return [int(model.site_bodyid[each]) if sites else each for each in pair]
+
+    def _between(self, bodies: Iterable[int]) -> set[int]:
+        """Return the joints that move some of some bodies against others."""
+        above = [self._above(body) for body in bodies]
+        return set[int]().union(*above) - set[int].intersection(*above)
+
+    def _above(self, body: int) -> set[int]:
+        """Return the joints that move a body."""
+        model, found = self.model, set[int]()
+        while body:
+            first = int(model.body_jntadr[body])
+            found |= set(range(first, first + int(model.body_jntnum[body])))
+            body = int(model.body_parentid[body])
+        return found
+
+    def _tendon_joints(self, equality: int) -> set[int]:
+        """Return the joints that the tendons of an equality pull at."""
+        model, wraps = self.model, self.mujoco.mjtWrap
+        tied, bodies = set[int](), list[int]()
+        for tendon in (int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])):
+            if tendon < 0:
+                continue
+            first = int(model.tendon_adr[tendon])
+            for w in range(first, first + int(model.tendon_num[tendon])):
+                kind, index = int(model.wrap_type[w]), int(model.wrap_objid[w])
+                if kind == int(wraps.mjWRAP_JOINT):
+                    tied.add(index)
+                elif kind == int(wraps.mjWRAP_SITE):
+                    bodies.append(int(model.site_bodyid[index]))
+        return tied | self._between(bodies) if bodies else tied
 
     def _is_mocap(self, equality: int) -> bool:
         """Return whether one of two welded bodies is moved by hand."""

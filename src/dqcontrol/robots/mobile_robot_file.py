@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +10,15 @@ import numpy as np
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import UnknownNameError
+from dqcontrol.robots.default_tip import longest_arms, shared, ways_down
 from dqcontrol.robots.found_base import DriveKind, FoundBase, RoundLink, find_base, is_named_wheel
-from dqcontrol.robots.link_tree import LinkJoint, LinkTree
+from dqcontrol.robots.link_tree import LinkTree, moves_alone
 from dqcontrol.robots.mesh_files import mesh_file
 from dqcontrol.robots.mjcf import mjcf_round_links, mjcf_tree
 from dqcontrol.robots.poses import inverse7
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.suffixes import MJCF
-from dqcontrol.robots.urdf import GRIPPER, UrdfTree, load_urdf, origin_matrix, urdf_tree
+from dqcontrol.robots.urdf import UrdfTree, load_urdf, origin_matrix, urdf_tree
 from dqcontrol.robots.urdf_xml import CheckedXml
 from dqcontrol.robots.whole_body import WholeBody
 
@@ -116,38 +115,16 @@ def _hand(tree: LinkTree, found: FoundBase) -> str | None:
         If there are several arms.
     """
     rolling = {name for w in (*found.wheels, *found.casters) for name in (w.joint, w.steering)}
-    paths = [path for path in _paths(tree, found.root) if rolling.isdisjoint(each.name for each in path)]
-    counts = [sum(map(_moves, path)) for path in paths]
-    most = max(counts, default=0)
+    ways = ways_down((joint for joint in tree.joints if joint.child not in tree.marks), found.root)
+    most, best = longest_arms(
+        (way for way in ways if rolling.isdisjoint(each.name for each in way)), moves_alone, tree.is_held
+    )
     if most == 0:
         return None
-    best = [path for path, count in zip(paths, counts, strict=True) if count == most]
-    shared = [each[0] for each in takewhile(lambda each: len(set(each)) == 1, zip(*best, strict=False))]
-    if 2 * sum(map(_moves, shared)) < most:
-        ends = ", ".join(path[-1].child for path in best)
+    common = shared([way.arm for way in best])
+    if 2 * sum(map(moves_alone, common)) < most:
+        ends = ", ".join(way.arm[-1].child for way in best)
         raise UnknownNameError(
             f"tip_link: must be given for {tree.where}; it has several arms, which end at {ends}"
         )
-    while shared and (fingers := [i for i, each in enumerate(shared) if _moves(each) and _opens(each)]):
-        if len(fingers) == sum(map(_moves, shared)):
-            break
-        shared = shared[: fingers[-1]]
-    return shared[-1].child
-
-
-def _paths(tree: LinkTree, root: str) -> Iterator[list[LinkJoint]]:
-    """Yield the joints from a link down to each leaf below it."""
-    ways: dict[str, list[LinkJoint]] = {root: []}
-    for joint in tree.joints:
-        if joint.parent in ways:
-            ways[joint.child] = [*ways[joint.parent], joint]
-    parents = {joint.parent for joint in tree.joints}
-    yield from (way for link, way in ways.items() if link not in parents)
-
-
-def _moves(joint: LinkJoint) -> bool:
-    return joint.kind in ("revolute", "prismatic") and joint.mimic is None
-
-
-def _opens(joint: LinkJoint) -> bool:
-    return GRIPPER.search(joint.name) is not None
+    return common[-1].child

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import io
 import math
-import re
-import warnings
 from collections.abc import Iterator
-from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import Error, FileFormatError, NoteWarning, UnknownNameError, suggest
+from dqcontrol.errors import Error, FileFormatError, UnknownNameError, suggest
 from dqcontrol.robots.axes import chain_from_axes, inverse_turn, z_onto
+from dqcontrol.robots.default_tip import default_tip, ways_down
 from dqcontrol.robots.dh import compose
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.link_inertias import lump
@@ -24,7 +22,6 @@ from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.urdf_xml import CheckedXml
 
 _MOVABLE = ("revolute", "continuous", "prismatic")
-GRIPPER = re.compile("grip|finger|thumb|jaw|claw|knuckle", re.IGNORECASE)
 
 
 def load_urdf(
@@ -33,8 +30,8 @@ def load_urdf(
     """Load the serial chain between two links of a URDF file.
 
     Fixed joints are merged. Everything that hangs on a moving link, with the joints of other branches at
-    zero, is lumped into the inertia of the joint that moves it. Meshes are never opened. A `NoteWarning` tells
-    if a chain without a named tip ends with a gripper.
+    zero, is lumped into the inertia of the joint that moves it. Meshes are never opened. A chain without a named
+    tip leaves out the gripper at its end; a `NoteWarning` tells.
 
     Parameters
     ----------
@@ -43,7 +40,8 @@ def load_urdf(
     base_link
         Link in whose frame poses are given, and gravity is; the root if omitted.
     tip_link
-        Link whose frame is the tool. If omitted: the end of the chain with most joints, if there is one such.
+        Link whose frame is the tool. If omitted: the end of the chain with most joints, if there is one such, or the
+        link that carries its gripper: joints named like one (grip, finger, thumb, jaw, claw, knuckle).
     name
         Name of the arm; the file's if omitted.
 
@@ -73,8 +71,6 @@ def load_urdf(
     tree = UrdfTree(CheckedXml(path))
     base = tree.link("base_link", base_link) if base_link is not None else tree.root
     tip = tree.link("tip_link", tip_link) if tip_link is not None else tree.default_tip(base)
-    if tip_link is None and (gripper := tree.gripper_joints(base, tip)):
-        _note_gripper(tree.name, gripper)
     joints = tree.path(base, tip)
 
     poses, axes, moving, before = [], [], [], np.eye(4)
@@ -123,7 +119,13 @@ def urdf_tree(path: str | Path) -> LinkTree:
     def error(joint: str, text: str) -> Error:
         return tree.xml.error("joint", joint, text)
 
-    return LinkTree(tree.name, str(path), tree.root, tuple(joints), bodies, error)
+    allowed = f"a tree has only {', '.join(_MOVABLE)}, floating and fixed joints"
+    held = {
+        joint.name: error(joint.name, f"is {joint.type}; {allowed}")
+        for joint in tree.parent.values()
+        if joint.type not in (*_MOVABLE, "fixed", "floating")
+    }
+    return LinkTree(tree.name, str(path), tree.root, tuple(joints), bodies, error, held)
 
 
 def _link_joint(tree: UrdfTree, joint: Any) -> LinkJoint:
@@ -132,11 +134,7 @@ def _link_joint(tree: UrdfTree, joint: Any) -> LinkJoint:
     if joint.type in ("fixed", "floating"):
         return LinkJoint(joint.name, joint.type, joint.parent, joint.child, place)
     if joint.type not in _MOVABLE:
-        raise tree.xml.error(
-            "joint",
-            joint.name,
-            f"is {joint.type}; a tree has only {', '.join(_MOVABLE)}, floating and fixed joints",
-        )
+        return LinkJoint(joint.name, "other", joint.parent, joint.child, place)
     turn = z_onto(_axis(tree, joint))
     limits, mimic = _limits(tree, [joint]), joint.mimic
     follows = None
@@ -155,17 +153,6 @@ def _link_joint(tree: UrdfTree, joint: Any) -> LinkJoint:
         float(limits.velocity[0]),
         float(limits.effort[0]),
         follows,
-    )
-
-
-def _note_gripper(robot: str, joints: list[Any]) -> None:
-    """Say that a chain nobody chose would move the hand with its gripper."""
-    names, link = ", ".join(joint.name for joint in joints), joints[0].parent
-    warnings.warn(
-        f"{robot}: the chain ends with {names}, a gripper by its name, which then moves the hand like any joint; "
-        f"to end before it: --tip-link {link}; in a spec robot: {{source: …, tip_link: {link}}}",
-        NoteWarning,
-        stacklevel=3,
     )
 
 
@@ -250,25 +237,10 @@ class UrdfTree:
         return joints[::-1]
 
     def default_tip(self, base: str) -> str:
-        """Return the leaf with most joints above it."""
-        leaves = [link for link in self.below(base) if not self.children[link]]
-        counts = {leaf: sum(_is_movable(joint) for joint in self.path(base, leaf)) for leaf in leaves}
-        most = max(counts.values())
-        best = [leaf for leaf in leaves if counts[leaf] == most]
-        if len(best) > 1:
-            gripper = self.gripper_joints(base, best[0])
-            likely = gripper[0].parent if gripper else best[0]
-            raise UnknownNameError(
-                f"tip_link: must be given for {self.xml.path}; {len(best)} links end a chain of {most} "
-                f"joints: {', '.join(best)} (--tip-link {likely}; in a spec robot: {{source: …, tip_link: {likely}}})"
-            )
-        return best[0]
-
-    def gripper_joints(self, base: str, tip: str) -> list[Any]:
-        """Return the last moving joints above a tip whose names say that they open a gripper; none if all do."""
-        moving = [joint for joint in self.path(base, tip) if _is_movable(joint)]
-        last = list(takewhile(lambda joint: GRIPPER.search(joint.name), reversed(moving)))
-        return last[::-1] if len(last) < len(moving) else []
+        """Return the end of the chain with most joints, without its gripper."""
+        joints = (self.parent[link] for link in self.below(base) if link != base)
+        ways = ways_down(joints, base)
+        return default_tip(str(self.xml.path), self.name, base, ways, _is_movable, _follows)
 
     def check_movable(self, joint: Any) -> None:
         """Raise if a serial arm cannot have this joint."""
@@ -288,6 +260,10 @@ class UrdfTree:
 
 def _is_movable(joint: Any) -> bool:
     return joint.type in _MOVABLE and joint.mimic is None
+
+
+def _follows(joint: Any) -> bool:
+    return joint.type in _MOVABLE and joint.mimic is not None
 
 
 def origin_matrix(joint: Any) -> Array:

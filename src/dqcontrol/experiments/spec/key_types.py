@@ -86,6 +86,8 @@ def numbers_for_quantities(where: str, data: Any, kinds: Kinds, field: str = "")
         return data
     value, unit = as_quantity(data) or (0.0, "")
     expected = unit_in(list(kinds))
+    if unit == "Hz" and value > 0 and field.rpartition(".")[2] == "period":
+        value, unit = 1 / value, "s"
     if unit not in expected.split(" or "):
         wanted = f"a number in {expected}" if expected else "a number without a unit"
         raise FileFormatError(f"{where}: {field}: expected {wanted}, got '{data}'")

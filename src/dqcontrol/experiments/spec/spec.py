@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
@@ -392,7 +393,7 @@ _OTHER_COMMANDS = {
 }
 
 
-def read_spec(source: str | Path | dict[str, Any]) -> tuple[Spec, Path]:
+def read_spec(source: str | Path | dict[str, Any], leaving_out: Collection[str] = ()) -> tuple[Spec, Path]:
     """Return a spec and the folder that its relative file names start from.
 
     Parameters
@@ -400,6 +401,8 @@ def read_spec(source: str | Path | dict[str, Any]) -> tuple[Spec, Path]:
     source
         Path of a YAML file, or the same as a dictionary (file names are then relative to the working folder), in which
         robot, reference, laws and plants may be objects.
+    leaving_out
+        Blocks of other commands, as ``tune``, that are passed over.
 
     Raises
     ------
@@ -407,6 +410,8 @@ def read_spec(source: str | Path | dict[str, Any]) -> tuple[Spec, Path]:
         If the file is missing, malformed, or has an unknown or unfit key: ``path: field: …``.
     """
     where, data, folder = read_data(source)
+    for key in leaving_out:
+        data.pop(key, None)
     for key, (what, command) in _OTHER_COMMANDS.items():
         if key in data:
             raise FileFormatError(f"{where}: {key}: describes {what}; run it with 'dqcontrol {command}'")
@@ -447,6 +452,29 @@ def as_spec(where: str, data: dict[str, Any], folder: Path) -> Spec:
         except Error as error:
             raise FileFormatError(f"{where}: {error}") from None
     return spec
+
+
+def part_of_spec(where: str, text: str, key: str) -> Any:
+    """Return a ``law`` or ``plant``, ``key``, as a spec writes it in one line, or by its kind alone.
+
+    ``where`` is for the messages.
+
+    Raises
+    ------
+    FileFormatError
+        If it is malformed, or there is no such kind.
+
+    Examples
+    --------
+    >>> part_of_spec("--law", "{kind: proportional, gain: 5}", "law").gain
+    5.0
+    """
+    given = parse_yaml(where, text)
+    data = {key: {"kind": given} if isinstance(given, str) else given}
+    complete_plants(data, Path.cwd())
+    admit(where, data, Path.cwd())
+    data = numbers_for_quantities(where, data, list(kinds_of(Spec)))
+    return convert(where, data[key], AnyLaw if key == "law" else AnyPlant)
 
 
 def quantities_at(where: str, key: str, values: Any, field: str) -> Any:

@@ -15,11 +15,13 @@ from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each, as_positive, unknown_name
 from dqcontrol.experiments.results_folder import made_folder
+from dqcontrol.experiments.run_comparison import unit_of_way
 from dqcontrol.logs.servos.encoder_noise import QUANTUM
 from dqcontrol.logs.servos.joint_fit import NORMAL_95
 from dqcontrol.logs.servos.joint_motion_files import write_joint_motion
 from dqcontrol.logs.servos.lag_response import BY_DELAY, BY_LAG, OUTPUT, TRANSIENT, held, lag_response
 from dqcontrol.logs.servos.servo_orders import MOST_DELAY
+from dqcontrol.measures.metric_tables import fitting_unit
 from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.robots import Robot, SerialArm, load_robot
 
@@ -99,11 +101,12 @@ class Excitation:
     def table(self) -> Table:
         """One row a joint: how it moves, and what that tells."""
         lag, delay, noise = self.assumed
+        unit = unit_of_way([self.robot])
         columns = [
             Column("joint"),
-            Column("range", "rad", ".3g"),
-            Column("top speed", "rad/s", ".3g"),
-            Column("top acceleration", "rad/s²", ".3g"),
+            Column("range", fitting_unit("rad or m", unit), ".3g"),
+            Column("top speed", fitting_unit("rad/s or m/s", unit), ".3g"),
+            Column("top acceleration", fitting_unit("rad/s² or m/s²", unit), ".3g"),
             Column("lag ± 95 %", "ms", ".2g"),
             Column("delay ± 95 %", "ms", ".2g"),
             Column("correlation", "", ".3f"),

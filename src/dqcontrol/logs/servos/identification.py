@@ -25,6 +25,7 @@ from dqcontrol.logs.servos.commanded import CommandedLog, Mode
 from dqcontrol.logs.servos.joint_fit import fit, thinned
 from dqcontrol.logs.servos.joint_gates import JointIdentification, identify_joint
 from dqcontrol.logs.servos.twin import Twin, save_twin
+from dqcontrol.measures.metric_tables import fitting_unit
 from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.plants.servo import Servo
 from dqcontrol.robots import Robot, load_robot
@@ -103,7 +104,10 @@ class Identification:
             return any(math.isfinite(value(joint)) for joint in self.fitted)
 
         shown = [each for each in _SHOWN if each[0][0] in _ALWAYS or has_any(each[1])]
-        columns = [Column("joint"), *(Column(*heading) for heading, _ in shown)]
+        units = {joint.unit for joint in self.joints}
+        unit = units.pop() if len(units) == 1 else "rad or m"
+        columns = [Column("joint")]
+        columns += [Column(title, fitting_unit(of, unit), form) for (title, of, form), _ in shown]
         rows: list[list[Cell]] = []
         for each in self.joints:
             numbers: list[Cell] = ["refused", *[None] * (len(shown) - 1)]
@@ -269,12 +273,12 @@ _SHOWN: list[tuple[tuple[str, str, str], Callable[[JointIdentification], float]]
     (("ζ", "", ".3f"), lambda joint: joint.damping_ratio),
     (("correlation", "", ".3f"), lambda joint: joint.correlation),
     (("gain", "", ".4f"), lambda joint: joint.gain),
-    (("sag", "mrad/(N·m)", ".3g"), lambda joint: 1e3 * joint.sag),
-    (("play", "mrad", ".2g"), lambda joint: 1e3 * joint.friction or math.nan),
-    (("step", "mrad", ".3g"), lambda joint: 1e3 * joint.resolution),
-    (("noise", "mrad", ".2g"), lambda joint: 1e3 * joint.noise),
-    (("left, checked", "mrad", ".2g"), lambda joint: 1e3 * joint.residual),
-    (("floor", "mrad", ".2g"), lambda joint: 1e3 * joint.floor),
+    (("sag", "mrad/(N·m) or mm/N", ".3g"), lambda joint: 1e3 * joint.sag),
+    (("play", "mrad or mm", ".2g"), lambda joint: 1e3 * joint.friction or math.nan),
+    (("step", "mrad or mm", ".3g"), lambda joint: 1e3 * joint.resolution),
+    (("noise", "mrad or mm", ".2g"), lambda joint: 1e3 * joint.noise),
+    (("left, checked", "mrad or mm", ".2g"), lambda joint: 1e3 * joint.residual),
+    (("floor", "mrad or mm", ".2g"), lambda joint: 1e3 * joint.floor),
 ]  # columns of the table, and what stands in them
 _ALWAYS = ("lag", "± 95 %", "delay")
 _WORDS = {

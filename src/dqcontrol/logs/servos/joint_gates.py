@@ -121,6 +121,8 @@ class JointIdentification:
     friction
         By how much the joint stays behind to the side that it comes from, rad or m: half of a play, or friction; 0 if
         none is sure.
+    unit
+        Of its positions, ``"rad"`` or ``"m"``.
     trace
         For plots; None of refused joints.
     """
@@ -150,6 +152,7 @@ class JointIdentification:
     damping_ratio: float = math.nan
     damping_ratio_interval: Interval = (math.nan, math.nan)
     friction: float = 0.0
+    unit: str = "rad"
     trace: JointTrace | None = field(default=None, repr=False, compare=False)
 
 
@@ -179,7 +182,7 @@ def identify_joint(name: str, unit: str, segments: list[Segment], period: float)
     targets = np.concatenate([each.target.values for each in segments])
     resolution = resolution_of(positions)
     noise = max(noise_of(positions, 0.0), resolution)
-    bare = JointIdentification(name, resolution=resolution)
+    bare = JointIdentification(name, resolution=resolution, unit=unit)
     asked, moved = float(np.ptp(targets)), float(np.ptp(positions))
     if asked < _IDLE:
         return replace(bare, reason="idle: its command never changes")

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import ValueRangeError, as_positive, unknown_name
@@ -18,6 +21,7 @@ from dqcontrol.references.yaml_form import FileName, SpecStart
 
 ORIENTATIONS = ("fixed", "path")
 TURN_SPEED = 1.0  # rad/s
+_WIDTH, _SPEED = 0.2, 0.1  # m, m/s: of an SVG file where nothing is said
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -93,17 +97,51 @@ class Drawing(PlanarReference):
         self._place(trace, start, plane_axes("plane", self.plane), follow=follow)
 
     @classmethod
-    def from_spec(cls, start: SpecStart, *, file: FileName) -> Drawing:
-        """Follow a drawing file; see `dqcontrol.references.load_drawing`."""
+    def from_spec(
+        cls,
+        start: SpecStart,
+        *,
+        file: FileName,
+        width: Annotated[float, Meta(gt=0, description="m")] | None = None,
+        speed: Annotated[float, Meta(gt=0, description="m/s")] | None = None,
+        plane: Literal["xy", "xz", "yz"] | None = None,
+    ) -> Drawing:
+        """Follow a drawing file, or the outlines of an SVG file.
+
+        Parameters
+        ----------
+        start
+            Where it begins.
+        file
+            A drawing file, see `dqcontrol.references.load_drawing`; or an SVG file, whose outlines are drawn one after
+            the other, with straight lines between them.
+        width, speed, plane
+            Of an SVG file, which says none of them: 0.2 m, 0.1 m/s, ``"xz"`` if omitted.
+        """
+        path = start.folder / file
+        if path.suffix.lower() == ".svg":
+            return cls._of_svg(start, path, width or _WIDTH, speed or _SPEED, plane or "xz")
+        for key, value in (("width", width), ("speed", speed), ("plane", plane)):
+            if value is not None:
+                raise ValueRangeError(f"{start.place}.{key}: is for SVG files; {path} says it itself")
         from dqcontrol.references.drawing.drawing_file import parse_drawing
 
-        path = start.folder / file
         said = parse_drawing(read_text(path), str(path))
         if said.position is not None:
             start.refuse_position(path)
         if said.rotation is not None:
             start.refuse_orientation(path)
         return said.drawing(start.pose)
+
+    @classmethod
+    def _of_svg(cls, start: SpecStart, path: Path, width: float, speed: float, plane: Plane) -> Drawing:
+        from dqcontrol.references.drawing.pen_strokes import box_of, in_one_go
+        from dqcontrol.references.drawing.svg_file import load_svg
+
+        pens = load_svg(path)
+        low, high = box_of(pens)
+        across = float(high[0] - low[0]) or float(high[1] - low[1])
+        return cls(start.pose, in_one_go(pens, width / across, speed), plane=plane)
 
     @property
     def length(self) -> float:

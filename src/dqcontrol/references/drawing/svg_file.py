@@ -8,13 +8,13 @@ import io
 import os
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 from xml.etree import ElementTree
 from xml.parsers import expat
 
 from dqcontrol.errors import FileFormatError, MissingExtraError, NoteWarning
 from dqcontrol.files.input_file import read_whole
+from dqcontrol.references.drawing.pen_strokes import PenStroke
 from dqcontrol.references.strokes import Arc, StraightStroke, Stroke
 
 _LARGEST = 2_000_000  # bytes
@@ -24,22 +24,6 @@ _STEP = 1e-5  # of a curve's parameter, for its tangents
 _WHITE = "#ffffff"
 _EDGE = 0.01  # of the page: a background may end so far from its edge
 _FLAT = 1e-6  # of a chord's length: an arc as flat as that is a line
-
-
-@dataclass(frozen=True)
-class PenStroke:
-    """What is drawn without lifting the pen.
-
-    Attributes
-    ----------
-    start
-        Where the pen is put down, paper coordinates.
-    strokes
-        Lines and arcs from there on, in the same coordinates.
-    """
-
-    start: tuple[float, float]
-    strokes: tuple[Stroke, ...]
 
 
 def load_svg(path: str | os.PathLike[str]) -> tuple[PenStroke, ...]:
