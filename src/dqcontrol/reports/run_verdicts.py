@@ -75,10 +75,12 @@ def interventions_tables(record: Record) -> list[Table]:
 
 
 def _end(run: Run) -> Iterator[Row]:
-    words = "failed" if run.task.outcome == "failed" else "succeeded" if run.task.succeeded else "fell short"
+    words, failure = run.verdict
+    yield ["Run", VerdictCell("failed" if failure else "succeeded", not failure), words]
+    ended = failure != "ended"
     yield [
         "End",
-        VerdictCell(words, run.task.succeeded),
+        VerdictCell("as planned" if ended else "failed", ended),
         f"{run.record.stopped}; {run.record.duration:.4g} s",
     ]
 
@@ -98,7 +100,11 @@ def _joint_limits(run: Run) -> Iterator[Row]:
     if joint:
         unit = "rad" if run.robot.joint_types[run.record.joint_names.index(joint)] == "revolute" else "m"
         where = f"{joint}: {abs(margin):.3g} {unit} {'left' if margin >= 0 else 'beyond'}"
-        yield ["Joint limits", VerdictCell(*(("kept", True) if margin >= 0 else ("exceeded", False))), where]
+        yield [
+            "Joint limits",
+            VerdictCell(*(("kept", True) if margin >= -_CROSSED else ("exceeded", False))),
+            where,
+        ]
 
 
 def _velocity_limits(run: Run) -> Iterator[Row]:
