@@ -231,7 +231,7 @@ class Contacts:
         """
         q, time = record.q, record.time
         look = len(q) if self._moved else min(_FIRST_LOOK, len(q))
-        at = np.unique((np.arange(look) * (len(q) - 1) / max(look - 1, 1)).astype(np.intp))
+        at = (np.arange(look) * (len(q) - 1) / max(look - 1, 1)).astype(np.intp)
         way = np.empty(len(q))
         add_up_ways(q, self._levers, way)
         values = self._distances(q[at], time[at])

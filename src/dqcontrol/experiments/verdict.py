@@ -68,6 +68,8 @@ def verdict_of(row: Mapping[str, Any]) -> Verdict:
     """Return what a row of a study says of its run."""
     words = row.get("verdict") or row.get("task") or row["stopped"]
     if "failure" not in row:  # of a study that was saved before there were verdicts
+        if has_failed(str(row["stopped"])):
+            return Verdict(str(row["stopped"]), "ended")
         return Verdict(str(words), "" if row.get("task") in ("reached", "followed") else "task")
     return Verdict(str(words), "ended" if row["failure"] is None else row["failure"])
 
@@ -137,7 +139,7 @@ class Judge:
         skip_initial
             As for `task_result`.
         """
-        if metrics.task == "failed":
+        if metrics.task.startswith("failed"):
             diverged = "" if has_failed(record.stopped) else "diverged: "
             return Verdict(diverged + record.stopped.partition(";")[0], "ended")
         found: list[tuple[Failure, str]] = [

@@ -77,7 +77,7 @@ def confidence_table(
 def _means(study: Repeats, keys: Sequence[str], title: str, spread: Callable[[Mean], float | None]) -> Table:
     columns = [number_column(key) for key in keys]
     body: list[list[Cell]] = []
-    judged = any("failure" in row for rows in study.groups.values() for row in rows)
+    judged = any(row.get("failure") is not None for rows in study.groups.values() for row in rows)
     for group in study.groups:
         means = [study.mean(group, key) for key in keys]
         cells = [mean and PlusMinus(mean.mean, spread(mean)) for mean in means]

@@ -75,12 +75,11 @@ def interventions_tables(record: Record) -> list[Table]:
 
 
 def _end(run: Run) -> Iterator[Row]:
-    words, failure = run.verdict
-    yield ["Run", VerdictCell("failed" if failure else "succeeded", not failure), words]
-    ended = failure != "ended"
+    failure = run.verdict.failure
+    words = "failed" if failure == "ended" else "fell short" if failure else "succeeded"
     yield [
         "End",
-        VerdictCell("as planned" if ended else "failed", ended),
+        VerdictCell(words, not failure),
         f"{run.record.stopped}; {run.record.duration:.4g} s",
     ]
 

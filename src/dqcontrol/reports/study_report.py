@@ -115,12 +115,12 @@ def study_verdicts(rows: Sequence[Row]) -> Table:
         kept = (
             None if least is None else VerdictCell("kept" if least >= -1e-9 else "exceeded", least >= -1e-9)
         )
-        lines.append([label, verdict, f"{well} of {len(trials)}", end, kept, least])
+        lines.append([label, f"{well} of {len(trials)}", end, verdict, kept, least])
     columns = [
         Column("Run"),
-        Column("Verdict"),
         Column("Ended well"),
         Column("End"),
+        Column("Verdict"),
         Column("Joint limits"),
         Column("Least margin", "rad or m", ".3g"),
     ]
