@@ -1,4 +1,4 @@
-"""Ten runs that fail in ten ways, and runs that do not: the first line says it, with cause and number, and the exit status."""
+"""Ten runs that fail in ten ways, and good ones: the first line and the exit status say it, with cause and number."""
 
 import re
 import sys
@@ -32,6 +32,7 @@ REST = {"reference": {"kind": "set-point", "duration": 2}}
 GRIPPER = {"closes": "y", "schedule": [{"time": 0.2, "closed": True}, {"time": 1.5, "closed": False}]}
 TALL = """
 name: tall
+angles: degrees
 parts:
   - kind: differential-drive
     wheel_radius: 0.0985
