@@ -20,7 +20,7 @@ SPEC = {
     "start": [0, 0.6, 0, 1.6, 0, 0.6, 0],
     "period": 0.01,
     "reference": {"kind": "circle", "radius": 0.05, "duration": 1.0},
-    "law": {"kind": "proportional", "gain": 5},
+    "law": {"kind": "proportional", "gain": 5},  # it lags, so that its runs end with 1
     "plant": {"kind": "integrator"},
 }
 
@@ -47,7 +47,7 @@ def call(*arguments, capsys):
 
 def test_run_writes_a_folder_and_prints_the_table(here, capsys):
     code, out, _ = call("run", "spec.yaml", capsys=capsys)
-    assert code == 0
+    assert code == 1
     assert "proportional · integrator" in out
     assert "results: results/tiny" in out
     names = {path.name for path in (here / "results/tiny").iterdir()}
@@ -55,14 +55,14 @@ def test_run_writes_a_folder_and_prints_the_table(here, capsys):
 
 
 def test_results_are_never_overwritten_unasked(here, capsys):
-    assert call("run", "spec.yaml", "--no-figures", "--out", "out", capsys=capsys)[0] == 0
+    assert call("run", "spec.yaml", "--no-figures", "--out", "out", capsys=capsys)[0] == 1
     before = (here / "out/metrics.json").stat().st_mtime_ns
     code, _, err = call("run", "spec.yaml", "--out", "out", capsys=capsys)
     assert (code, err.count("\n")) == (2, 1)
     assert "out: exists" in err
     assert "--force" in err
     assert (here / "out/metrics.json").stat().st_mtime_ns == before
-    assert call("run", "spec.yaml", "--no-figures", "--out", "out", "--force", capsys=capsys)[0] == 0
+    assert call("run", "spec.yaml", "--no-figures", "--out", "out", "--force", capsys=capsys)[0] == 1
     assert (here / "out/metrics.json").stat().st_mtime_ns != before
     (here / "precious").mkdir()
     (here / "precious/thesis.tex").write_text("years of work")
@@ -80,7 +80,7 @@ def test_a_study_and_its_comparison(here, capsys):
         "K+FF": {"kind": "proportional-feedforward", "gain": 5},
     }
     (here / "study.yaml").write_text(yaml.safe_dump(spec))
-    assert call("run", "study.yaml", "--out", "study", capsys=capsys)[0] == 0
+    assert call("run", "study.yaml", "--out", "study", capsys=capsys)[0] == 1
     assert {"K-integrator", "K+FF-integrator", "table.md", "table.csv", "paths.png", "errors.png"} <= {
         path.name for path in (here / "study").iterdir()
     }
@@ -103,11 +103,11 @@ def test_a_study_with_repeats(here, capsys):
     pytest.importorskip("pyarrow")
     (here / "repeats.yaml").write_text(yaml.safe_dump(REPEATED))
     code, out, err = call("run", "repeats.yaml", "--jobs", 1, capsys=capsys)
-    assert code == 0
+    assert code == 1
     assert re.search(r"│ proportional +│ +3 │ +0 │ +\d+\.\d+ ± 0\.\d+ ", out), out
     assert "3/3" in err
     (here / "other.yaml").write_text(yaml.safe_dump({**REPEATED, "name": "other", "seed": 9}))
-    assert call("run", "other.yaml", capsys=capsys)[0] == 0
+    assert call("run", "other.yaml", capsys=capsys)[0] == 1
     code, out, _ = call("compare", "results/tiny", "results/other", "--out", "both", capsys=capsys)
     assert code == 0
     assert re.search(r"│ tiny +│ +3 │ +0 │", out)
@@ -138,7 +138,7 @@ def test_an_interrupted_study_says_how_it_goes_on(here, capsys, monkeypatch):
     )
     assert not (here / "results/tiny").exists()
     code, _, err = call("run", "repeats.yaml", "--no-figures", capsys=capsys)
-    assert code == 0
+    assert code == 1
     assert "dqcontrol: resuming: 2 of 3 trials already done\n" in err
     assert not (here / "results/.tiny.part").exists()
 
@@ -150,7 +150,7 @@ def test_trials_that_diverge_are_said_at_the_end(here, capsys):
     del spec["law"]
     (here / "bad.yaml").write_text(yaml.safe_dump(spec))
     code, out, _ = call("run", "bad.yaml", "--no-figures", capsys=capsys)
-    assert code == 0
+    assert code == 1
     assert "bad · servo: 3 of 3 repeats diverged at 0 s: the command is not finite (seed 0)\n" in out
 
 
@@ -288,7 +288,7 @@ def test_check_moves_nothing_and_tells_instability_by_its_exit_code(here, capsys
         "proportional · integrator: position unstable: k = 250 1/s, limit 200 1/s; choose k ≤ 100 1/s" in out
     )
     code, _, err = call("run", "spec.yaml", "--no-figures", capsys=capsys)
-    assert code == 0
+    assert code == 1
     assert "dqcontrol: warning: proportional · integrator: position unstable" in err
     (here / "spec.yaml").write_text("robot: 3")
     code, _, err = call("check", "spec.yaml", capsys=capsys)

@@ -36,7 +36,8 @@ def test_a_goal_below_the_floor_is_said_before_and_in_the_run():
     assert before == (
         "reference: at t = 0 s the hand shall be 27 mm below the floor (z = 0), which does not stop it"
     )
-    assert "proportional · servo: the hand went 2" in after
+    assert after.startswith("proportional · servo: through the floor: link_5 −3")
+    assert done.verdict.failure == "contact"
     assert done.metrics.hand_clearance == pytest.approx(done.record.position[:, 2].min())
     assert done.metrics.hand_clearance < -0.02
 

@@ -88,7 +88,7 @@ def test_a_run_that_falls_short_says_by_how_much_and_what_helps():
     assert rows["Task"][1].good is False
     assert "counts as reached up to 4 mm, 0.57°" in rows["Task"][2]
     table = summary({"K": run})
-    assert table.texts()[0][[column.title for column in table.columns].index("task")] == run.metrics.task
+    assert table.texts()[0][[column.title for column in table.columns].index("verdict")] == run.verdict.words
 
 
 def test_an_arm_with_five_joints_is_told_before_and_after():

@@ -14,9 +14,9 @@ from dqcontrol.cli.screen import print_table, progress_bar
 if TYPE_CHECKING:
     from dqcontrol.experiments import Study
 
-FAILED = 1  # exit code of a run in real time that was halted, faulted, fell or diverged
 RealTime = Annotated[bool, Parameter(negative=())]
 Compiled = Annotated[bool, Parameter(negative=())]
+FAILED = 1  # a run did not do what was asked, or broke what it was to keep
 Over = Literal["udp", "shared-memory"]
 
 
@@ -33,6 +33,9 @@ def run(
     over: Over | None = None,
 ) -> None:
     """Run an experiment and write its table, recordings and plots; rerun it to resume after an interruption.
+
+    The first line says what came of it. Exit status: 0 if every run did what was asked and kept what it was to keep; 1
+    if one did not; 2 if nothing ran, because something is wrong or out of reach.
 
     Parameters
     ----------
@@ -68,7 +71,7 @@ def run(
         return
     try:
         with progress_bar() as progress:
-            run_study_to(
+            study = run_study_to(
                 spec,
                 folder,
                 force=force,
@@ -84,10 +87,13 @@ def run(
         )
         raise KeyboardInterrupt(kept) from None
     print(f"results: {folder}")
+    if not study.is_good:
+        sys.exit(FAILED)
 
 
 def _show(study: Study) -> None:
     """Print what came of a study, before its figures are drawn."""
+    print(study.headline)
     print_table(study.table())
     for line in study.failures():
         print(line)
@@ -101,7 +107,6 @@ def _in_real_time(
     from dqcontrol.experiments import run_in_real_time, summary
     from dqcontrol.export import run_compiled_in_real_time
     from dqcontrol.figures import timing_table
-    from dqcontrol.loop.record import has_failed
 
     def watch(time: float, reasons: tuple[str, ...]) -> None:
         print(f"{time:8.3f} s: {', '.join(reasons) or 'follows the law'}", file=sys.stderr)
@@ -110,10 +115,11 @@ def _in_real_time(
         done = run_in_real_time(spec, folder, force=force, figures=figures, watch=watch)
     else:
         done = run_compiled_in_real_time(spec, folder, force=force, figures=figures, watch=watch, **compiled)
+    print(done.verdict.words)
     print_table(summary({done.label: done}))
     if done.timing:
         print_table(timing_table(done.timing))
     print(f"ended: {done.record.stopped}")
     print(f"results: {folder}")
-    if has_failed(done.record.stopped):
+    if done.verdict.failure:
         sys.exit(FAILED)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -80,19 +78,6 @@ def check_clearance(robot: Robot, q0: Array, samples: Array) -> None:
             CollisionWarning,
             stacklevel=4,
         )
-
-
-def went_through(label: str, trials: Sequence[Mapping[str, Any]]) -> str:
-    """Say how deep the hand went into floor or base in repeats of one case, given by their metrics; nothing if not."""
-    inside = [trial for trial in trials if (trial["hand_clearance"] or 0.0) < 0]
-    if not inside:
-        return ""
-    depth = -min(trial["hand_clearance"] for trial in inside)
-    count = f", in {len(inside)} of {len(trials)} repeats" if len(trials) > 1 else ""
-    return (
-        f"{label}: the hand went {1e3 * depth:.0f} mm into the floor or its own base{count}; "
-        "nothing stopped it there"
-    )
 
 
 def _stands_on_a_floor(robot: Robot) -> bool:

@@ -24,6 +24,7 @@ from dqcontrol.experiments.run_comparison import summary
 from dqcontrol.experiments.shortfall import warn_of_shortfalls
 from dqcontrol.experiments.spec import AnyLaw, AnyPlant, MetricsFrom, Spec, read_spec
 from dqcontrol.experiments.spec.spec_files import copy_inputs
+from dqcontrol.experiments.verdict import Judge, Verdict, verdict_of
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.laws import Constraints, Law
@@ -164,7 +165,20 @@ class Run:
             self.law,
             self.plant,
             low_pass=self.low_pass,
+            judge=self._judge,
         )
+
+    @property
+    def verdict(self) -> Verdict:
+        """Whether it did what was asked and kept what it was to keep."""
+        return verdict_of({**vars(self.metrics), "stopped": self.record.stopped})
+
+    @property
+    def _judge(self) -> Judge:
+        spec = self._parts
+        if spec is None:
+            return Judge(self.robot)
+        return Judge.of(spec, self.robot, spec.variants[0].law, next(iter(spec.plant_by_label.values())))
 
     @cached_property
     def task(self) -> TaskResult:
@@ -249,15 +263,21 @@ def measure(
     plant: Plant | None = None,
     *,
     low_pass: float | None = None,
+    judge: Judge | None = None,
 ) -> Metrics:
-    """Return the metrics of a run on a robot; of one that ended before it could settle, those of its last sample."""
+    """Return the metrics of a run on a robot; of one that ended before it could settle, those of its last sample.
+
+    ``judge`` gives its verdict; without it one that knows robot, law and plant alone.
+    """
     limits = robot.limits
     if plant is not None and command_mode(plant) == "measured":  # its commands are no velocities of joints
         limits = replace(limits, velocity=np.full_like(limits.velocity, np.inf))
     shown = as_measured(record, robot, metrics_from)
     skip_initial = min(skip_initial, record.duration)
     metrics = evaluate(shown, limits, skip_initial=skip_initial, law=law, robot=robot, low_pass=low_pass)
-    return replace(metrics, hand_clearance=least_clearance(robot, shown))
+    metrics = replace(metrics, hand_clearance=least_clearance(robot, shown))
+    verdict = (judge or Judge(robot, law, plant)).verdict(shown, metrics, skip_initial)
+    return replace(metrics, verdict=verdict.words, failure=verdict.failure)
 
 
 def execute(

@@ -36,7 +36,7 @@ TOUCHED = {  # shown where an obstacle is
 DRIVEN = {"outside_range": Column("outside range of J", "", ".2g")}  # shown where a differential drive is
 
 SATURATED = {"saturation": Column("at velocity limits", "of time", ".2g")}  # shown where some command was
-TASK = {"task": Column("task")}  # shown where a reference ends at rest, or was not followed
+VERDICT = {"verdict": Column("verdict")}
 
 MEANS = (
     "position.settled_rms",
@@ -74,16 +74,14 @@ def summary_of(
 ) -> Table:
     """Return the same of labels with rows as of `Study.rows`; ``unit`` is that of what the inputs move."""
     rows = list(rows)
-    columns = {key: replace(column, unit=fitting_unit(column.unit, unit)) for key, column in COMPARED.items()}
+    columns = VERDICT | {
+        key: replace(column, unit=fitting_unit(column.unit, unit)) for key, column in COMPARED.items()
+    }
     for some in (TOUCHED, DRIVEN):
         if any(row.get(key) is not None for key in some for _, row in rows):
             columns |= some
     if any(row.get("saturation") for _, row in rows):
         columns |= SATURATED
-    if any(row.get("task") not in (None, "followed", "failed") for _, row in rows):
-        columns |= TASK  # by how much one was not followed is in the columns of its errors
-        cut = {label: str(row["task"]).partition(": errs")[0] for label, row in rows if row.get("task")}
-        rows = [(label, {**row, "task": cut.get(label)}) for label, row in rows]
     lines = [[label, *(row.get(key) for key in columns), row["stopped"]] for label, row in rows]
     return Table([Column("run"), *columns.values(), Column("ended by")], lines, title)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -62,10 +63,10 @@ def run_study(
     [0, 1, 2]
     """
     setting = prepare(source)
-    if journal is None:
-        return _run(setting, checked_jobs(jobs), progress, None)
-    with Journal(Path(journal), setting) as kept:
-        return _run(setting, checked_jobs(jobs), progress, kept)
+    with nullcontext() if journal is None else Journal(Path(journal), setting) as kept:
+        study = _run(setting, checked_jobs(jobs), progress, kept)
+    _warn(setting, study)
+    return study
 
 
 def run_study_to(
@@ -113,6 +114,7 @@ def run_study_to(
             raise DivergedError(str(study.rows[0]["stopped"]))
         if computed:
             computed(study)
+        _warn(setting, study)
         if setting.spec.is_single:
             next(iter(study.runs.values())).save(target, force=force, figures=figures is not False)
         else:
@@ -122,9 +124,16 @@ def run_study_to(
         study = _run(setting, jobs, progress, journal)
         if computed:
             computed(study)
+        _warn(setting, study)
         study.save(target, force=force, figures=figures, jobs=jobs, progress=drawing)
         journal.discard()
     return study
+
+
+def _warn(setting: PreparedExperiment, study: Study) -> None:
+    """Warn the caller of a public function of what fell short."""
+    rows = by_label(study.rows)
+    warn_of_shortfalls([(case, rows[case.names.label]) for case in setting.cases], stacklevel=3)
 
 
 def _run(
@@ -155,8 +164,6 @@ def _run(
     if recordings and spec.repeats == 1:
         runs = _read_back(setting, recordings)
         runs = {trial: replace(run, expected=expected[trial.names]) for trial, run in runs.items()}
-    metrics = by_label(rows[trial] for trial in order)
-    warn_of_shortfalls([(case, metrics[case.names.label]) for case in setting.cases], stacklevel=3)
     labelled = {trial.label(spec.repeats > 1): runs[trial] for trial in order if trial in runs}
     return Study(spec.name, setting.text, labelled, [rows[t] for t in order], recordings, taken_over)
 

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from dqcontrol.errors import CollisionWarning, LimitWarning, TaskWarning
-from dqcontrol.experiments.clearance import went_through
 from dqcontrol.experiments.feasibility import way_out
 from dqcontrol.experiments.prepared_experiment import Combination
 from dqcontrol.laws import (
@@ -48,7 +47,7 @@ def warn_of_shortfalls(cases: Sequence[tuple[Combination, Trials]], *, stackleve
     found = (
         (LimitWarning, (beyond_limits(case.names.label, trials) for case, trials in cases)),
         (LimitWarning, (beyond_velocities(case.names.label, trials) for case, trials in cases)),
-        (CollisionWarning, (went_through(case.names.label, trials) for case, trials in cases)),
+        (CollisionWarning, (collided(case, trials) for case, trials in cases)),
         (TaskWarning, (not_done(case, trials) for case, trials in cases)),
     )
     for kind, said in found:
@@ -82,9 +81,25 @@ def beyond_velocities(label: str, trials: Trials) -> str:
     )
 
 
+def collided(case: Combination, trials: Trials) -> str:
+    """Say what a robot of one case crossed or went through; nothing if it did not."""
+    through = [trial for trial in trials if trial["failure"] in ("crossed", "contact")]
+    if not through:
+        return ""
+    words = f"{case.names.label}: {through[0]['verdict']}{_count(through, trials, ', ')}"
+    if through[0]["failure"] == "crossed":
+        return words
+    words += "; nothing stopped it there"
+    if "through the floor" in words and not case.scene.robot.bases:
+        words += ": the floor is z = 0, where the arm stands; 'base' in its robot file lifts it above"
+    return words
+
+
 def not_done(case: Combination, trials: Trials) -> str:
     """Say what is left of the task of one case, and what helps; nothing if all repeats did it."""
-    short = [trial for trial in trials if str(trial["task"]).startswith("not ")]
+    if lost := [trial for trial in trials if trial["failure"] == "grip"]:
+        return f"{case.names.label}: {lost[0]['verdict']}{_count(lost, trials, ', ')}"
+    short = [trial for trial in trials if trial["failure"] and str(trial["task"]).startswith("not ")]
     if not short:
         return ""
     worst = max(short, key=lambda trial: trial["final_error"] or 0.0)

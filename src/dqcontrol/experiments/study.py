@@ -23,6 +23,7 @@ from dqcontrol.experiments.run_comparison import MEANS, MOST_CURVES, summary_of,
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.experiments.spec.spec_files import copy_inputs
 from dqcontrol.experiments.trials import Trial, trial_folder
+from dqcontrol.experiments.verdict import headline, verdict_of
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop import Record
 from dqcontrol.loop.record import has_failed, thinned
@@ -80,6 +81,16 @@ class Study:
     def is_repeated(self) -> bool:
         """Whether any combination ran more than once."""
         return any(row["repeat"] for row in self.rows)
+
+    @property
+    def headline(self) -> str:
+        """The first line on it: what came of its one run, or how many failed, and of one of these why."""
+        return headline([(Trial.of(row).label(self.is_repeated), verdict_of(row)) for row in self.rows])
+
+    @property
+    def is_good(self) -> bool:
+        """Whether every run did what was asked and kept what it was to keep."""
+        return not any(verdict_of(row).failure for row in self.rows)
 
     def failures(self) -> list[str]:
         """Say of each combination of robot, law, set and plant that diverged or faulted how often, when and why."""

@@ -18,6 +18,7 @@ from dqcontrol.experiments.processes import in_processes
 from dqcontrol.experiments.results_folder import folder_names
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.run import Run, as_run, execute, measure
+from dqcontrol.experiments.verdict import Judge
 from dqcontrol.loop import Record
 from dqcontrol.measures.metric_tables import METRIC_COLUMNS
 
@@ -90,17 +91,24 @@ class Batch:
     def outcomes(self, progress: Steps | None = None) -> Iterator[TrialOutcome]:
         """Run one trial after the other; ``progress`` is told each one's steps done and its steps in all."""
         case = replace(self.case, prepared=self.case.prepare_law(self.setting.spec))
+        judge = Judge.of(self.setting.spec, case.scene.robot, case.variant.law, case.plant)
         for repeat in self.repeats:
-            yield self._outcome(case, repeat, progress)
+            yield self._outcome(case, repeat, progress, judge)
 
-    def _outcome(self, case: Combination, repeat: int, progress: Steps | None) -> TrialOutcome:
+    def _outcome(self, case: Combination, repeat: int, progress: Steps | None, judge: Judge) -> TrialOutcome:
         trial, spec = Trial(case.names, repeat), self.setting.spec
         try:
             record = execute(self.setting, case, repeat, progress=progress)
         except DivergedError as error:
             return TrialOutcome(trial, self._row(repeat, str(error), dict.fromkeys(METRIC_COLUMNS)), None)
         metrics = measure(
-            record, case.scene.robot, spec.skip_initial, spec.metrics_from, case.variant.law, case.plant
+            record,
+            case.scene.robot,
+            spec.skip_initial,
+            spec.metrics_from,
+            case.variant.law,
+            case.plant,
+            judge=judge,
         ).flat()
         run = self._kept(case, repeat, record) if spec.keeps_records else None
         return TrialOutcome(trial, self._row(repeat, record.stopped, metrics), run)

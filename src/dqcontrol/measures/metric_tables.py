@@ -28,6 +28,8 @@ _PARTS = {
 }
 
 METRIC_COLUMNS: dict[str, Column] = {
+    "verdict": Column("Verdict"),
+    "failure": Column("Failure"),
     "duration": Column("Duration", "s"),
     "samples": Column("Samples"),
     **{
@@ -59,7 +61,7 @@ METRIC_COLUMNS: dict[str, Column] = {
 }
 """Heading, unit and format of every number in `Metrics.flat`."""
 
-TEXTS = ("limit_joint", "task")
+TEXTS = ("verdict", "failure", "limit_joint", "task")
 """Those that are words."""
 
 LARGE_IS_GOOD = ("limit_margin",)

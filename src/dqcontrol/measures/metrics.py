@@ -160,6 +160,12 @@ class Metrics:
         negative inside; see `clearance`. NaN without a mobile base.
     tasks
         Of each further task by its name; empty without any.
+    verdict
+        Whether the run did what was asked and kept what it was to keep, and if not, why, in one line; of `evaluate` no
+        more than ``task``.
+    failure
+        In what way it failed: ``"ended"`` early, ``"crossed"``, ``"contact"``, ``"limits"``, ``"grip"`` or ``"task"``;
+        empty if it did not.
     """
 
     duration: float
@@ -189,6 +195,8 @@ class Metrics:
     outside_range: float
     hand_clearance: float = math.nan
     tasks: dict[str, TaskDeviation] = field(default_factory=dict)
+    verdict: str = ""
+    failure: str = ""
 
     def __repr__(self) -> str:
         """Return the errors that matter most, in a line."""
@@ -298,6 +306,7 @@ def evaluate(
         settling_time, band = _settling(time, record.error, tolerance)
         margin, joint = least_margin(record, limits)
         peak_share, saturation = _saturation(record.command[:-1], limits)
+        task = task_result(record, law=law, skip_initial=skip_initial, robot=robot)
         return Metrics(
             duration=record.duration,
             samples=len(record),
@@ -320,7 +329,7 @@ def evaluate(
             limit_joint=joint,
             peak_contact=peak_contact(record),
             recovery_time=recovery_time(record),
-            task=task_result(record, law=law, skip_initial=skip_initial, robot=robot).words,
+            task=task.words,
             peak_velocity_share=peak_share,
             saturation=saturation,
             outside_range=outside_range(record),
@@ -332,6 +341,8 @@ def evaluate(
                 for name, signal in record.readings.items()
                 if name.startswith(TASK)
             },
+            verdict=task.words,
+            failure="" if task.succeeded else "ended" if task.outcome == "failed" else "task",
         )
 
 

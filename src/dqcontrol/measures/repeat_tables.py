@@ -77,11 +77,16 @@ def confidence_table(
 def _means(study: Repeats, keys: Sequence[str], title: str, spread: Callable[[Mean], float | None]) -> Table:
     columns = [number_column(key) for key in keys]
     body: list[list[Cell]] = []
+    judged = any(row.get("failure") is not None for rows in study.groups.values() for row in rows)
     for group in study.groups:
         means = [study.mean(group, key) for key in keys]
         cells = [mean and PlusMinus(mean.mean, spread(mean)) for mean in means]
-        body.append([*study.labels(group), len(study.finished(group)), study.failed(group), *cells])
-    return Table([*study.columns, Column("Runs"), Column("Failed"), *columns], body, study.caption(title))
+        counts: list[Cell] = [len(study.finished(group)), study.failed(group)]
+        if judged:
+            counts.append(sum(row.get("failure") == "" for row in study.groups[group]))
+        body.append([*study.labels(group), *counts, *cells])
+    heads = [Column("Runs"), Column("Failed"), *([Column("Good")] if judged else [])]
+    return Table([*study.columns, *heads, *columns], body, study.caption(title))
 
 
 def differences_table(

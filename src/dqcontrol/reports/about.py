@@ -34,7 +34,7 @@ _UNSAID = {"camera", "gravity", "null_space"}  # long, and rarely what a run is 
 
 def about_run(run: Run, folder: Path) -> list[Fact]:
     """Return what a run is about, as names and texts; ``folder`` holds its recording."""
-    facts: list[Fact] = [("Verdict", VerdictCell(run.task.words, run.task.succeeded))]
+    facts: list[Fact] = [("Verdict", VerdictCell(run.verdict.words, not run.verdict.failure))]
     facts += [("Error", _error(run)), ("Robot", robot_words(run.robot))]
     data = parse_yaml("spec", run.spec)
     if "evaluation" in data:

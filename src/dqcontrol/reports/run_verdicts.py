@@ -75,10 +75,11 @@ def interventions_tables(record: Record) -> list[Table]:
 
 
 def _end(run: Run) -> Iterator[Row]:
-    words = "failed" if run.task.outcome == "failed" else "succeeded" if run.task.succeeded else "fell short"
+    failure = run.verdict.failure
+    words = "failed" if failure == "ended" else "fell short" if failure else "succeeded"
     yield [
         "End",
-        VerdictCell(words, run.task.succeeded),
+        VerdictCell(words, not failure),
         f"{run.record.stopped}; {run.record.duration:.4g} s",
     ]
 
@@ -98,7 +99,11 @@ def _joint_limits(run: Run) -> Iterator[Row]:
     if joint:
         unit = "rad" if run.robot.joint_types[run.record.joint_names.index(joint)] == "revolute" else "m"
         where = f"{joint}: {abs(margin):.3g} {unit} {'left' if margin >= 0 else 'beyond'}"
-        yield ["Joint limits", VerdictCell(*(("kept", True) if margin >= 0 else ("exceeded", False))), where]
+        yield [
+            "Joint limits",
+            VerdictCell(*(("kept", True) if margin >= -_CROSSED else ("exceeded", False))),
+            where,
+        ]
 
 
 def _velocity_limits(run: Run) -> Iterator[Row]:

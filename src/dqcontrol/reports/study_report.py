@@ -10,6 +10,7 @@ from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.run_comparison import MOST_CURVES, unit_of_way
 from dqcontrol.experiments.study import Study, by_label
+from dqcontrol.experiments.verdict import verdict_of
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop.record import Record, has_failed
 from dqcontrol.measures.table_cells import Cell, VerdictCell
@@ -74,7 +75,7 @@ def write_study_report(
 
 def _outcome(rows: Sequence[Row]) -> VerdictCell:
     """Return how many runs did what was asked."""
-    done = sum(str(row.get("task")) in ("reached", "followed") for row in rows)
+    done = sum(not verdict_of(row).failure for row in rows)
     verdict = None if 0 < done < len(rows) else done > 0
     return VerdictCell(f"{done} of {len(rows)} did what was asked", verdict)
 
@@ -105,19 +106,21 @@ def study_verdicts(rows: Sequence[Row]) -> Table:
     for label, trials in by_label(rows).items():
         well = sum(not has_failed(str(row["stopped"])) for row in trials)
         end = VerdictCell("succeeded" if well == len(trials) else "failed", well == len(trials))
-        short = [str(row["task"]) for row in trials if str(row.get("task")).startswith("not ")]
-        done = len(trials) - len(short)
-        words = short[0] if len(trials) == 1 and short else f"{done} of {len(trials)}"
-        task = VerdictCell(words if short else str(trials[0].get("task")), not short) if well else None
+        verdicts = [verdict_of(row) for row in trials]
+        short = [verdict.words for verdict in verdicts if verdict.failure]
+        good = f"{len(trials) - len(short)} of {len(trials)}; " if len(trials) > 1 else ""
+        verdict = VerdictCell(good + (short[0] if short else verdicts[0].words), not short)
         margins = [float(str(row["limit_margin"])) for row in trials if row["limit_margin"] is not None]
         least = min(margins, default=None)
-        kept = None if least is None else VerdictCell("kept" if least >= 0 else "exceeded", least >= 0)
-        lines.append([label, f"{well} of {len(trials)}", end, task, kept, least])
+        kept = (
+            None if least is None else VerdictCell("kept" if least >= -1e-9 else "exceeded", least >= -1e-9)
+        )
+        lines.append([label, f"{well} of {len(trials)}", end, verdict, kept, least])
     columns = [
         Column("Run"),
         Column("Ended well"),
         Column("End"),
-        Column("Task"),
+        Column("Verdict"),
         Column("Joint limits"),
         Column("Least margin", "rad or m", ".3g"),
     ]

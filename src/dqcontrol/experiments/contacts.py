@@ -1,0 +1,411 @@
+"""Where a robot goes through what has no body in physics: floor, tables, walls, obstacles, and itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol import algebra
+from dqcontrol.algebra.dual_quaternion_kernels import position
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, inline, kernel
+from dqcontrol.geometry import Box, Capsule, FloorMap, Plane, Shape, Sphere, distance_kernels as kernels
+from dqcontrol.geometry.distance_kernels import (
+    ALONG,
+    CENTER,
+    CORE,
+    DISTANCE,
+    KIND,
+    NORMAL,
+    OFFSET,
+    PLANE,
+    ROTATION,
+    ROUND,
+    SHAPE,
+    find_distance,
+)
+from dqcontrol.laws.constrained.constraints import Constraints, PlaneObstacle
+from dqcontrol.laws.constrained.kept_scene import Surroundings
+from dqcontrol.loop.record import Record
+from dqcontrol.plants import CompliantPlant, MobilePlant, Plant
+from dqcontrol.plants.mobile.scene import TableBlock
+from dqcontrol.robots import Robot, SerialArm, TwoArms, WholeBody
+from dqcontrol.robots.bases import DifferentialDrive
+from dqcontrol.robots.link_shapes import LinkShape, moved_rows
+from dqcontrol.robots.robot import base_coordinates
+from dqcontrol.robots.urdf import UrdfTree
+from dqcontrol.robots.urdf_xml import CheckedXml
+
+HAND = "end effector"
+_UPRIGHT = math.cos(math.radians(10))  # of a first axis: bases that people put up are not level to a degree
+_SHOULDER = 0.03  # m above the base frame; of an arm whose base frame lies in its shoulder it is 0
+_BELOW = (
+    -0.01
+)  # m: links of the file so far below the base frame say that it does not stand on anything there
+_FIRST_LOOK = 17  # samples; between them only what may have touched is looked at
+
+
+class Contact(NamedTuple):
+    """Where two shapes went deepest into each other.
+
+    Attributes
+    ----------
+    words
+        As ``"in the table: panda_link6"``.
+    depth
+        m, positive.
+    time
+        s.
+    """
+
+    words: str
+    depth: float
+    time: float
+
+
+# frames of each sample in a row, each shape's frame and its numbers there, pairs of shapes, shifts, scratch, distances
+@kernel(STATUS(READ2, READ2, READ2, READ2, WRITE2, WRITE, WRITE2))
+def pair_distances(frames, shapes, pairs, shifts, placed, found, out):
+    """Write how far the shapes of each pair are apart at each sample, m; infinity where one is not there."""
+    for i in range(out.shape[0]):
+        for s in range(shapes.shape[0]):
+            body, row = shapes[s, 1:], placed[s]
+            for k in range(SHAPE):
+                row[k] = body[k]
+            if shapes[s, 0] > 0.0:
+                first = 8 * (int(shapes[s, 0]) - 1)
+                _move(frames[i, first : first + 8], body, row)
+            if shifts.shape[0] > 0:
+                _shift(shifts[i, 3 * s], shifts[i, 3 * s + 1], shifts[i, 3 * s + 2], row)
+        for p in range(pairs.shape[0]):
+            find_distance(placed[int(pairs[p, 0])], placed[int(pairs[p, 1])], found)
+            out[i, p] = found[DISTANCE] if found[DISTANCE] == found[DISTANCE] else math.inf
+    return OK
+
+
+@kernel(STATUS(READ2, READ, WRITE))
+def add_up_ways(q, levers, out):
+    """Write how far something that joints carry may have gone up to each sample, m."""
+    out[0] = 0.0
+    for i in range(1, out.shape[0]):
+        out[i] = out[i - 1]
+        for j in range(q.shape[1]):
+            out[i] += levers[j] * abs(q[i, j] - q[i - 1, j])
+    return OK
+
+
+@inline
+def _move(pose, body, out):
+    """Write a ball, capsule or box where a pose takes it."""
+    w, x, y, z = pose[0], pose[1], pose[2], pose[3]
+    px, py, pz = position(pose)
+    at = CORE if body[KIND] == ROUND else CENTER
+    out[at], out[at + 1], out[at + 2] = _turned(w, x, y, z, body[at], body[at + 1], body[at + 2])
+    out[at] += px
+    out[at + 1] += py
+    out[at + 2] += pz
+    if body[KIND] == ROUND:
+        out[ALONG], out[ALONG + 1], out[ALONG + 2] = _turned(
+            w, x, y, z, body[ALONG], body[ALONG + 1], body[ALONG + 2]
+        )
+    else:
+        for k in range(ROTATION, ROTATION + 3):
+            out[k], out[k + 3], out[k + 6] = _turned(w, x, y, z, body[k], body[k + 3], body[k + 6])
+
+
+@inline
+def _turned(w, x, y, z, a, b, c):
+    """Return a vector turned by a unit quaternion."""
+    u, v, t = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    return a + w * u + y * t - z * v, b + w * v + z * u - x * t, c + w * t + x * v - y * u
+
+
+@inline
+def _shift(x, y, z, out):
+    if out[KIND] == PLANE:
+        out[OFFSET] += out[NORMAL] * x + out[NORMAL + 1] * y + out[NORMAL + 2] * z
+    else:
+        at = CORE if out[KIND] == ROUND else CENTER
+        out[at] += x
+        out[at + 1] += y
+        out[at + 2] += z
+
+
+class _Watched(NamedTuple):
+    """Two shapes that are to stay apart.
+
+    Attributes
+    ----------
+    first, second
+        The shapes; what stands still has frame 0.
+    words
+        As of `Contact`.
+    shifts
+        Of the second one at times (K,), s: (K, 3), m, NaN while it is not there; None if it does not move by itself.
+    """
+
+    first: LinkShape
+    second: LinkShape
+    words: str
+    shifts: Callable[[Array], Array] | None = None
+
+
+class Contacts:
+    """What a robot is not to go through, though nothing stops it there.
+
+    A robot's links are the shapes that it has; of one without, the origins of its joints and the end effector. On a
+    mobile base it stands on the floor z = 0. An arm does so if it stands upright: its first axis is vertical, its
+    shoulder lies above z = 0, and no link of its file that stands still lies below. So what is mounted at a ceiling or
+    a wall, or begins at a torso or in a shoulder, has no floor, and one whose ``base`` lifts it has the floor below.
+    Where constraints of an arm have a plane with the free side above, that is its floor or table.
+
+    Parameters
+    ----------
+    robot
+        What moves.
+    constraints
+        Of its law: links that an obstacle does not name are watched here, as are the shapes that are not kept apart
+        by it.
+    plant
+        What moves it: its scene and obstacles.
+    walls
+        Map of the reference.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        constraints: Constraints | None = None,
+        plant: Plant | None = None,
+        walls: FloorMap | None = None,
+    ) -> None:
+        self._robot = robot
+        base = np.flatnonzero(base_coordinates(robot))
+        self._first = (
+            int(base[-1]) + 2 if len(base) and base[0] == 0 else 1
+        )  # frame that something on the base has
+        self._bodies = _bodies(robot, self._first)
+        self._moving = [each for each in self._bodies if each.frame > 0]
+        self._carried = [
+            each
+            for each in self._moving
+            if each.frame >= self._first and (self._first > 1 or robot.parents[each.frame - 1] >= 0)
+        ]
+        self._levers = _levers(robot, self._bodies)
+        self._watched = [*self._floor(constraints), *self._itself(constraints), *self._scene(plant)]
+        self._watched += [*self._walls(walls), *self._obstacles(constraints)]
+        shapes = list({id(each): each for pair in self._watched for each in pair[:2]}.values())
+        number = {id(each): k for k, each in enumerate(shapes)}
+        self._shapes: Array = np.zeros((len(shapes), 1 + kernels.SHAPE))
+        for row, each in zip(self._shapes, shapes, strict=True):
+            row[0], row[1:] = each.frame, each.shape.row
+        self._pairs: Array = np.array(
+            [[number[id(a)], number[id(b)]] for a, b, *_ in self._watched], np.float64
+        )
+        self._moved = {number[id(b)]: shifts for _, b, _, shifts in self._watched if shifts is not None}
+        self._work = np.empty((len(shapes), kernels.SHAPE)), np.empty(kernels.FOUND)
+
+    def of_run(self, record: Record) -> list[Contact]:
+        """Return where a run went through something, the deepest first."""
+        if not self._watched or not np.isfinite(record.q).all():
+            return []
+        depths, samples = self._deepest(record)
+        found = [
+            Contact(each.words, float(depth), float(record.time[k]))
+            for each, depth, k in zip(self._watched, depths, samples, strict=True)
+            if depth > 0
+        ]
+        return sorted(found, key=lambda contact: -contact.depth)
+
+    def _deepest(self, record: Record) -> tuple[Array, NDArray[np.intp]]:
+        """Return how deep each pair got into each other, m, shape (P,), and at which sample.
+
+        Two shapes come nearer by no more than the sum of the ways of what the joints carry. Where that may have closed
+        the gap between two samples that were looked at, the one in the middle is looked at, too, and so on.
+        """
+        q, time = record.q, record.time
+        look = len(q) if self._moved else min(_FIRST_LOOK, len(q))
+        at = (np.arange(look) * (len(q) - 1) / max(look - 1, 1)).astype(np.intp)
+        way = np.empty(len(q))
+        add_up_ways(q, self._levers, way)
+        values = self._distances(q[at], time[at])
+        while True:
+            least = np.minimum(values.min(axis=0), 0.0)
+            nearest = 0.5 * (values[:-1] + values[1:] - np.diff(way[at])[:, None])
+            unsure = (nearest < least).any(axis=1) & (np.diff(at) > 1)
+            if not unsure.any():
+                break
+            new = (at[:-1][unsure] + at[1:][unsure]) // 2
+            at = np.concatenate([at, new])
+            values = np.vstack([values, self._distances(q[new], time[new])])
+            order = np.argsort(at, kind="stable")
+            at, values = at[order], values[order]
+        deepest = values.argmin(axis=0)
+        return -values[deepest, np.arange(len(self._watched))], at[deepest]
+
+    def _distances(self, q: Array, time: Array) -> Array:
+        """Return the distance of each pair at configurations (K, n), shape (K, P), m."""
+        frames = np.ascontiguousarray(self._robot.frames(q)).reshape(len(q), -1)
+        out = np.empty((len(q), len(self._watched)))
+        pair_distances(frames, self._shapes, self._pairs, self._shifts(time), *self._work, out)
+        return out
+
+    def _shifts(self, time: Array) -> Array:
+        """Return how far each shape has moved by itself, shape (K, 3 S), m; empty if none does."""
+        found = np.zeros((len(time) if self._moved else 0, 3 * len(self._shapes)))
+        for k, shifts in self._moved.items():
+            found[:, 3 * k : 3 * k + 3] = shifts(time)
+        return found
+
+    def _floor(self, constraints: Constraints | None) -> Iterator[_Watched]:
+        given = constraints.obstacles.values() if constraints else ()
+        tops = [each for each in given if isinstance(each, PlaneObstacle) and each.normal[2] > 0]
+        if self._first > 1 or (_stands(self._robot) and not tops):
+            floor = _still("floor", Plane(np.array([0.0, 0.0, 1.0]), 0.0))
+            for each in self._carried:
+                yield _Watched(each, floor, f"through the floor: {each.name}")
+
+    def _itself(self, constraints: Constraints | None) -> Iterator[_Watched]:
+        """Yield the pairs that the robot's file keeps apart, but those of a chassis whose capsule is round on top."""
+        shapes = self._robot.shapes
+        if shapes is None or (constraints is not None and constraints.self_collision is not False):
+            return
+        for a, b in shapes.pairs:
+            first, second = shapes.shapes[a], shapes.shapes[b]
+            chassis = [each for each in (first, second) if 0 < each.frame < self._first]
+            if not any(isinstance(each.shape, Capsule) for each in chassis):
+                yield _Watched(first, second, f"in itself: {first.name} and {second.name}")
+
+    def _scene(self, plant: Plant | None) -> Iterator[_Watched]:
+        if isinstance(plant, MobilePlant):
+            tables = plant.scene.tables
+            for i, table in enumerate(tables):
+                block = _still("table", _block(table))
+                for each in self._moving:
+                    name = f"table {i + 1}" if len(tables) > 1 else "table"
+                    yield _Watched(each, block, f"in the {name}: {each.name}")
+        if isinstance(
+            plant, CompliantPlant
+        ):  # its balls touch the end effector alone, their radius is of both
+            for i, ball in enumerate(plant.obstacles):
+                still = _still("obstacle", Sphere(np.zeros(3), ball.radius))
+                for each in self._carried:
+                    if each.name != HAND and each.frame < len(self._robot.chain) - 1:
+                        yield _Watched(_core(each), still, f"in obstacle {i + 1}: {each.name}", ball.centers)
+
+    def _walls(self, walls: FloorMap | None) -> Iterator[_Watched]:
+        for box in [] if walls is None else walls.boxes():
+            wall = _still("wall", box)
+            for each in self._moving:
+                yield _Watched(each, wall, f"in a wall: {each.name}")
+
+    def _obstacles(self, constraints: Constraints | None) -> Iterator[_Watched]:
+        """Yield the links that obstacles of constraints do not name, but those that ``hand`` stands for."""
+        if constraints is None:
+            return
+        around, k = Surroundings(constraints), 0
+        wrist = self._around_the_hand()
+        for name, obstacle in constraints.obstacles.items():
+            for shape in obstacle.shapes:
+                moves = obstacle.velocity is not None or obstacle.path is not None
+                shifts = (lambda times, k=k: around.shifts(times)[k]) if moves else None
+                still, k = _still(name, shape), k + 1
+                others = self._carried if isinstance(shape, Plane) else self._moving
+                named = {*wrist, *(obstacle.links or ())}
+                for each in others if obstacle.links is not None else []:
+                    if each.name not in named:
+                        yield _Watched(each, still, f"in {name}: {each.name}", shifts)
+
+    def _around_the_hand(self) -> set[str]:
+        """Return the names of the end effectors and of the links that they lie in."""
+        ends = [each for each in self._bodies if each.name.startswith(HAND)]
+        q = np.zeros((1, self._robot.configuration_size))
+        points, rows = moved_rows(self._robot, q, ends), moved_rows(self._robot, q, self._moving)
+        found, names = np.empty((1, kernels.FOUND)), {each.name for each in ends}
+        for each, row in zip(self._moving, rows, strict=True):
+            for point in points:
+                kernels.distances(point, row, found)
+                if found[0, kernels.DISTANCE] <= 0:
+                    names.add(each.name)
+        return names
+
+
+def _still(name: str, shape: Shape) -> LinkShape:
+    return LinkShape(name, 0, shape)  # type: ignore[arg-type]  # also a plane or an endless cylinder, as none is a link
+
+
+def _block(table: TableBlock) -> Box:
+    x, y = table.position
+    place = algebra.pose(np.array([1.0, 0, 0, 0]), np.array([x, y, 0.5 * table.height]))
+    return Box(place, np.array([*table.size, table.height]))
+
+
+def _core(link: LinkShape) -> LinkShape:
+    """Return what is in the middle of a round shape."""
+    shape = link.shape
+    if isinstance(shape, Capsule):
+        return (
+            link
+            if shape.radius == 0
+            else LinkShape(link.name, link.frame, Capsule(shape.start, shape.end, 0.0))
+        )
+    return LinkShape(
+        link.name, link.frame, Sphere(shape.row[2:5] if isinstance(shape, Sphere) else shape.row[4:7], 0.0)
+    )
+
+
+def _bodies(robot: Robot, first: int) -> list[LinkShape]:
+    """Return the shapes of a robot's links, those that are not known as points, and its end effectors as points."""
+    known = [] if robot.shapes is None else list(robot.shapes.shapes)
+    if not any(each.frame >= first for each in known):
+        rows = range(first - 1, len(robot.row_names))
+        known += [LinkShape(robot.row_names[k], k + 1, Sphere(np.zeros(3), 0.0)) for k in rows]
+    drive = robot.parts[0] if isinstance(robot, WholeBody) else None
+    if isinstance(drive, DifferentialDrive) and not any(0 < each.frame < first for each in known):
+        axle = np.array([[0.0, side * drive.half_track, drive.wheel_radius] for side in (-1.0, 1.0)])
+        known.append(LinkShape("wheels", first - 1, Capsule(axle[0], axle[1], drive.wheel_radius)))
+    ends = [end for end in robot.ends if end + 1 > 0]
+    names = [HAND] if len(ends) == 1 else [f"{HAND} {k + 1}" for k in range(len(ends))]
+    return known + [
+        LinkShape(name, end + 1, Sphere(np.zeros(3), 0.0)) for name, end in zip(names, ends, strict=True)
+    ]
+
+
+def _levers(robot: Robot, bodies: Sequence[LinkShape]) -> Array:
+    """Return how far a point of a robot moves at most per rad or m of each coordinate, shape (n,)."""
+    lengths = np.linalg.norm(robot.chain[:, 4:7], axis=1)
+    reach = max(each.extent for each in bodies) + np.concatenate([np.cumsum(lengths[::-1])[::-1][1:], [0.0]])
+    count, rows = robot.configuration_size, robot.row_coordinates
+    turning = np.array([kind == "revolute" for kind in robot.joint_types])
+    each = np.where(turning[rows], reach[: len(rows)], 1.0) * np.abs(robot.joint_factors)
+    return np.bincount(rows, weights=each, minlength=count).astype(np.float64)
+
+
+def _stands(robot: Robot) -> bool:
+    """Return whether an arm, or each of two, stands upright on z = 0 or above it; see `Contacts`."""
+    if isinstance(robot, TwoArms):
+        return robot.base is None and all(_stands(arm) for arm in (robot.left, robot.right))
+    if not isinstance(robot, SerialArm) or robot.configuration_size < 2:
+        return False
+    first, second = robot.frames(np.zeros(robot.configuration_size))[:2]
+    axis = algebra.matrix_from_pose(first)[2, 2]
+    if axis < _UPRIGHT or algebra.translation(second)[2] < _SHOULDER:
+        return False
+    if robot.urdf is not None:
+        return _lowest_link(*robot.urdf, robot.joint_names) >= _BELOW
+    placed = {} if robot.placed_links is None else robot.placed_links.frames
+    return all(frame.pose[6] >= _BELOW for frame in placed.values() if frame.joint < 0)
+
+
+@lru_cache
+def _lowest_link(path: Path, base_link: str, joints: tuple[str, ...]) -> float:
+    """Return the least height of a link that stands still in a URDF file above its base link, m."""
+    places = {link: (place, carrier) for link, place, carrier in UrdfTree(CheckedXml(path)).places(joints)}
+    to_base = np.linalg.inv(places[base_link][0])
+    return min(float((to_base @ place)[2, 3]) for place, carrier in places.values() if carrier == 0)

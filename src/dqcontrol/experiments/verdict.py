@@ -1,0 +1,435 @@
+"""What a run came to, in one line: whether it did what was asked and kept what it was to keep, and if not, why."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from dqcontrol.arrays import Array
+from dqcontrol.experiments.contacts import HAND, Contacts
+from dqcontrol.experiments.spec import Spec
+from dqcontrol.experiments.spec.reference_base import ReferenceSpec
+from dqcontrol.geometry import FloorMap, load_map
+from dqcontrol.laws import Law, PartialProportional
+from dqcontrol.laws.constrained.constraints import Constraints
+from dqcontrol.laws.constrained.kept_scene import KeptScene
+from dqcontrol.laws.constrained.prepared_constraints import SELF
+from dqcontrol.limits import Supervisor, list_interventions
+from dqcontrol.limits.supervisor.interventions import INTERVENTIONS
+from dqcontrol.limits.supervisor.keep_out_zones import CircularZone, KeepOutZone, MapZone, PolygonalZone
+from dqcontrol.loop.kept_signals import DISTANCE, PRESSURE, ROOM
+from dqcontrol.loop.record import Record, has_failed, row_norms
+from dqcontrol.measures.deadlock import deadlocks
+from dqcontrol.measures.margins import AT_LIMIT, joint_margins
+from dqcontrol.measures.metrics import Metrics
+from dqcontrol.measures.task_result import TaskResult, task_result
+from dqcontrol.plants import MobilePlant, Plant
+from dqcontrol.plants.mobile.mobile_live import SLIDING
+from dqcontrol.plants.mujoco.carried_box import GRIP_FORCE
+from dqcontrol.references.sample import POSE
+from dqcontrol.robots import Robot
+
+Failure = Literal["", "ended", "crossed", "contact", "limits", "grip", "task"]
+"""In what way a run failed; empty of one that did not."""
+
+_CROSSED = 1e-9  # m or rad: rounding
+_ROUNDING = 1e-9  # as a share of a velocity limit
+_OFTEN = 0.1  # of the samples
+_CLOSED = 1e-3  # m between fingers that have nothing between them
+_CLOSING = 0.1  # s in which hands close on what they carry
+_BEHIND = (
+    0.7  # cosine of 45° between an error and the way: beyond it the hand is late rather than beside its way
+)
+_ENDED = 0.1  # s before the end of a run
+_SAID = 2  # causes in one line
+_SHAPES = ("circle", "spiral", "square", "drawing")
+
+
+class Verdict(NamedTuple):
+    """What is said of a run.
+
+    Attributes
+    ----------
+    words
+        Causes with their numbers first, then the task, as ``"crossed: ball −98 mm (link1) at 3.1 s; followed"``.
+    failure
+        In what way it failed; empty if it did what was asked and kept what it was to keep.
+    """
+
+    words: str
+    failure: Failure
+
+
+def verdict_of(row: Mapping[str, Any]) -> Verdict:
+    """Return what a row of a study says of its run."""
+    words = row.get("verdict") or row.get("task") or row["stopped"]
+    if "failure" not in row:  # of a study that was saved before there were verdicts
+        if has_failed(str(row["stopped"])):
+            return Verdict(str(row["stopped"]), "ended")
+        return Verdict(str(words), "" if row.get("task") in ("reached", "followed") else "task")
+    return Verdict(str(words), "ended" if row["failure"] is None else row["failure"])
+
+
+def headline(verdicts: Sequence[tuple[str, Verdict]]) -> str:
+    """Return the first line on runs: a single one's words, or how many failed, and of one of these why.
+
+    Examples
+    --------
+    >>> headline([("K", Verdict("reached", "")), ("LQR", Verdict("not reached: rests 9 mm off", "task"))])
+    '1 of 2 runs failed: LQR: not reached: rests 9 mm off'
+    """
+    if len(verdicts) == 1:
+        return verdicts[0][1].words
+    failed = [(label, verdict.words) for label, verdict in verdicts if verdict.failure]
+    if not failed:
+        return f"all {len(verdicts)} runs did what was asked: {verdicts[0][0]}: {verdicts[0][1].words}"
+    label, words = failed[0]
+    return f"{len(failed)} of {len(verdicts)} runs failed: {label}: {words}"
+
+
+class Judge:
+    """Gives verdicts on the runs of one robot, law and plant.
+
+    Parameters
+    ----------
+    robot, law, plant
+        Of the runs; without law and plant of logs.
+    supervisor
+        What stands between law and plant.
+    reference
+        What is asked for.
+    period
+        s.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        law: Law | None = None,
+        plant: Plant | None = None,
+        supervisor: Supervisor | None = None,
+        reference: ReferenceSpec | None = None,
+        period: float = 1.0,
+    ) -> None:
+        self.robot = robot
+        self.law = law
+        self._plant, self._supervisor, self._period = plant, supervisor, period
+        self._constraints: Constraints | None = None if law is None else law.constraints
+        kind = "" if reference is None else str(reference.__struct_config__.tag)
+        self._motion = kind if kind in _SHAPES else "reference"
+        file = getattr(reference, "map", None)
+        self._contacts = Contacts(robot, self._constraints, plant, load_map(file) if file else None)
+
+    @classmethod
+    def of(cls, spec: Spec, robot: Robot, law: Law, plant: Plant) -> Judge:
+        """Return that of the runs of a spec with one of its robots, laws and plants."""
+        return cls(robot, law, plant, spec.supervisor_of(plant), spec.reference, spec.period)
+
+    def verdict(self, record: Record, metrics: Metrics, skip_initial: float = 0.0) -> Verdict:
+        """Return what a run came to.
+
+        Parameters
+        ----------
+        record, metrics
+            The run, and its numbers.
+        skip_initial
+            As for `task_result`.
+        """
+        if metrics.task.startswith("failed"):
+            diverged = "" if has_failed(record.stopped) else "diverged: "
+            return Verdict(diverged + record.stopped.partition(";")[0], "ended")
+        found: list[tuple[Failure, str]] = [
+            *(("crossed", words) for words in (*self._crossed(record), *self._supervised(record))),
+            *(("contact", words) for words in self._touched(record, metrics)),
+            *(("limits", words) for words in self._limits(record, metrics)),
+            *(("grip", words) for words in self._grip(record)),
+        ]
+        task = metrics.task
+        if task.startswith("not "):
+            result = task_result(record, law=self.law, skip_initial=skip_initial, robot=self.robot)
+            if not found and (left := self._left(record, result)):
+                return Verdict("; ".join([*self._kept(record), f"left the {self._motion} by {left}"]), "")
+            cause = next(self._causes(record, metrics, result), "")
+            found.append(("task", f"{cause}; {task}" if cause else task))
+        elif not found:
+            return Verdict("; ".join([task, *self._kept(record), *self._done(record)]), "")
+        else:
+            found.append(("task", task))
+        *breaches, (_, end) = found
+        words = [said for _, said in breaches[:_SAID]]
+        if len(breaches) > _SAID:
+            words.append(f"and {len(breaches) - _SAID} more")
+        return Verdict("; ".join([*words, end]), found[0][0])
+
+    # What was to be kept
+
+    def _crossed(self, record: Record) -> Iterator[str]:
+        """Yield which constraints were crossed, those that a run starts beyond once they have been kept."""
+        if ROOM not in record.readings or self._constraints is None:
+            return
+        room, distance = record.readings[ROOM], record.readings[DISTANCE].values
+        worst = []
+        for i, name in enumerate(room.parts):
+            values = room.values[:, i]
+            kept = np.flatnonzero(values >= -_CROSSED)
+            first = len(values) - 1 if not len(kept) else int(kept[0]) if self._constraints.recovery else 0
+            at = first + int(np.nanargmin(values[first:]))
+            if values[at] < -_CROSSED:
+                worst.append((float(values[at]), at, i, name))
+        for value, at, i, name in sorted(worst):
+            when = _at(record, at)
+            if room.units[i] == "rad":
+                yield f"crossed: {name} {math.degrees(-value):.2g}°{when}"
+                continue
+            link = self._nearest_link(record, at, name)
+            if distance[at, i] < 0:
+                yield f"crossed: {name} {_length(float(distance[at, i]))}{link}{when}"
+            else:
+                asked = _length(float(distance[at, i]) - value)
+                yield f"too near: {name} {_length(float(distance[at, i]))}{link}, {asked} asked,{when}"
+
+    def _nearest_link(self, record: Record, at: int, name: str) -> str:
+        """Return the link that is nearest to a constraint at a sample, in brackets; nothing if it is another's."""
+        assert self._constraints is not None
+        pair = KeptScene(self._constraints, self.robot, self._period).nearest(
+            record.q[at], float(record.time[at])
+        )
+        label = "" if pair is None else pair.label.removeprefix(f"{name}: ")
+        return f" ({label})" if pair is not None and (name == SELF or label != pair.label) else ""
+
+    def _supervised(self, record: Record) -> Iterator[str]:
+        """Yield where the base was in a zone, or the hand outside its box by more than the supervisor tolerates."""
+        given = self._supervisor
+        if given is None:
+            return
+        if given.keep_out is not None:
+            radius, base = (
+                given.keep_out.footprint_of(self.robot),
+                record.q[:, self.robot.bases[0][0] :][:, :2],
+            )
+            for name, zone in given.keep_out.zones.items():
+                room = _zone_room(zone, base) - radius
+                if (k := int(room.argmin())) >= 0 and room[k] < -_CROSSED:
+                    yield f"crossed: zone {name} {_length(float(room[k]))} (base){_at(record, k)}"
+        if (box := given.workspace) is not None:
+            out = np.maximum(np.array(box.lower) - record.position, record.position - np.array(box.upper))
+            beyond = out.max(axis=1)
+            if beyond[k := int(beyond.argmax())] > given.measured_tolerance:
+                yield f"crossed: workspace {_length(-float(beyond[k]))} ({HAND}){_at(record, k)}"
+
+    def _touched(self, record: Record, metrics: Metrics) -> Iterator[str]:
+        found = self._contacts.of_run(record)
+        told: set[str] = set()
+        for each in found:  # of each thing the link that went deepest
+            thing, _, link = each.words.partition(": ")
+            if thing not in told:
+                told.add(thing)
+                yield f"{thing}: {link} {_length(-each.depth)} at {each.time:.3g} s"
+        inside = metrics.hand_clearance
+        if inside < 0 and not any(thing.startswith("through") for thing in told):
+            yield f"in its own base: {HAND} {_length(inside)}"
+
+    def _limits(self, record: Record, metrics: Metrics) -> Iterator[str]:
+        if metrics.limit_margin < -_CROSSED:
+            i = record.joint_names.index(metrics.limit_joint)
+            k = int(joint_margins(record, self.robot.limits)[i].argmin())
+            turns = self.robot.joint_types[i] == "revolute"
+            by = f"{math.degrees(-metrics.limit_margin):.2g}°" if turns else _length(-metrics.limit_margin)
+            yield f"beyond its limit: {metrics.limit_joint} by {by}{_at(record, k)}"
+        if metrics.peak_velocity_share > 1 + _ROUNDING:
+            shares = np.abs(record.command[:-1]) / self.robot.limits.velocity
+            k, i = np.unravel_index(int(shares.argmax()), shares.shape)
+            percent = 100 * metrics.peak_velocity_share
+            name = record.input_names[i]
+            yield f"too fast: {name} commanded at {percent:.4g} % of its velocity limit{_at(record, int(k))}"
+
+    def _grip(self, record: Record) -> Iterator[str]:
+        """Yield what was to be gripped, carried and placed, and was not."""
+        if GRIP_FORCE in record.readings:
+            internal = record.readings[GRIP_FORCE].values.min(axis=1)
+            held = np.flatnonzero((internal > 0) & (record.time >= _CLOSING))
+            lost = np.flatnonzero(internal[held[0] :] <= 0) if len(held) else np.zeros(1, dtype=np.intp)
+            if len(lost):
+                yield f"let go of the box{_at(record, int(held[0] + lost[0]) if len(held) else 0)}"
+        plant = self._plant
+        if not isinstance(plant, MobilePlant) or plant.gripper is None or not plant.scene.cubes:
+            return
+        opening = record.readings["gripper_opening"].values[:, 0]
+        end = float(record.time[-1])
+        times = [event for event in plant.gripper.schedule if event.time < end]
+        holds = [(a.time, b.time if b else end) for a, b in pairwise([*times, None]) if a and a.closed]
+        free = plant.gripper.opening / plant.gripper.speed  # s; twice as long as it takes to close on nothing
+        for begin, until in holds:
+            there = np.flatnonzero((record.time >= begin) & (record.time <= until))
+            closed = opening[there] < _CLOSED
+            if len(there) and closed[-1]:
+                lost = float(record.time[there[int(closed.argmax())]])
+                dropped = lost > begin + free
+                yield f"dropped at {lost:.3g} s" if dropped else f"gripped nothing at {begin:.3g} s"
+        if plant.scene.baskets and any(until < end for _, until in holds):
+            yield from self._not_placed(record, len(holds))
+
+    def _not_placed(self, record: Record, carried: int) -> Iterator[str]:
+        """Yield the cube that is nearest to a basket, and not in it, if fewer are in baskets than were gripped."""
+        assert isinstance(self._plant, MobilePlant)
+        scene, outside, names = self._plant.scene, [], []
+        for k in range(len(scene.cubes)):
+            place = record.readings[f"cube_{k + 1}_position"].values[-1]
+            if not any(basket.holds(place) for basket in scene.baskets):
+                names.append("cube" if len(scene.cubes) == 1 else f"cube {k + 1}")
+                away = [np.abs(place[:2] - basket.position) - 0.5 * basket.side for basket in scene.baskets]
+                outside.append(min(float(np.linalg.norm(np.maximum(each, 0.0))) for each in away))
+        if len(scene.cubes) - len(outside) < min(carried, len(scene.cubes)):
+            nearest = int(np.argmin(outside))
+            yield f"not placed: {names[nearest]} {_length(outside[nearest])} from the basket"
+
+    def _kept(self, record: Record) -> Iterator[str]:
+        """Yield the constraint that had least room."""
+        if ROOM not in record.readings or self._constraints is None:
+            return
+        room, distance = record.readings[ROOM], record.readings[DISTANCE].values
+        least = np.nanmin(room.values, axis=0)
+        i = int(np.argmin(np.where(np.array(room.units) == "m", least, np.inf)))
+        if room.units[i] != "m":
+            i = int(least.argmin())
+            yield f"kept {room.parts[i]} ({math.degrees(least[i]):.2g}° left)"
+            return
+        name, at = room.parts[i], int(np.nanargmin(room.values[:, i]))
+        near = float(distance[at, i])
+        if name in self._constraints.zones:
+            yield f"kept in {name} ({_length(near)} left)"
+        else:
+            what = "clear of itself" if name == SELF else f"clear of {name}"
+            yield f"kept {what} ({_length(near)}, {_length(near - float(least[i]))} asked)"
+
+    def _done(self, record: Record) -> Iterator[str]:
+        """Yield what else was to be done, and was."""
+        plant = self._plant
+        if GRIP_FORCE in record.readings:
+            yield "held the box"
+        if isinstance(plant, MobilePlant):
+            if plant.gripper is not None and plant.scene.cubes and plant.gripper.schedule:
+                places = [
+                    record.readings[f"cube_{k + 1}_position"].values[-1]
+                    for k in range(len(plant.scene.cubes))
+                ]
+                count = sum(any(basket.holds(place) for basket in plant.scene.baskets) for place in places)
+                yield f"placed {count} of {len(places)}" if count else "gripped"
+            yield f"stands (tilt ≤ {math.degrees(float(record.readings['tilt'].values.max())):.2g}°)"
+
+    # Why a task was not done
+
+    def _left(self, record: Record, result: TaskResult) -> str:
+        """Return by how much constraints took the hand away from its reference, if it is back at the end."""
+        if PRESSURE not in record.readings or not self._kept_hand(record):
+            return ""
+        errors = (
+            (record.position_error, result.position_tolerance, result.position),
+            (
+                record.orientation_error,
+                result.orientation_tolerance,
+                result.orientation,
+            ),
+        )
+        judged = [(error, tolerance) for error, tolerance, found in errors if math.isfinite(found)]
+        if any(error[-1] > tolerance for error, tolerance in judged):
+            return ""
+        far, turned = float(record.position_error.max()), float(record.orientation_error.max())
+        mainly = result.position > result.position_tolerance
+        return f"{_length(far) if mainly else f'{math.degrees(turned):.2g}°'} at most"
+
+    def _kept_hand(self, record: Record) -> bool:
+        """Return whether the hand was farthest from its reference while a constraint pressed, or just after."""
+        pressed = np.flatnonzero((record.readings[PRESSURE].values > 0).any(axis=1))
+        return bool(len(pressed)) and bool(np.abs(pressed - int(record.error.argmax())).min() <= 1)
+
+    def _causes(self, record: Record, metrics: Metrics, result: TaskResult) -> Iterator[str]:
+        """Yield what held the hand, what is most to the point first."""
+        if (held := deadlocks(record)) and held[-1].end >= record.time[-1] - _ENDED:
+            yield f"held by {' and '.join(held[-1].names[:2])} since {held[-1].begin:.3g} s"
+        elif PRESSURE in record.readings and (pressed := record.readings[PRESSURE]).values[-2:].any():
+            yield f"held by {pressed.parts[int(pressed.values[-2:].sum(axis=0).argmax())]} at the end"
+        if "contact" in record.readings and metrics.peak_contact > 0:
+            at = int(row_norms(record.readings["contact"].values).argmax())
+            yield f"touched: {metrics.peak_contact:.3g} N{_at(record, at)}"
+        if "wheel_slip" in record.readings:
+            slip = np.abs(record.readings["wheel_slip"].values).max(axis=1)
+            if (share := float(np.mean(slip > SLIDING))) > _OFTEN:
+                yield f"slipping: wheels slide at up to {slip.max():.2g} m/s, for {100 * share:.2g} % of the time"
+        if metrics.saturation > _OFTEN:
+            shares = np.abs(record.command[:-1]) / self.robot.limits.velocity >= 1 - _ROUNDING
+            often = shares.mean(axis=0)
+            name = record.input_names[int(often.argmax())]
+            yield f"saturated: {name} at its velocity limit for {100 * often.max():.2g} % of the time"
+        if words := _braked(record):
+            yield words
+        if result.rests and not result.is_moving:
+            yield from self._rests(record, metrics, result)
+        elif behind := _behind(record, result):
+            yield f"too late: {_length(behind)} behind"
+
+    def _rests(self, record: Record, metrics: Metrics, result: TaskResult) -> Iterator[str]:
+        """Yield why a hand rests before its goal."""
+        if result.is_singular:
+            return  # it is said where it rests
+        partial = isinstance(self.law, PartialProportional)
+        if self.robot.input_size < 6 and not partial:
+            yield f"{self.robot.name} has {self.robot.input_size} inputs, and a pose takes 6"
+        elif not partial and not self.robot.solve(record.desired[-1, POSE], record.q[-1]).success:
+            missing = record.position_error[-1]
+            yield f"out of reach: rests {_length(float(missing))} short"
+        elif metrics.limit_margin < AT_LIMIT:
+            yield f"at its limit: {metrics.limit_joint}"
+
+
+def _zone_room(zone: KeepOutZone, points: Array) -> Array:
+    """Return how far points (N, 2), m, are from a zone; negative inside."""
+    if isinstance(zone, CircularZone):
+        return row_norms(points - np.array(zone.center)) - zone.radius
+    assert isinstance(zone, PolygonalZone | MapZone)
+    floor = load_map(zone.file) if isinstance(zone, MapZone) else FloorMap((np.array(zone.corners),))
+    return floor.clearance(points)
+
+
+def _braked(record: Record) -> str:
+    """Say for what the supervisor held a robot back longest, if it did often."""
+    if INTERVENTIONS not in record.readings:
+        return ""
+    lasted: dict[str, float] = {}
+    for begin, end, reason in list_interventions(record.time, record.readings[INTERVENTIONS].values):
+        lasted[reason] = lasted.get(reason, 0.0) + end - begin
+    reason = max(lasted, key=lambda each: lasted[each], default="")
+    share = lasted.get(reason, 0.0) / max(record.duration, 1e-9)
+    return f"held by the supervisor: {reason} for {100 * share:.2g} % of the time" if share > _OFTEN else ""
+
+
+def _behind(record: Record, result: TaskResult) -> float:
+    """Return by how much the hand is behind on its way, m: the mean while the reference moves, or what is left."""
+    error = record.desired_position - record.position
+    if result.rests:
+        return float(record.position_error[-1]) if result.position > result.position_tolerance else 0.0
+    ahead = np.gradient(record.desired_position, record.time, axis=0)
+    speed = row_norms(ahead)
+    moves = speed > 1e-3 * speed.max(initial=0.0)
+    along = np.einsum("ij,ij->i", error[moves], ahead[moves] / speed[moves, None])
+    mean = float(along.mean()) if len(along) else 0.0
+    return (
+        mean
+        if mean > _BEHIND * float(row_norms(error[moves]).mean())
+        and result.position > result.position_tolerance
+        else 0.0
+    )
+
+
+def _at(record: Record, sample: int) -> str:
+    return f" at {record.time[sample]:.3g} s"
+
+
+def _length(value: float) -> str:
+    """Return a length in mm, one of a metre and more in m; negative inside of something."""
+    sign, size = "−" if value < 0 else "", abs(value)
+    return f"{sign}{size:.3g} m" if size >= 1 else f"{sign}{1e3 * size:.3g} mm"

@@ -1,0 +1,201 @@
+"""Ten runs that fail in ten ways, and good ones: the first line and the exit status say it, with cause and number."""
+
+import re
+import sys
+
+import numpy as np
+import pytest
+import yaml
+
+import dqcontrol as dqc
+from dqcontrol import cli
+
+IIWA = {"robot": "iiwa7", "start": [0, 0.6, 0, 1.6, 0, 0.6, 0], "period": 0.01}
+PANDA = {"robot": "panda", "start": [0, 0.3, 0, -1.8, 0, 2.1, 0.78], "period": 0.01}
+JOHN = {"robot": "little-john", "start": [0, 0, 0, 0, -0.504, 1.397, 0, 0], "period": 0.02}
+LIMITED = {"limits": {"velocity": True}}
+K = {"kind": "proportional", "gain": 2}
+FEED_FORWARD = {"kind": "proportional-feedforward", "gain": 5}
+IDEAL = {"plant": {"kind": "integrator"}}
+
+
+def going(duration, *translation):
+    """Return a set-point so far from the hand, m."""
+    return {
+        "reference": {"kind": "set-point", "duration": duration, "offset": {"translation": list(translation)}}
+    }
+
+
+BALL = {"kind": "sphere", "center": [-0.16, -0.8, 1], "radius": 0.1, "path": [[0, 0, 0, 0], [0.3, 0, 0.8, 0]]}
+WALL = {"kind": "box", "position": [0.9, 0, 0.1], "size": [0.1, 2, 0.2], "links": ["hand"]}
+REST = {"reference": {"kind": "set-point", "duration": 2}}
+GRIPPER = {"closes": "y", "schedule": [{"time": 0.2, "closed": True}, {"time": 1.5, "closed": False}]}
+TALL = """
+name: tall
+angles: degrees
+parts:
+  - kind: differential-drive
+    wheel_radius: 0.0985
+    half_track: 0.2022
+    rim_speed: 1.0
+    chassis: {mass: 60, radius: 0.27, height: 0.3, wheel_mass: 2, wheel_torque: 10, caster_distance: 0.22}
+  - {kind: pose, position: [0.1, 0, 0.4]}
+  - {kind: arm, robot: panda}
+"""
+FAILURES = {
+    "floor": (
+        PANDA | IDEAL | LIMITED | going(4, 0, 0, -0.44) | {"law": K},
+        r"through the floor: panda_link7 −8\d\.?\d* mm at 4 s; reached",
+    ),
+    "table": (
+        JOHN
+        | going(3, 0.05, 0, -0.1)
+        | {
+            "law": K,
+            "plant": {
+                "kind": "mobile",
+                "scene": {"tables": [{"position": [0.7, 0], "size": [0.6, 1], "height": 0.18}]},
+            },
+        },
+        r"in the table: link_\d −\d+\.?\d* mm at [\d.]+ s; ",
+    ),
+    "wall": (
+        JOHN
+        | going(8, 1.0, 0, 0.2)
+        | IDEAL
+        | {"law": K, "constraints": {"self_collision": False, "obstacles": {"wall": WALL}}},
+        r"in wall: chassis −\d+\.?\d* mm at [\d.]+ s; ",
+    ),
+    "itself": (
+        {
+            "robot": {"source": "two-pandas", "task": "left"},
+            "start": [-0.1, -0.5, 0.1, -2.2, 0.1, 1.7, 0.8, 0.8, -0.5, -0.1, -2.2, -0.1, 1.7, 0.8],
+            "period": 0.01,
+        }
+        | going(4, 0, -0.45, 0)
+        | IDEAL
+        | LIMITED
+        | {"law": K},
+        r"in itself: left/\w+ and right/\w+ −\d+\.?\d* mm at [\d.]+ s; reached",
+    ),
+    "grip": (
+        JOHN
+        | REST
+        | {
+            "law": K,
+            "plant": {
+                "kind": "mobile",
+                "gripper": GRIPPER,
+                "scene": {"cubes": [{"position": [0.6, 0.2]}], "baskets": [{"position": [0.6, 0.5]}]},
+            },
+        },
+        r"gripped nothing at 0\.2 s; not placed: cube 220 mm from the basket; reached",
+    ),
+    "toppled": (
+        {
+            "robot": "tall.yaml",
+            "start": [0, 0, 0, 0, -0.8, 0, -2, 0, 1.6, 0.8],
+            "period": 0.02,
+            "reference": {"kind": "points", "file": "there-and-back.csv"},
+            "law": {"kind": "proportional-feedforward", "gain": 0.5},
+            "plant": {"kind": "mobile", "base": {"centre_height": 2.5, "wheel_torque": 60, "friction": 3.0}},
+        },
+        r"toppled at [\d.]+ s: the base tilts by 2\d°, more than 20°",
+    ),
+    "saturated": (
+        IIWA
+        | IDEAL
+        | LIMITED
+        | {
+            "reference": {"kind": "circle", "radius": 0.1, "plane": "yz", "duration": 0.5},
+            "law": FEED_FORWARD,
+        },
+        r"saturated: joint_\d at its velocity limit for \d\d % of the time; not followed: errs by \d+\.?\d* mm",
+    ),
+    "unreachable": (
+        IIWA
+        | IDEAL
+        | {
+            "reference": {
+                "kind": "set-point",
+                "start": {"position": [-0.26668, 0, 0.46333], "rpy": [0, 4.0, 0]},
+                "duration": 12,
+            },
+            "limits": {"velocity": True, "position": {"kind": "modified-clamping"}},
+            "law": K,
+        },
+        r"out of reach: rests \d+\.?\d* mm short; not reached: rests \d+\.?\d* mm",
+    ),
+    "late": (
+        IIWA
+        | IDEAL
+        | {
+            "reference": {"kind": "circle", "radius": 0.06, "plane": "yz", "duration": 3},
+            "law": K,
+            "skip_initial": 1,
+        },
+        r"too late: \d\d\.\d mm behind; not followed: errs by \d\d\.?\d* mm RMS",
+    ),
+    "crossed": (
+        IIWA | REST | IDEAL | {"law": K, "constraints": {"acceleration": 5, "obstacles": {"ball": BALL}}},
+        r"crossed: ball −\d+\.?\d* mm \(link_\d\) at [\d.]+ s; ",
+    ),
+}
+PHYSICS = ("table", "grip", "toppled")
+GOOD = {
+    "reached": (IIWA | IDEAL | LIMITED | going(4, 0, 0.1, 0) | {"law": K}, "reached"),
+    "followed": (
+        IIWA | IDEAL | {"reference": {"kind": "circle", "radius": 0.06, "duration": 4}, "law": FEED_FORWARD},
+        "followed",
+    ),
+}
+
+
+@pytest.fixture
+def said(tmp_path, monkeypatch, capsys):
+    """Run a spec by the command line; return its first line and its exit status."""
+
+    def run(spec):
+        file = tmp_path / "spec.yaml"
+        file.write_text(yaml.safe_dump({"name": "run"} | spec), encoding="utf-8")
+        monkeypatch.setattr(
+            sys, "argv", ["dqcontrol", "run", str(file), "--out", str(tmp_path / "out"), "--no-figures"]
+        )
+        status = 0
+        try:
+            cli.main()
+        except SystemExit as exit_:
+            status = exit_.code
+        out, err = capsys.readouterr()
+        return (out or err).splitlines()[0], status
+
+    return run
+
+
+def there_and_back(spec, folder):
+    """Write the robot of a spec, and the points that its hand goes to: a metre ahead in a second, and back."""
+    (folder / spec["robot"]).write_text(TALL, encoding="utf-8")
+    x, y, z = dqc.algebra.translation(
+        dqc.load_robot(folder / spec["robot"]).fkm(np.array(spec["start"], float))
+    )
+    lines = ["time,x,y,z", *(f"{k},{x + way},{y},{z}" for k, way in enumerate((0, 1, 0, 0)))]
+    (folder / spec["reference"]["file"]).write_text("\n".join(lines), encoding="utf-8")
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", FAILURES)
+def test_a_failure_is_said_first_with_cause_and_number_and_by_the_exit_status(name, said, tmp_path):
+    if name in PHYSICS:
+        pytest.importorskip("mujoco")
+    spec, words = FAILURES[name]
+    if name == "toppled":
+        there_and_back(spec, tmp_path)
+    line, status = said(spec)
+    assert re.match(words, line), line
+    assert status == 1
+
+
+@pytest.mark.parametrize("name", GOOD)
+def test_a_good_run_says_so_and_ends_with_0(name, said):
+    spec, words = GOOD[name]
+    assert said(spec) == (words, 0)
