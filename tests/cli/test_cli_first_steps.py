@@ -116,7 +116,7 @@ def test_robots_list_is_robots(capsys):
 
 
 def test_joint_angles_for_a_pose(capsys):
-    at = ["--position", "0.4", "-0.2", "0.4", "--rpy", "180", "0", "-30"]
+    at = ["--position", "0.4", "-0.2", "0.4", "--rpy", "180deg", "0", "-30deg"]
     code, out, _ = call("robots", "solve", "ur5", *at, "--top", "3", capsys=capsys)
     assert code == 0
     assert "room to limits" in out

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dqcontrol.errors import LimitWarning, ReachError, ValueRangeError
 from dqcontrol.experiments.check import check
 from dqcontrol.experiments.jogging import most_dexterous
-from dqcontrol.files.units import as_quantity, as_seconds
+from dqcontrol.files.units import as_quantity, number_in, unsaid_unit
 from dqcontrol.robots import Robot, describe, load_robot
 
 _SIZES = (0.1, 0.05, 0.02, 0.01)  # of the reach, tried in turn
@@ -141,7 +141,9 @@ def _flow(data: dict[str, Any]) -> str:
 
 def _seconds(period: str) -> float:
     value, unit = as_quantity(period) or (0.0, "")
-    seconds = 1.0 / value if unit == "Hz" and value > 0 else as_seconds(period)
+    seconds = 1.0 / value if unit == "Hz" and value > 0 else number_in(period, "s")
+    if seconds is not None and not unit and (asked := unsaid_unit("period", seconds, "s")):
+        raise ValueRangeError(f"period: {asked}")
     if seconds is None or not 0 < seconds <= 10:
         raise ValueRangeError(f"period: expected a time, as 8 ms, or a rate, as 125 Hz, got '{period}'")
     return seconds
