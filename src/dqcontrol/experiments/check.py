@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import DivergedError, StabilityWarning
-from dqcontrol.experiments.feasibility import task_remarks
+from dqcontrol.errors import DivergedError, NoteWarning, StabilityWarning
+from dqcontrol.experiments.feasibility import run_remarks, task_remarks
 from dqcontrol.experiments.prepared_experiment import Combination, Names, PreparedExperiment, prepare
 from dqcontrol.experiments.spec import AnyPlant, Spec
 from dqcontrol.limits import CommandLimits, Compensation
@@ -357,7 +357,12 @@ def check(source: str | Path | dict[str, Any]) -> Checks:
 
 
 def warn_unstable(setting: PreparedExperiment, *, stacklevel: int) -> list[LoopCheck]:
-    """Return what is to be expected of a prepared spec's loops; warn, once, where some are unstable."""
+    """Return what is to be expected of a prepared spec's loops; warn, once, where some are unstable.
+
+    What nothing limits, and errors that depend on the origin of the inertial frame, are noted.
+    """
+    for line in run_remarks(setting):
+        warnings.warn(line, NoteWarning, stacklevel=stacklevel + 1)
     checks = list(loop_checks(setting))
     unstable = [row for row in checks if row.verdict.startswith("unstable")]
     if unstable:

@@ -16,6 +16,7 @@ from dqcontrol.files.units import as_quantity, number_in, unsaid_unit
 from dqcontrol.robots import Robot, describe, load_robot
 
 _SIZES = (0.1, 0.05, 0.02, 0.01)  # of the reach, tried in turn
+_ABOVE = 0.2  # of the reach; twice the largest motion, as arms stand on tables
 _MOST_GAIN = 10.0  # 1/s
 _DURATION = 8  # s
 _PLANTS = {
@@ -63,7 +64,7 @@ def new_spec(
     """
     arm, seconds = load_robot(robot, base_link, tip_link), _seconds(period)
     ends = {key: link for key, link in (("base_link", base_link), ("tip_link", tip_link)) if link is not None}
-    start = _rounded(most_dexterous(arm), arm)
+    start = _rounded(most_dexterous(arm, _ABOVE * (describe(arm).reach or 1.0)), arm)
     kinds = ["proportional", "proportional-feedforward"] if law == "both" else [law]
     spec: dict[str, Any] = {
         "name": name,

@@ -458,9 +458,8 @@ class _Session:
             if at_noise and size < _LEFT_NOISE * noise:
                 outcome = "averaged"
             elif number:
-                grown, gained = size > _GROWN * best_size, size < _GAIN * best_size
-                outcome = "grown" if grown else "accepted" if size < best_size else "flat"
-                flat = 0 if gained else flat + 1
+                outcome = _outcome(size, best_size, noise)
+                flat = 0 if size < _GAIN * best_size else flat + 1
             if outcome in ("first", "accepted", "averaged"):
                 accepted += outcome == "accepted"
                 best, best_size, best_error, best_shift = number, size, error, shift
@@ -662,3 +661,10 @@ def _with(lag: float, delay: float) -> str:
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
+
+
+def _outcome(size: float, best: float, noise: float) -> str:
+    """Say what became of the error: growth is more than what noise of its size can make of the best one."""
+    if size < best:
+        return "accepted"
+    return "grown" if size > _GROWN * best and size - best > noise else "flat"
