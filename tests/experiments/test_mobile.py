@@ -308,7 +308,9 @@ def test_a_base_that_nothing_limits_is_said(tmp_path):
     assert f": no velocity limit of {body.input_names[0]}" in said[0]
     with pytest.warns(NoteWarning, match="no velocity limit of"):
         dqc.run(spec)
-    assert not any("no velocity limit" in remark for remark in check({**spec, "robot": "little-john"}).remarks())
+    assert not any(
+        "no velocity limit" in remark for remark in check({**spec, "robot": "little-john"}).remarks()
+    )
 
 
 def test_laws_whose_error_depends_on_the_origin_say_how_far_it_is():

@@ -38,7 +38,7 @@ from dqcontrol.robots import Robot
 
 _FREE = CommandLimits(velocity=False)
 _HORIZON = 2.0  # s, in which what matters of an observer is seen
-_LEAST_OVERSHOOT = 0.05  # %; less is none
+LEAST_OVERSHOOT = 0.05  # %; less is none
 
 Known = dict[tuple[complex, float, float], GainLimits]  # by direction, integral share and lag of the gain
 
@@ -300,7 +300,7 @@ def _cells(row: LoopCheck, places: list[str]) -> list[str | float | None]:
         worst, limits = row.worst, row.worst.limits
         advised = limits.recommended / row.period or None
         percent = 100 * row.overshoot
-        passed = percent if percent >= _LEAST_OVERSHOOT else 0.0
+        passed = percent if percent >= LEAST_OVERSHOOT else 0.0
         numbers = [limits.stable / row.period, worst.margin, advised, passed, row.time_constant]
     elif row.numeric:
         numbers = [None, row.numeric.margin, None, None, row.time_constant]
