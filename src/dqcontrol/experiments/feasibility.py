@@ -33,7 +33,7 @@ from dqcontrol.measures.task_result import FOLLOWED, SETTLED, TaskResult, task_r
 from dqcontrol.plants import Integrator
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.references import Sample
-from dqcontrol.references.drive_to import PlannedWay
+from dqcontrol.references.drive_to import DriveTo, PlannedWay
 from dqcontrol.references.sample import POSE, TWIST, TWIST_RATE
 from dqcontrol.robots import Robot
 from dqcontrol.robots.robot import base_coordinates
@@ -45,6 +45,7 @@ _SHARES = 1 + 1e-6
 _ERROR = 1e-3  # of a dual quaternion: smaller ones have no direction that counts
 _NONE = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
 _HAND_SPEED, _BALL = 0.25, 0.05  # m/s, m: an example of how much the lag of joints takes
+_DETOUR = 1.5  # times the straight line: a way around a single thing is shorter
 _FAR = 2.0  # m; farther than arms on a fixed base reach
 _ALL = 1 - 1e-6  # of an error: what is left of it leads out by itself
 
@@ -147,9 +148,10 @@ def task_remarks(setting: PreparedExperiment) -> Iterator[str]:
 
 
 def run_remarks(setting: PreparedExperiment) -> Iterator[str]:
-    """Give what is to be known of each run besides, in a line each: unlimited wheels, errors that depend on a frame."""
+    """Give what is to be known of each run besides, in a line each: free wheels, detours, errors about an origin."""
     for scene in setting.scenes.values():
         yield from _of_free_wheels(scene.robot)
+        yield from _of_detour(scene)
     for case in setting.cases:
         yield from _of_the_origin(case)
 
@@ -163,6 +165,14 @@ def _of_free_wheels(robot: Robot) -> Iterator[str]:
             f"{robot.name}: no velocity limit of {', '.join(free)} is known, so the base is commanded however fast a "
             "law asks: give its limits in the robot's file"
         )
+
+
+def _of_detour(scene: PreparedRobot) -> Iterator[str]:
+    """Say how far a base drives around what stands in its way, where that is much farther than straight."""
+    if isinstance(scene.reference, DriveTo):
+        driven, straight = scene.reference.detour
+        if driven > _DETOUR * straight:
+            yield f"reference: detour: {driven:.2g} m for {straight:.2g} m, around the map's obstacles"
 
 
 def _of_the_origin(case: Combination) -> Iterator[str]:
