@@ -127,19 +127,6 @@ def test_bad_input():
         DriveTo(unlimited, START, START + np.eye(8)[0])
 
 
-def test_the_old_name_of_the_speed_fraction_works_and_warns():
-    robot = dqc.load_robot("little-john")
-    with pytest.warns(FutureWarning, match="share is now called speed_fraction"):
-        way = DriveTo(robot, START, START, share=0.25)
-    with pytest.warns(FutureWarning, match="share is now called speed_fraction"):
-        assert way.share == way.speed_fraction == 0.25
-    with (
-        pytest.warns(FutureWarning),
-        pytest.raises(TypeError, match="share: is the old name of 'speed_fraction'"),
-    ):
-        DriveTo.pose(robot, START, robot.fkm(START), share=0.25, speed_fraction=0.5)
-
-
 @pytest.mark.slow
 def test_a_door_hardly_wider_than_the_robot_is_found():
     """Chassis, folded arm and clearance take 0.49 m of a door of 0.50 m, wherever it lies on the grid."""
