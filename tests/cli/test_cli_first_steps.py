@@ -12,6 +12,8 @@ from dqcontrol import cli
 from dqcontrol.algebra import translation
 from dqcontrol.cli import new_command
 from dqcontrol.experiments import check
+from dqcontrol.experiments.new_spec import new_spec
+from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.robots import load_robot
 
@@ -116,7 +118,7 @@ def test_robots_list_is_robots(capsys):
 
 
 def test_joint_angles_for_a_pose(capsys):
-    at = ["--position", "0.4", "-0.2", "0.4", "--rpy", "180", "0", "-30"]
+    at = ["--position", "0.4", "-0.2", "0.4", "--rpy", "180deg", "0", "-30deg"]
     code, out, _ = call("robots", "solve", "ur5", *at, "--top", "3", capsys=capsys)
     assert code == 0
     assert "room to limits" in out
@@ -142,3 +144,12 @@ def test_a_file_that_is_there_is_not_replaced_by_a_script(tmp_path, capsys):
     code, _, err = call("--install-completion", "--shell", "bash", "--output", str(mine), capsys=capsys)
     assert (code, err) == (2, f"dqcontrol: {mine}: exists already; choose another name or remove it\n")
     assert mine.read_text() == "mine\n"
+
+
+@pytest.mark.parametrize("robot", ["panda", "ur5", "barrett-wam"])
+def test_a_first_motion_stays_above_the_table(robot):
+    """Arms stand on what is z = 0 in their base frame: neither hand nor joints go there."""
+    text, _ = new_spec("first", robot, "set-point", "8 ms", "proportional", "integrator")
+    scene = prepare(yaml.safe_load(text)).scenes[""]
+    assert translation(scene.samples[:, :8])[:, 2].min() > 0.05
+    assert translation(scene.robot.frames(scene.start))[:, 2].min() >= -0.005  # whole degrees

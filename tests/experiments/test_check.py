@@ -197,10 +197,10 @@ def test_laws_of_accelerations():
 
 
 def test_what_cannot_be_decided():
-    row = only(plant={"kind": "servo", "delay": 2.0})
+    row = only(plant={"kind": "servo", "delay": "2 s"})
     assert row.verdict == "cannot be decided"
     assert row.remark.endswith("plant and supervisor have a model of 202 states; 200 at most are judged")
-    checks = check(spec(plant={"kind": "servo", "delay": 2.0}))
+    checks = check(spec(plant={"kind": "servo", "delay": "2 s"}))
     assert not checks.unstable
     assert checks.table().texts()[0][2:] == [*"––", "10", *"–––––", "cannot be decided"]
 

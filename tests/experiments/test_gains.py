@@ -75,4 +75,4 @@ def test_times_with_units_on_the_command_line(monkeypatch, capsys):
     assert "delay and lag of 80 ms decide" in said.out
     code, said = called(["gains", "iiwa7", "--period", "8 minutes"], monkeypatch, capsys)
     assert code == 2
-    assert "expected a time as 0.008, 8ms or 8 ms, got '8 minutes'" in said.err
+    assert "expected a number in s, or with a unit as 8ms, got '8 minutes'" in said.err

@@ -12,9 +12,11 @@ import yaml
 import dqcontrol as dqc
 from dqcontrol.cli import main
 from dqcontrol.errors import Error, NoteWarning, ReachError
-from dqcontrol.experiments import load_run, run_study
+from dqcontrol.experiments import check, load_run, run_study
+from dqcontrol.experiments.feasibility import path_demand
 from dqcontrol.experiments.prepared_experiment import prepare
 
+MODELS = Path(dqc.__file__).parent / "robots" / "models"
 EXAMPLES = Path(__file__).parents[2] / "examples"
 START = [0, 0, 0, 0, -0.9, 0.9, 0.9, 0]
 SPEC = {
@@ -267,3 +269,70 @@ def test_every_number_of_a_base_counts_for_an_unfinished_study(tmp_path):
         (tmp_path / "robot.yaml").write_text(text.replace(old, new) if old else text)
         found.append(prepare(SPEC | {"robot": str(tmp_path / "robot.yaml")}).fingerprint())
     assert len(set(found)) == len(found) == 6
+
+
+WAY = {
+    "name": "way",
+    "robot": "little-john",
+    "start": [0, 0, 0, 0, -0.9, 0.9, 0.9, 0],
+    "period": 0.02,
+    "reference": {
+        "kind": "drive-to",
+        "offset": {"translation": [-1.2, 0.8, 0], "rotation": [0, 0, 2.5]},
+        "speed_fraction": 0.9,
+    },
+    "law": {"kind": "guided-proportional", "gain": 1},
+    "plant": {"kind": "integrator"},
+}
+
+
+def test_a_plan_is_judged_in_its_own_configurations():
+    """Followed by its hand alone, in other configurations, it would need joints beyond their limits."""
+    demand = path_demand(prepare(WAY).scenes[""])
+    assert demand is not None
+    assert demand.left.succeeded
+    assert demand.peak_share == pytest.approx(0.9, abs=0.02)
+    assert not any("velocity limit" in remark for remark in check(WAY).remarks())
+
+
+def test_a_base_that_nothing_limits_is_said(tmp_path):
+    part = yaml.safe_load((MODELS / "little-john.yaml").read_text(encoding="utf-8"))
+    del part["parts"][0]["rim_speed"]
+    (tmp_path / "free.yaml").write_text(yaml.safe_dump(part))
+    body = dqc.load_robot(tmp_path / "free.yaml")
+    free = {"robot": str(tmp_path / "free.yaml"), "start": [0] * body.configuration_size, "period": 0.02}
+    spec = {**SPEC, **free, "law": {"kind": "proportional", "gain": 1}}
+    spec["reference"] = {"kind": "set-point", "offset": {"translation": [-0.1, 0, 0]}}
+    said = [remark for remark in check(spec).remarks() if "no velocity limit" in remark]
+    assert len(said) == 1
+    assert f": no velocity limit of {body.input_names[0]}" in said[0]
+    with pytest.warns(NoteWarning, match="no velocity limit of"):
+        dqc.run(spec)
+    assert not any(
+        "no velocity limit" in remark for remark in check({**spec, "robot": "little-john"}).remarks()
+    )
+
+
+def test_laws_whose_error_depends_on_the_origin_say_how_far_it_is():
+    far = {**WAY, "start": [10, 0, 0, 0, -0.9, 0.9, 0.9, 0], "duration": 1}
+    far |= {"reference": {"kind": "set-point", "offset": {"translation": [-0.1, 0, 0]}}}
+    law = {"kind": "h-infinity", "orientation_gain": 2, "translation_gain": 1}
+    weights = {"error_weight": 1, "control_weight": 1}
+    del far["law"]
+    far["laws"] = {
+        "HIR": law,
+        "HIRT": law | {"kind": "h-infinity-tracking"},
+        "left": law | {"form": "left"},
+        "DQ": weights | {"kind": "linear-quadratic-dq"},
+        "R8": weights | {"kind": "linear-quadratic-r8"},
+    }
+    said = [remark for remark in check(far).remarks() if "where the origin is" in remark]
+    assert [line.partition(" ")[0] for line in said] == ["HIR", "HIRT", "DQ"]
+    assert "10.3 m from it an orientation error of 1° counts as 180 mm" in said[0]
+    assert "take form: left" in said[0]
+    assert "take error: left" in said[2]
+    near = {**far, "start": WAY["start"]}
+    assert not any("where the origin is" in remark for remark in check(near).remarks())
+    single = {key: value for key, value in far.items() if key != "laws"} | {"law": law}
+    with pytest.warns(NoteWarning, match="h-infinity · integrator: its error depends on where the origin is"):
+        dqc.run(single)

@@ -444,3 +444,28 @@ def test_of_ambiguous_joints_the_plant_has_the_sum_that_is_known():
     found = dqc.logs.Identification("arm", (), "positions", 0.008, (known, ambiguous))
     assert found.plant().time_constant == [0.05, pytest.approx(0.09)]
     assert found.plant().delay == [0.02, 0.02]
+
+
+@pytest.mark.parametrize("velocities", [False, True])
+def test_the_twin_of_a_log_whose_stamps_jitter_drops_and_doubles_no_command(tmp_path, velocities):
+    """Stamps with 0.2 ms of jitter, and a period that is not their median step to the last digit."""
+    rng = np.random.default_rng(SEED)
+    time = np.arange(3000) * 0.008
+    targets = np.column_stack([multisine(rng, time, 0.2) for _ in range(6)])
+    seen = np.column_stack([answer(time, each, 0.05, 0.02, time) for each in targets.T])
+    stamps = time + 2e-4 * rng.normal(size=len(time))
+    measured = encoder(rng, seen, 0.0, 1e-5)
+    if velocities:
+        speeds = np.vstack([np.diff(targets, axis=0), np.zeros(6)]) / 0.008
+        names = ["time", *(f"q{i + 1}" for i in range(6)), *(f"u{i + 1}" for i in range(6))]
+        path = tmp_path / "log.csv"
+        rows = np.column_stack([stamps, measured, speeds])
+        np.savetxt(path, rows, delimiter=",", header=",".join(names), comments="")
+    else:
+        path = write_log(tmp_path / "log.csv", stamps, targets, measured)
+    found = dqc.identify(path, "ur5")
+    for joint in found.joints:
+        assert joint.lag == pytest.approx(0.05, rel=0.02)
+    twin = found.save_twin(found.save(tmp_path / "out"))
+    assert twin.motion_rms > 5e-3
+    assert twin.hand_rms < 0.1e-3  # 0.33 mm where rows are dropped or doubled

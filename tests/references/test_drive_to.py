@@ -7,8 +7,9 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol import algebra
-from dqcontrol.errors import Error, ValueRangeError
+from dqcontrol.errors import Error, ShapeError, UnreachableGoalError, ValueRangeError
 from dqcontrol.references import DriveTo, random_goals
+from dqcontrol.references.ways_around import across, body_points
 
 START = np.array([0.3, -0.2, 0.5, 0, -0.9, 0.9, 0.9, 0])
 SEED = 20261201
@@ -124,3 +125,66 @@ def test_bad_input():
     unlimited = dqc.WholeBody([dqc.DifferentialDrive(0.05, 0.1), dqc.load_robot("ax18")])
     with pytest.raises(ValueRangeError, match=r"robot: v of .* has no velocity limit to plan with"):
         DriveTo(unlimited, START, START + np.eye(8)[0])
+
+
+@pytest.mark.slow
+def test_a_door_hardly_wider_than_the_robot_is_found():
+    """Chassis, folded arm and clearance take 0.49 m of a door of 0.50 m, wherever it lies on the grid."""
+    robot, start = dqc.load_robot("little-john"), np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0])
+    goal = robot.fkm([2.2, 0.1, 0.3, 0.2, -0.6, 0.7, 0.6, 0])
+    for shift in (0.0, 0.013):
+        right, left = shift - 0.25, shift + 0.25
+        walls = [
+            [[1, left], [1.1, left], [1.1, 5], [1, 5]],
+            [[1, -5], [1.1, -5], [1.1, right], [1, right]],
+        ]
+        way = dqc.references.DriveTo.pose(robot, start, goal, floor=dqc.geometry.FloorMap(walls))
+        driven, straight = way.detour
+        assert driven < 1.1 * straight
+
+
+def test_a_detour_says_how_far_it_is():
+    robot, start = dqc.load_robot("little-john"), [0, 0, 0, 0, -0.9, 0.9, 0.9, 0]
+    goal = [2, 0, 0, 0, -0.9, 0.9, 0.9, 0]
+    way = dqc.references.DriveTo(robot, start, goal, via=[(0, 3), (2, 3)])
+    assert way.detour == pytest.approx((8, 2))
+    assert dqc.references.DriveTo(robot, start, goal).detour == (0, 0)
+
+
+def test_no_plan_takes_the_hand_through_the_floor():
+    robot, start = dqc.load_robot("little-john"), np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0])
+    rng = np.random.default_rng(7)
+    lower, upper = robot.limits.lower, robot.limits.upper
+    looked_at = 0
+    for _ in range(12):
+        q = rng.uniform(np.maximum(lower, -2), np.minimum(upper, 2))
+        pose = robot.fkm(q)
+        if dqc.algebra.translation(pose)[2] < 0.02:
+            continue
+        try:
+            way = dqc.references.DriveTo.pose(robot, start, pose)
+        except UnreachableGoalError:
+            continue
+        looked_at += 1
+        heights = dqc.algebra.translation(robot.fkm(way.configurations(np.linspace(0, way.duration, 300))))[
+            :, 2
+        ]
+        assert heights.min() > -5e-3  # between the instants that are looked at
+    assert looked_at > 3
+
+
+def test_a_base_of_unknown_width_is_not_planned_for():
+    """Without shapes a chassis says how wide it is; without both a map is refused in a line."""
+    floor = dqc.geometry.FloorMap([[[1, 0.5], [1.4, 0.5], [1.4, 0.9], [1, 0.9]]])
+    bare = dqc.WholeBody([dqc.DifferentialDrive(0.05, 0.1, rim_speed=0.4), dqc.load_robot("ax18")])
+    start, goal = np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0]), bare.fkm([0.5, 0, 0, 0, -0.9, 0.9, 0.9, 0])
+    with pytest.raises(ShapeError, match=r"map: nothing says how wide the base of .* is; give it a chassis"):
+        DriveTo.pose(bare, start, goal, floor=floor)
+    chassis = dqc.load_robot("little-john").parts[0].chassis
+    wide = dqc.WholeBody(
+        [dqc.DifferentialDrive(0.05, 0.1, rim_speed=0.4, chassis=chassis), dqc.load_robot("ax18")]
+    )
+    body = body_points(wide, start)
+    assert set(body.radius[~body.carried]) == {chassis.radius}
+    assert across(wide, start) >= chassis.radius
+    assert DriveTo.pose(wide, start, goal, floor=floor).duration > 0

@@ -113,7 +113,7 @@ def test_what_could_not_be_configured_may_be_mended_and_configured_again(spec, m
 
 
 def test_a_law_that_cannot_be_judged_is_said_or_refused(spec, made, capfd):
-    delayed = {"kind": "servo", "delay": 2.0}
+    delayed = {"kind": "servo", "delay": "2 s"}
     made(lambda: controller(spec(plant=delayed)))
     assert (
         "law: proportional · servo: cannot be decided: plant and supervisor have a model of"

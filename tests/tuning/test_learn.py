@@ -20,6 +20,7 @@ from dqcontrol.references.points_file import DUAL_QUATERNION
 from dqcontrol.tuning import Convergence, learn_to
 from dqcontrol.tuning.learning.learnt_motion import TRACKED_POSE, hand_error, motion_of, shifted_poses
 from dqcontrol.tuning.learning.loop_response import LoopShape, loop_shape
+from dqcontrol.tuning.learning.run_learning import _outcome
 
 START = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
 SPEC = {
@@ -357,3 +358,12 @@ def test_what_is_for_ros_is_refused_without_it(tmp_path):
         learn(tmp_path / "learn.yaml", network=True)
     with pytest.raises(Error, match=r"^again: is for a robot behind topics"):
         learn(tmp_path / "learn.yaml", "again")
+
+
+def test_what_noise_can_make_is_no_growth():
+    """A tenth more than the best is growth only where it is more than the noise in the error."""
+    assert _outcome(0.9, 1.0, noise=0.05) == "accepted"
+    assert _outcome(1.05, 1.0, noise=0.01) == "flat"
+    assert _outcome(1.2, 1.0, noise=0.05) == "grown"
+    assert _outcome(1.2, 1.0, noise=0.4) == "flat"
+    assert _outcome(2.0, 1.0, noise=0.6) == "grown"

@@ -19,6 +19,7 @@ from dqcontrol.errors import (
     ValueRangeError,
 )
 from dqcontrol.experiments.feasibility import path_demand
+from dqcontrol.experiments.gain_advice import advise_gains
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.measures.margins import AT_LIMIT
 from dqcontrol.measures.stability import gain_limits, stability_limit
@@ -55,7 +56,10 @@ def test_a_folder_holds_the_winners_and_a_spec_that_runs(problem, tmp_path):
     found = tune_to(problem, tmp_path / "out", jobs=1)
     winners = json.loads((tmp_path / "out" / "winners.json").read_text())
     assert [each["law"] for each in winners] == [each.label for each in found.laws]
-    assert set(winners[0]) == {"law", "parameters", "objectives", "held_out", "margin", "evaluations"}
+    assert set(winners[0]) == {"law", "parameters", "objectives", "held_out", "margin", "evaluations"} | {
+        "overshoot",
+        "verdict",
+    }
     assert set(winners[0]["parameters"]) == {"gain", "integral_gain"}
     for name in (
         "report.html",
@@ -254,12 +258,12 @@ MISTAKES = {
     "a law that cannot be stable": (
         {"free": {"K": {"loop_gain": {"low": 0.6, "high": 3}}}},
         ValueRangeError,
-        "tune.free.K: no law with loop_gain in 0.6 … 3 keeps the margin that is asked for; it ends at kT = 0.26",
+        "tune.free.K: no law with loop_gain in 0.6 … 3 keeps margin and damping as asked; it ends at kT = 0.0724",
     ),
     "gains that cannot be stable": (
         {"free": {"K": {"gain": {"low": 100, "high": 300}}}},
         ValueRangeError,
-        "tune.free.K: no law with gain in 100 … 300 keeps the margin that is asked for; it ends at kT = 0.26",
+        "tune.free.K: no law with gain in 100 … 300 keeps margin and damping as asked; it ends at kT = 0.0724",
     ),
     "a budget of 0": ({"budget": 0}, Error, "tune.budget: expected a whole number >= 1, got 0"),
     "a small budget": (
@@ -423,3 +427,36 @@ def test_two_arms_are_tuned_with_what_they_hold(problem):
     search = LawSearch(found.problem, "K")
     assert found.best.result.total < 0.9 * search._evaluate(search.law).total
     assert found.best.margin is not None
+
+
+def test_gains_check_and_tune_speak_with_one_voice():
+    """What is recommended, what is called good and what is found agree; the swinging one is offered beside it."""
+    period, lag, delay = 0.008, 0.05, 0.03
+    spec = {
+        "name": "voice",
+        "robot": "iiwa7",
+        "start": [0, 0.6, 0, 1.6, 0, 0.6, 0],
+        "period": period,
+        "reference": {"kind": "circle", "radius": 0.06, "duration": 2, "ramp": 0.5},
+        "law": {"kind": "proportional", "gain": 5},
+        "plant": {"kind": "servo", "time_constant": lag, "delay": delay},
+    }
+    found = dqc.tune(spec, budget=20)
+    best, faster = found.best, found.best.faster
+    gain = best.result.law["gain"]
+    advised = advise_gains("iiwa7", period, delay, lag).table.rows[0][1]
+    assert advised == "gain: 6.3"
+    assert gain == pytest.approx(6.34, rel=0.01)
+    assert (best.verdict, best.overshoot < 0.05) == ("good", True)
+    (row,) = dqc.experiments.check(found.best_spec)
+    assert row.verdict == "good"
+    assert gain <= row.worst.limits.recommended / period
+    assert faster is not None
+    assert faster.verdict == "oscillatory"
+    assert faster.result.total < best.result.total
+    assert faster.overshoot > 0.4
+    assert [line[0] for line in found.table().rows] == ["proportional", "proportional, less damped"]
+    assert any("oscillatory as check says, overshoot" in line for line in found.remarks())
+    free = dqc.tune(spec, budget=20, damping=0)
+    assert free.best.result.law["gain"] == pytest.approx(18.1, rel=0.02)
+    assert free.best.faster is None

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
+
+from dqcontrol.cli.options import ANGLES
 
 Replace = Annotated[bool, Parameter(name="--force", negative=(), help="Replace an existing file.")]
 
@@ -17,8 +20,8 @@ def clip(
     rate: float = 25.0,
     width: int = 640,
     height: int = 480,
-    azimuth: float | None = None,
-    elevation: float | None = None,
+    azimuth: Annotated[float | None, ANGLES] = None,
+    elevation: Annotated[float | None, ANGLES] = None,
 ) -> None:
     """Save a clip or a picture of a run, or of several of one robot in one scene: arms, and mobile manipulators.
 
@@ -36,9 +39,9 @@ def clip(
     height
         Pixels.
     azimuth
-        Direction of view, degrees.
+        Direction of view, rad or as 60deg.
     elevation
-        Direction of view, degrees; negative looks down.
+        Direction of view, rad or as -25deg; negative looks down.
     """
     from dqcontrol.cli.screen import progress_bar
     from dqcontrol.errors import ValueRangeError
@@ -59,8 +62,8 @@ def clip(
     look: dict[str, Any] = {
         "width": width,
         "height": height,
-        "azimuth": azimuth,
-        "elevation": elevation,
+        "azimuth": None if azimuth is None else math.degrees(azimuth),
+        "elevation": None if elevation is None else math.degrees(elevation),
         "overwrite": force,
         "kept": first.law.constraints if first.law else None,
         "further": [(other.plant, other.record) for other in others],

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from dqcontrol.cli.options import DEFAULT_LOG_OPTIONS, Force, LogOptions, Out
+from dqcontrol.cli.options import DEFAULT_LOG_OPTIONS, SECONDS, Force, LogOptions, Out, Seconds, in_unit
 from dqcontrol.cli.screen import print_table
 
 
@@ -21,11 +21,11 @@ def evaluate(
     reference_topic: str | None = None,
     reference_joints: str | None = None,
     missing: Literal["interpolate", "skip"] = "interpolate",
-    start: float = 0.0,
+    start: Seconds = 0.0,
     align: Annotated[bool, Parameter(negative=())] = False,
-    duration: float | None = None,
-    skip_initial: float | None = None,
-    low_pass: float | None = None,
+    duration: Annotated[float | None, SECONDS] = None,
+    skip_initial: Annotated[float | None, SECONDS] = None,
+    low_pass: Annotated[float | None, in_unit("Hz", "10Hz")] = None,
     out: Out = None,
     force: Force = False,
 ) -> None:

@@ -6,8 +6,10 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from dqcontrol.cli.options import BaseLink, Force, Out, TipLink
+from dqcontrol.cli.options import BaseLink, Force, Out, Seconds, TipLink, in_unit, numbers
 from dqcontrol.cli.screen import print_table
+
+Way = Annotated[float, in_unit("rad or m", "17deg")]
 
 
 def excite(
@@ -15,29 +17,32 @@ def excite(
     /,
     *,
     start: Annotated[
-        str | None, Parameter(help="Configuration about which it moves: a,b,c in rad or m.")
+        str | None,
+        Parameter(help="Configuration about which it moves: a,b,c in rad or m, or with units: 90deg,0."),
     ] = None,
     base_link: BaseLink = None,
     tip_link: TipLink = None,
     signal: Literal["zigzag", "multisine", "chirp"] = "zigzag",
     together: Annotated[bool, Parameter(negative=())] = False,
-    duration: float = 60.0,
-    period: float = 0.008,
-    amplitude: float = 0.3,
-    speed: float = 1.0,
-    acceleration: float = 6.0,
+    duration: Seconds = 60.0,
+    period: Seconds = 0.008,
+    amplitude: Way = 0.3,
+    speed: Annotated[float, in_unit("rad/s or m/s", "60deg/s")] = 1.0,
+    acceleration: Annotated[float, in_unit("rad/s² or m/s²", "90deg/s²")] = 6.0,
     workspace: Annotated[
         str | None, Parameter(help="Box that the hand does not leave: x0,x1,y0,y1,z0,z1 in m, base frame.")
     ] = None,
-    lag: float = 0.05,
-    delay: float = 0.02,
-    noise: float = 1e-4,
-    resolution: float = 0.0,
+    lag: Seconds = 0.05,
+    delay: Seconds = 0.02,
+    noise: Way = 1e-4,
+    resolution: Way = 0.0,
     seed: int = 1,
     out: Out = None,
     force: Force = False,
 ) -> None:
     """Write a motion of the joints from whose log identify can tell lags and delays, and say how precisely.
+
+    Numbers may have a unit: 8ms, 17deg.
 
     Parameters
     ----------
@@ -79,7 +84,7 @@ def excite(
         check_new(out, force=False)
     found = design(
         robot,
-        _numbers("start", start),
+        numbers("start", start, "rad or m"),
         base_link=base_link,
         tip_link=tip_link,
         signal=signal,
@@ -89,7 +94,7 @@ def excite(
         amplitude=amplitude,
         speed=speed,
         acceleration=acceleration,
-        workspace=_numbers("workspace", workspace),
+        workspace=numbers("workspace", workspace, "m"),
         lag=lag,
         delay=delay,
         noise=noise,
@@ -102,10 +107,3 @@ def excite(
     if out is not None:
         found.save(out, force=force)
         print(f"run it: dqcontrol run {out / 'excite.yaml'} --out RESULTS")
-
-
-def _numbers(option: str, text: str | None) -> list[float] | None:
-    """Return the numbers of a list with commas."""
-    from dqcontrol.files.text_file import as_number
-
-    return None if text is None else [as_number(f"--{option}", word) for word in text.split(",")]

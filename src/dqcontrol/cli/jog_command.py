@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from dqcontrol.cli.options import BaseLink, Force, Out, TipLink
+from dqcontrol.cli.options import BaseLink, Force, Out, TipLink, in_unit
 
 if TYPE_CHECKING:
     from dqcontrol.cli.keyboard import Keyboard
@@ -26,7 +26,7 @@ def jog(
     tip_link: TipLink = None,
     poses: Annotated[Path, Parameter(name=["--poses", "-p"])] = Path("poses.csv"),
     speed: float = 0.1,
-    angular_speed: float = 0.5,
+    angular_speed: Annotated[float, in_unit("rad/s", "30deg/s")] = 0.5,
     out: Out = None,
     force: Force = False,
 ) -> None:

@@ -2,11 +2,68 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, TypedDict
+from typing import Annotated, Any, Literal, TypedDict
 
-from cyclopts import Parameter, validators
+from cyclopts import Parameter, Token, validators
+
+from dqcontrol.files.units import number_in, unsaid_unit
+
+
+def in_unit(unit: str, like: str) -> Parameter:
+    """Return what makes numbers in a unit of SI of an option, which may say another, as ``30ms`` or ``35deg``.
+
+    Parameters
+    ----------
+    unit
+        Of a plain number.
+    like
+        An example with a unit.
+    """
+
+    def number(token: Token, *, several: bool) -> float:
+        found = number_in(token.value, unit)
+        if found is None:
+            raise ValueError(f"expected a number in {unit}, or with a unit as {like}, got '{token.value}'")
+        option = token.keyword or ""
+        name = option.lstrip("-").replace("-", "_")
+        if _is_number(token.value) and (asked := unsaid_unit(name, found, unit)):
+            raise ValueError(f"{option}: {asked}" if several else asked)
+        return found
+
+    def converted(_type: Any, tokens: tuple[Token, ...]) -> float | tuple[float, ...]:
+        found = tuple(number(token, several=len(tokens) > 1) for token in tokens)
+        return found[0] if len(found) == 1 else found
+
+    return Parameter(converter=converted, allow_leading_hyphen=True)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def numbers(option: str, text: str | None, unit: str) -> list[float] | None:
+    """Return the numbers of a list with commas, each in a unit of SI or with its own."""
+    from dqcontrol.errors import ValueRangeError  # only now: it loads NumPy
+
+    if text is None:
+        return None
+    found = [number_in(word, unit) for word in text.split(",")]
+    for word, number in zip(text.split(","), found, strict=True):
+        if number is None or not math.isfinite(number):
+            raise ValueRangeError(f"--{option}: expected numbers in {unit} with commas, got '{word}'")
+    return [number for number in found if number is not None]
+
+
+SECONDS = in_unit("s", "8ms")
+ANGLES = in_unit("rad", "35deg")
+Seconds = Annotated[float, SECONDS]
 
 BaseLink = Annotated[str | None, Parameter(help="Start of the chain in a URDF file.")]
 TipLink = Annotated[str | None, Parameter(help="End of the chain in a URDF file.")]

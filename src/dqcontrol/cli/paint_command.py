@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dqcontrol.cli.options import BaseLink, Force, Out, TipLink
+from dqcontrol.cli.options import BaseLink, Force, Out, TipLink, numbers
 
 
 def paint(
@@ -36,7 +36,7 @@ def paint(
     robot
         Name, .yaml, .urdf or .xacro file, or example-robot-data:PATH; other robots than panda need --start.
     start
-        Configuration with the hand in the middle of the paper, as 0,0.6,0 (rad or m).
+        Configuration with the hand in the middle of the paper, as 0,0.6,0 (rad or m) or 0,35deg,0.
     width
         Of the drawing, m; default: as wide as the arm reaches, up to 0.45 m.
     speed
@@ -48,7 +48,6 @@ def paint(
     """
     import yaml
 
-    from dqcontrol.errors import ValueRangeError
     from dqcontrol.experiments.painting import paint as painted
     from dqcontrol.experiments.results_folder import check_new, new_folder
     from dqcontrol.experiments.spec.spec import part_of_spec
@@ -59,10 +58,7 @@ def paint(
 
     folder = out or Path("results") / drawing.stem
     check_new(folder, force=force)
-    try:
-        q = [float(word) for word in start.split(",")] if start else None
-    except ValueError:
-        raise ValueRangeError(f"start: expected numbers with commas, got '{start}'") from None
+    q = numbers("start", start, "rad or m")
     source = str(Path(robot).resolve()) if Path(robot).is_file() else robot  # for `dqcontrol view`
     ends = {"base_link": base_link, "tip_link": tip_link}
     chain = {key: link for key, link in ends.items() if link is not None}

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Annotated
 
 from cyclopts import App
 
-from dqcontrol.cli.options import BaseLink, Port, TipLink
+from dqcontrol.cli.options import ANGLES, BaseLink, Port, TipLink
 from dqcontrol.cli.screen import print_table
 
 robots: App = App(
@@ -219,7 +220,7 @@ def solve(
     /,
     *,
     position: tuple[float, float, float],
-    rpy: tuple[float, float, float] | None = None,
+    rpy: Annotated[tuple[float, float, float] | None, ANGLES] = None,
     quaternion: tuple[float, float, float, float] | None = None,
     base_link: BaseLink = None,
     tip_link: TipLink = None,
@@ -237,7 +238,7 @@ def solve(
     position
         Of the hand in the base frame: x y z, m.
     rpy
-        Its roll, pitch and yaw, degrees: Rz(yaw) Ry(pitch) Rx(roll).
+        Its roll, pitch and yaw, rad or as 90deg: Rz(yaw) Ry(pitch) Rx(roll).
     quaternion
         In their place: w x y z.
     top
@@ -248,8 +249,7 @@ def solve(
     from dqcontrol.robots import load_robot
 
     robot = load_robot(source, base_link, tip_link)
-    angles = None if rpy is None else tuple(math.radians(angle) for angle in rpy)
-    found = HandStart(position=position, quaternion=quaternion, rpy=angles).postures(robot)  # type: ignore[arg-type] — three
+    found = HandStart(position=position, quaternion=quaternion, rpy=rpy).postures(robot)
     turns = [kind == "revolute" for kind in robot.joint_types]
     columns = [
         *(

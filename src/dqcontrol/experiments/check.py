@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import DivergedError, StabilityWarning
-from dqcontrol.experiments.feasibility import task_remarks
+from dqcontrol.errors import DivergedError, NoteWarning, StabilityWarning
+from dqcontrol.experiments.feasibility import run_remarks, task_remarks
 from dqcontrol.experiments.prepared_experiment import Combination, Names, PreparedExperiment, prepare
 from dqcontrol.experiments.spec import AnyPlant, Spec
 from dqcontrol.limits import CommandLimits, Compensation
@@ -38,7 +38,7 @@ from dqcontrol.robots import Robot
 
 _FREE = CommandLimits(velocity=False)
 _HORIZON = 2.0  # s, in which what matters of an observer is seen
-_LEAST_OVERSHOOT = 0.05  # %; less is none
+LEAST_OVERSHOOT = 0.05  # %; less is none
 
 Known = dict[tuple[complex, float, float], GainLimits]  # by direction, integral share and lag of the gain
 
@@ -300,7 +300,7 @@ def _cells(row: LoopCheck, places: list[str]) -> list[str | float | None]:
         worst, limits = row.worst, row.worst.limits
         advised = limits.recommended / row.period or None
         percent = 100 * row.overshoot
-        passed = percent if percent >= _LEAST_OVERSHOOT else 0.0
+        passed = percent if percent >= LEAST_OVERSHOOT else 0.0
         numbers = [limits.stable / row.period, worst.margin, advised, passed, row.time_constant]
     elif row.numeric:
         numbers = [None, row.numeric.margin, None, None, row.time_constant]
@@ -357,7 +357,12 @@ def check(source: str | Path | dict[str, Any]) -> Checks:
 
 
 def warn_unstable(setting: PreparedExperiment, *, stacklevel: int) -> list[LoopCheck]:
-    """Return what is to be expected of a prepared spec's loops; warn, once, where some are unstable."""
+    """Return what is to be expected of a prepared spec's loops; warn, once, where some are unstable.
+
+    What nothing limits, and errors that depend on the origin of the inertial frame, are noted.
+    """
+    for line in run_remarks(setting):
+        warnings.warn(line, NoteWarning, stacklevel=stacklevel + 1)
     checks = list(loop_checks(setting))
     unstable = [row for row in checks if row.verdict.startswith("unstable")]
     if unstable:

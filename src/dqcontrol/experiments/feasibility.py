@@ -9,15 +9,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, PreparedRobot
 from dqcontrol.laws import (
     BestHeading,
+    GuidedProportional,
+    HInfinity,
     JointMotion,
     Law,
+    LinearQuadraticDQ,
     ManipulabilityAscent,
     OpenLoop,
     PartialProportional,
+    PreparedLaw,
     ProportionalFeedforward,
 )
 from dqcontrol.limits import CommandLimits
@@ -28,6 +33,7 @@ from dqcontrol.measures.task_result import FOLLOWED, SETTLED, TaskResult, task_r
 from dqcontrol.plants import Integrator
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.references import Sample
+from dqcontrol.references.drive_to import DriveTo, PlannedWay
 from dqcontrol.references.sample import POSE, TWIST, TWIST_RATE
 from dqcontrol.robots import Robot
 from dqcontrol.robots.robot import base_coordinates
@@ -39,6 +45,8 @@ _SHARES = 1 + 1e-6
 _ERROR = 1e-3  # of a dual quaternion: smaller ones have no direction that counts
 _NONE = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
 _HAND_SPEED, _BALL = 0.25, 0.05  # m/s, m: an example of how much the lag of joints takes
+_DETOUR = 1.5  # times the straight line: a way around a single thing is shorter
+_FAR = 2.0  # m; farther than arms on a fixed base reach
 _ALL = 1 - 1e-6  # of an error: what is left of it leads out by itself
 
 
@@ -71,10 +79,12 @@ def path_demand(scene: PreparedRobot) -> PathDemand | None:
     """Return what a reference asks of a robot; None if the motion that follows it diverges.
 
     The motion is followed with feed-forward from the configuration nearest to its first pose, so no transient of a
-    law counts. Bases with wheels, which cannot go sideways, follow it with their headings as they turn out and with the
-    best ones; what leaves less counts.
+    law counts; a plan in its own configurations. Bases with wheels, which cannot go sideways, follow it with their
+    headings as they turn out and with the best ones; what leaves less counts.
     """
     robot = scene.robot.in_form("constrained")
+    if isinstance(scene.reference, PlannedWay):
+        return _planned(scene.reference.robot, scene, scene.reference)
     found = [
         _followed(robot, scene, heading) for heading in (None, BestHeading())[: 1 + bool(len(robot.drives))]
     ]
@@ -83,9 +93,7 @@ def path_demand(scene: PreparedRobot) -> PathDemand | None:
 
 
 def _followed(robot: Robot, scene: PreparedRobot, null_space: BestHeading | None) -> PathDemand | None:
-    stride = -(-len(scene.samples) // _MOST)
-    samples = scene.samples[::stride]
-    period = float(samples[1, -1] - samples[0, -1]) if len(samples) > 1 else 1.0
+    samples, period = _coarser(scene)
     start = robot.solve(samples[0, POSE], scene.start, restarts=20).q
     law = ProportionalFeedforward(gain=_PULL / period, null_space=null_space).prepare(robot, None, period)
     held = np.repeat(samples[:1], _ARRIVED, axis=0)  # the first pose, until what can be reached of it is
@@ -93,7 +101,26 @@ def _followed(robot: Robot, scene: PreparedRobot, null_space: BestHeading | None
     held[:, -1] = samples[0, -1] + period * np.arange(-_ARRIVED, 0)
     try:
         arrived = simulate_prepared(law, Integrator(), start, held).q[-1]
-        record = simulate_prepared(law, Integrator(), arrived, samples)
+    except DivergedError:
+        return None
+    return _demand(robot, law, arrived, samples)
+
+
+def _planned(robot: Robot, scene: PreparedRobot, way: PlannedWay) -> PathDemand | None:
+    samples, period = _coarser(scene)
+    law = GuidedProportional(gain=_PULL / period).prepare(robot, way, period)
+    return _demand(robot, law, scene.start, samples)
+
+
+def _coarser(scene: PreparedRobot) -> tuple[Array, float]:
+    """Return the samples that are followed, and the time between them, s."""
+    samples = scene.samples[:: -(-len(scene.samples) // _MOST)]
+    return samples, float(samples[1, -1] - samples[0, -1]) if len(samples) > 1 else 1.0
+
+
+def _demand(robot: Robot, law: PreparedLaw, start: Array, samples: Array) -> PathDemand | None:
+    try:
+        record = simulate_prepared(law, Integrator(), start, samples)
     except DivergedError:
         return None
     if not np.isfinite(record.q).all():
@@ -117,6 +144,50 @@ def task_remarks(setting: PreparedExperiment) -> Iterator[str]:
         yield from _of_first_command(setting, case)
         yield from _of_constraints(setting, case)
         yield from _of_rolling(setting, case)
+    yield from run_remarks(setting)
+
+
+def run_remarks(setting: PreparedExperiment) -> Iterator[str]:
+    """Give what is to be known of each run besides, in a line each: free wheels, detours, errors about an origin."""
+    for scene in setting.scenes.values():
+        yield from _of_free_wheels(scene.robot)
+        yield from _of_detour(scene)
+    for case in setting.cases:
+        yield from _of_the_origin(case)
+
+
+def _of_free_wheels(robot: Robot) -> Iterator[str]:
+    """Say which velocities of a robot's bases nothing limits: whatever a law asks for is commanded."""
+    moving = np.flatnonzero(base_coordinates(robot)[robot.input_coordinates])
+    free = [robot.input_names[i] for i in moving if np.isinf(robot.limits.velocity[i])]
+    if free:
+        yield (
+            f"{robot.name}: no velocity limit of {', '.join(free)} is known, so the base is commanded however fast a "
+            "law asks: give its limits in the robot's file"
+        )
+
+
+def _of_detour(scene: PreparedRobot) -> Iterator[str]:
+    """Say how far a base drives around what stands in its way, where that is much farther than straight."""
+    if isinstance(scene.reference, DriveTo):
+        driven, straight = scene.reference.detour
+        if driven > _DETOUR * straight:
+            yield f"reference: detour: {driven:.2g} m for {straight:.2g} m, around the map's obstacles"
+
+
+def _of_the_origin(case: Combination) -> Iterator[str]:
+    """Say how far from the origin a hand is to be where its law's error depends on where the origin is."""
+    law = case.variant.law
+    key = {HInfinity: "form", LinearQuadraticDQ: "error"}
+    field = next((key[kind] for kind in key if isinstance(law, kind)), "")
+    if not field or getattr(law, field) != "right":
+        return
+    far = float(np.linalg.norm(algebra.translation(case.scene.samples[:, POSE]), axis=1).max())
+    if far > _FAR:
+        yield (
+            f"{case.names.label}: its error depends on where the origin is: {far:.3g} m from it an orientation error "
+            f"of 1° counts as {1e3 * far * math.radians(1):.3g} mm of position; take {field}: left, which does not"
+        )
 
 
 def way_out(law: Law) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
@@ -149,8 +151,16 @@ def _spec_of(robot: str, ends: Ends) -> dict[str, Any]:
     }
 
 
-def most_dexterous(robot: Robot) -> Array:
+def most_dexterous(robot: Robot, lowest: float = -math.inf) -> Array:
     """Return the configuration of greatest manipulability among some hundred within the middle of the limits.
+
+    Parameters
+    ----------
+    robot
+        Whose.
+    lowest
+        Least height of the hand above the base frame's origin, m, with which no joint is below that. Where no
+        configuration is so high, as of arms that hang, it does not count.
 
     Returns
     -------
@@ -161,4 +171,8 @@ def most_dexterous(robot: Robot) -> Array:
     tries = np.random.default_rng(0).uniform(0.2, 0.8, (_TRIES, len(lower)))
     tries = lower + tries * (upper - lower)
     tries[:, base_coordinates(robot)] = 0.0
+    if math.isfinite(lowest):
+        joints = translation(robot.frames(tries))[..., 2].min(axis=1)
+        standing = (translation(robot.fkm(tries))[:, 2] >= lowest) & (joints >= 0)
+        tries = tries[standing] if standing.any() else tries
     return tries[int(np.argmax(robot.manipulability(tries)))]

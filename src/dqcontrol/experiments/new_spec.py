@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from dqcontrol.errors import LimitWarning, ReachError, ValueRangeError
 from dqcontrol.experiments.check import check
 from dqcontrol.experiments.jogging import most_dexterous
-from dqcontrol.files.units import as_quantity, as_seconds
+from dqcontrol.files.units import as_quantity, number_in, unsaid_unit
 from dqcontrol.robots import Robot, describe, load_robot
 
 _SIZES = (0.1, 0.05, 0.02, 0.01)  # of the reach, tried in turn
+_ABOVE = 0.2  # of the reach; twice the largest motion, as arms stand on tables
 _MOST_GAIN = 10.0  # 1/s
 _DURATION = 8  # s
 _PLANTS = {
@@ -63,7 +64,7 @@ def new_spec(
     """
     arm, seconds = load_robot(robot, base_link, tip_link), _seconds(period)
     ends = {key: link for key, link in (("base_link", base_link), ("tip_link", tip_link)) if link is not None}
-    start = _rounded(most_dexterous(arm), arm)
+    start = _rounded(most_dexterous(arm, _ABOVE * (describe(arm).reach or 1.0)), arm)
     kinds = ["proportional", "proportional-feedforward"] if law == "both" else [law]
     spec: dict[str, Any] = {
         "name": name,
@@ -141,7 +142,9 @@ def _flow(data: dict[str, Any]) -> str:
 
 def _seconds(period: str) -> float:
     value, unit = as_quantity(period) or (0.0, "")
-    seconds = 1.0 / value if unit == "Hz" and value > 0 else as_seconds(period)
+    seconds = 1.0 / value if unit == "Hz" and value > 0 else number_in(period, "s")
+    if seconds is not None and not unit and (asked := unsaid_unit("period", seconds, "s")):
+        raise ValueRangeError(f"period: {asked}")
     if seconds is None or not 0 < seconds <= 10:
         raise ValueRangeError(f"period: expected a time, as 8 ms, or a rate, as 125 Hz, got '{period}'")
     return seconds

@@ -20,7 +20,7 @@ from dqcontrol.errors import ReachError, ShapeError, ValueRangeError, error_pref
 from dqcontrol.experiments.clearance import check_clearance
 from dqcontrol.experiments.reach import check_reach
 from dqcontrol.experiments.results_folder import folder_names
-from dqcontrol.experiments.slips import degrees_slip, length_slip
+from dqcontrol.experiments.slips import degrees_slip, length_slip, note_turns
 from dqcontrol.experiments.spec import (
     AnyLaw,
     AnyPlant,
@@ -34,6 +34,7 @@ from dqcontrol.experiments.spec import (
 from dqcontrol.experiments.spec.parameter_sets import Variant
 from dqcontrol.extensions import user_code
 from dqcontrol.laws import PreparedLaw, PreparedTasks
+from dqcontrol.laws.null_space import Posture
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.closed_loop import check_disturbed
 from dqcontrol.loop.simulate import step_count
@@ -309,6 +310,7 @@ def _start(given: Start, robot: Robot) -> Array:
             f"start: {robot.joint_names[i]} is {start[i]:g}, outside its limits "
             f"{robot.limits.lower[i]:.4g} … {robot.limits.upper[i]:.4g}{degrees_slip(start, robot)}"
         )
+    note_turns("start", start, robot)
     return start
 
 
@@ -329,6 +331,8 @@ def _prepared_laws(
                 next(iter(different.values())),
                 tasks=scene.tasks,
             )
+            if isinstance(variant.law.null_space, Posture) and variant.law.null_space.rest is not None:
+                note_turns("null_space.rest", np.array(variant.law.null_space.rest), scene.robot)
             if first.constraints:
                 first.constraints.check_start(scene.start)
         bytes_left -= len(different) * first.parameters.nbytes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from msgspec import inspect
 from numpy.typing import NDArray
 
+from dqcontrol.errors import NoteWarning
 from dqcontrol.experiments.spec.key_types import kinds_below, kinds_of, unit_in
 from dqcontrol.experiments.spec.reference_base import ReferenceSpec
 from dqcontrol.robots import Robot, describe
@@ -26,6 +28,18 @@ def degrees_slip(start: NDArray[np.float64], robot: Robot) -> str:
     if not inside or not len(large):
         return ""
     return f"; degrees? Angles are in rad; write {large[0]:g} deg"
+
+
+def note_turns(field: str, q: NDArray[np.float64], robot: Robot) -> None:
+    """Say which joint of a configuration is more than a turn from 0: limits do not refuse what is in degrees there."""
+    turning = np.array([kind == "revolute" for kind in robot.joint_types])
+    for i in np.flatnonzero(turning & (np.abs(q) > 2 * np.pi))[:1]:
+        warnings.warn(
+            f"{field}: {robot.joint_names[i]} is {q[i]:g} rad, {abs(q[i]) / (2 * np.pi):.3g} turns; for degrees write "
+            f"{q[i]:g} deg",
+            NoteWarning,
+            stacklevel=2,
+        )
 
 
 def length_slip(reference: ReferenceSpec, robot: Robot) -> str:

@@ -22,7 +22,7 @@ from dqcontrol.errors import Error, FileFormatError, suggest
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare_spec
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.sampling import Point, Range, Sampling
-from dqcontrol.experiments.spec import as_spec, quantities_at, read_data
+from dqcontrol.experiments.spec import as_spec, quantities_at, read_data, readable_again
 from dqcontrol.experiments.spec.spec_files import locate_files
 from dqcontrol.experiments.trials import Batch
 from dqcontrol.files.yaml_file import convert, parse_yaml
@@ -31,6 +31,7 @@ from dqcontrol.measures.metric_tables import METRIC_COLUMNS
 REFUSED = "refused: "
 _FIXED = {"name", "record", "repeats", "laws", "robots", "plants"}  # they make the trials of a point
 _MARKED = {"parameter_sets", "grids"}
+_ENDS = ("low", "high")  # of a range
 _TRIAL = 4e-3  # s, roughly: what a trial takes beside its steps
 _PART = 1.0  # s of work in a part
 _MOST_IN_PART = 500  # trials
@@ -70,7 +71,9 @@ class Sweep:
         locate_files(data, self.folder)
         for key, values in sampling["over"].items():
             if isinstance(values, list):
-                sampling["over"][key] = [self._located(value) for value in values]
+                sampling["over"][key] = [self._located(readable_again(key, value)) for value in values]
+            else:
+                values.update({end: readable_again(key, values[end]) for end in _ENDS})
         return yaml.safe_dump({**data, "sweep": sampling}, sort_keys=False, allow_unicode=True)
 
     @cached_property
@@ -121,7 +124,7 @@ class Sweep:
         """
         data = copy.deepcopy(self.data) | {"record": "metrics"}
         for key, value in point.items():
-            _put(data, key, value)
+            _put(data, key, readable_again(key, value))
         return prepare_spec(as_spec(self.where, data, self.folder), self.folder, self._known)
 
     def ends(self) -> Iterator[PreparedExperiment]:
@@ -246,7 +249,8 @@ def _in_si_units(sampling: Any) -> Any:
         field = f"sweep.over.{key}"
         if isinstance(values, dict):
             found[key] = {
-                end: quantities_at("sweep", key, value, f"{field}.{end}") for end, value in values.items()
+                end: quantities_at("sweep", key, value, f"{field}.{end}") if end in _ENDS else value
+                for end, value in values.items()
             }
         else:
             found[key] = quantities_at("sweep", key, values, field)

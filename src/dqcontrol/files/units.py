@@ -31,6 +31,10 @@ _QUANTITY = re.compile(
     + "|".join(sorted(_UNITS, key=len, reverse=True))
     + r")(/s(?:[²³]|\^?[23])?)?\s*"
 )
+_SHORT_TIMES = frozenset(  # of servos, networks and filters: milliseconds; none of ours is longer than 1 s
+    ["period", "delay", "lag", "time_constant", "base_time_constant", "wheel_time_constant", "filter_time"]
+)
+_CONFIGURATIONS = frozenset(("start", "rest"))  # of bases, too, which stand many metres away
 _POWERS = str.maketrans({"2": "²", "3": "³", "^": None})
 
 
@@ -56,10 +60,54 @@ def as_quantity(text: str) -> tuple[float, str] | None:
     return value, unit + (match[3] or "").translate(_POWERS)
 
 
-def as_seconds(text: str) -> float | None:
-    """Return a time, as ``0.008``, ``8ms`` or ``8 ms``, in seconds; None if the text is none."""
+def unsaid_unit(key: str, number: float, unit: str) -> str:
+    """Return what is to be asked of a number without a unit that is more likely in another; empty if nothing is.
+
+    Parameters
+    ----------
+    key
+        Name of what is given, as ``"rpy"`` or ``"delay"``.
+    number
+        Its value.
+    unit
+        In which a plain number is taken, perhaps ``"rad or m"``.
+
+    Examples
+    --------
+    >>> unsaid_unit("rpy", 90, "rad")
+    '90 is more than a full turn in radians; write 90 deg or 90 rad'
+    >>> unsaid_unit("delay", 30, "s")
+    '30 s is long for a delay; write 30 ms or 30 s'
+    >>> unsaid_unit("rpy", 1.57, "rad"), unsaid_unit("duration", 30, "s")
+    ('', '')
+    """
+    units = unit.split(" or ")
+    if "rad" in units and key not in _CONFIGURATIONS and abs(number) > math.tau:
+        written = " or ".join(f"{number:g} {each}" for each in ("deg", *units))
+        return f"{number:g} is more than a full turn in radians; write {written}"
+    if unit == "s" and key in _SHORT_TIMES and number > 1:
+        name = key.replace("_", " ")
+        return f"{number:g} s is long for a {name}; write {number:g} ms or {number:g} s"
+    return ""
+
+
+def number_in(text: str, unit: str) -> float | None:
+    """Return a number, as ``0.008``, ``8ms`` or ``8 ms``, in a unit of SI; None if the text is none.
+
+    Parameters
+    ----------
+    text
+        The number; without a unit it is taken in that.
+    unit
+        Which; one of several for ``"rad or m"``.
+
+    Examples
+    --------
+    >>> number_in("8ms", "s"), number_in("0.008", "s"), number_in("8 mm", "s")
+    (0.008, 0.008, None)
+    """
     try:
         return float(text)
     except ValueError:
-        value, unit = as_quantity(text) or (0.0, "")
-        return value if unit == "s" else None
+        value, given = as_quantity(text) or (0.0, "")
+        return value if given in unit.split(" or ") else None

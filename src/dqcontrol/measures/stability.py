@@ -26,7 +26,8 @@ Verdict = Literal[
 
 MOST_STATES = 200  # of a model: eigenvalues of more take too long
 _GAINS = np.geomspace(1e-4, 1e6, 134)  # k T that are tried until one fails
-_DAMPED = 0.7  # damping ratio of poles that hardly overshoot (5 %)
+GOOD_DAMPING = 0.7  # damping ratio of poles that hardly overshoot (5 %)
+GOOD_MARGIN = 2.0  # of a gain: 6 dB, the usual gain margin
 _AT_ONCE = 32  # gains
 _TIE = 1e-6  # poles whose moduli are as near to the largest are as slow
 _REAL = 1e-10  # as much less than 1 is the damping ratio of a real pole
@@ -156,9 +157,9 @@ def gain_limits(
 
     stable = first_failure(lambda product: is_stable(poles(product)))
     monotone = first_failure(lambda product: _least_damping(poles(product)) > 1 - _REAL)
-    damped = first_failure(lambda product: _least_damping(poles(product)) >= _DAMPED)
+    damped = first_failure(lambda product: _least_damping(poles(product)) >= GOOD_DAMPING)
     large = large_error_limit(model, period) if accelerations_limited else math.inf
-    return GainLimits(stable, min(monotone, stable), min(damped, stable / 2, large), large)
+    return GainLimits(stable, min(monotone, stable), min(damped, stable / GOOD_MARGIN, large), large)
 
 
 def is_stable(poles: NDArray[np.complex128]) -> bool:
@@ -195,6 +196,18 @@ def stability_limit(
             float(inside[first]) if first < len(inside) else above,
         )
     return below
+
+
+def damping_limit(
+    model: LinearModel, period: float, damping: float = GOOD_DAMPING, integral_share: float = 0.0
+) -> float:
+    """Return the product k T of a real gain from which on the slowest poles have less than a damping ratio."""
+
+    def damped(product: float) -> bool:
+        gain = product / period
+        return _least_damping(with_integral(model, integral_share * gain, period).poles(gain)) >= damping
+
+    return first_failure(damped)
 
 
 def gain_margin(gain: LoopGain, model: LinearModel, period: float) -> float:

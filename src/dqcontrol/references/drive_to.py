@@ -26,7 +26,14 @@ from dqcontrol.references.base_ways import Piece, arcs_and_lines, rolled, turns_
 from dqcontrol.references.reference import NO_CORNERS, Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE, as_pose
 from dqcontrol.references.set_point import SetPoint
-from dqcontrol.references.ways_around import WaysAround, across, folded_posture, itself_apart, room_of
+from dqcontrol.references.ways_around import (
+    WaysAround,
+    across,
+    body_points,
+    folded_posture,
+    itself_apart,
+    room_of,
+)
 from dqcontrol.references.yaml_form import FileName, Metres, SpecStart
 from dqcontrol.robots import Robot, WholeBody, nearest_pose
 from dqcontrol.robots.driving import RIM_LEVER, TURNING_RADIUS
@@ -225,7 +232,8 @@ class DriveTo(PlannedWay):
 
         Of the configurations that reach it (64 starts of inverse kinematics), those count whose smallest singular value
         is at least half of the largest found; the one that is reached soonest is taken. Ways on which the robot's
-        shapes stay 20 mm apart from each other go first; only where there is none is another one taken.
+        shapes stay 20 mm apart from each other go first; only where there is none is another one taken. The hand of a
+        robot with a base never goes through the floor, z = 0.
 
         On a floor with obstacles the base drives from straight to straight around them. Where its room is needed, the
         arm folds itself before and unfolds at the goal. The whole way is looked at before it is given. Links of a robot
@@ -260,6 +268,11 @@ class DriveTo(PlannedWay):
             cls(robot, q, each, speed_fraction, acceleration)
             for each in goal_configurations(robot, q, target)
         ]
+        ways = [way for way in ways if _above_floor(way)]
+        if not ways:
+            raise UnreachableGoalError(
+                f"pose: every way of {robot.name} there takes its hand through the floor"
+            )
         ways.sort(key=lambda way: way.duration)
         return next((way for way in ways if _itself_apart(way)), ways[0])
 
@@ -280,6 +293,17 @@ class DriveTo(PlannedWay):
         begins = as_array("times", times)
         gained = self._progress(begins + period)[0] - self._progress(begins)[0]
         return gained @ self._inputs / period
+
+    @property
+    def detour(self) -> tuple[float, float]:
+        """How far the base drives around obstacles, and how far its goal is, m; both 0 if it drives straight there."""
+        if not self.via:
+            return 0.0, 0.0
+        first = self.robot.bases[0][0]
+        ends = (np.asarray(each)[first : first + 2] for each in (self.start, self.goal))
+        start, goal = ends
+        points = np.vstack([start, *self.via, goal])
+        return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()), math.dist(start, goal)
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""
@@ -317,6 +341,11 @@ def _way_around(
     """
     if not isinstance(robot, WholeBody) or len(robot.bases) != 1:
         raise ShapeError(f"floor: expected a robot with one base, got {robot.name}")
+    if body_points(robot, start).carried.all():
+        raise ShapeError(
+            f"map: nothing says how wide the base of {robot.name} is; give it a chassis, or shapes, in a robot "
+            "file with parts"
+        )
     x, y, z = algebra.translation(pose)
     if z < floor.height and floor.holds([[x, y]])[0]:
         raise UnreachableGoalError(
@@ -351,7 +380,7 @@ def _way_around(
                 yield kind(robot, start, goal, *limits, via=via, folded=folded)
 
     def keeps_out(way: DriveTo) -> bool:
-        return room_of(floor, robot, _instants(way)) >= _LEAST_SHARE * clearance
+        return _above_floor(way) and room_of(floor, robot, _instants(way)) >= _LEAST_SHARE * clearance
 
     for way in ways_to(free[itself_apart(robot, free)]):
         if _itself_apart(way) and keeps_out(way):
@@ -368,6 +397,14 @@ def _way_around(
 def _instants(way: DriveTo) -> Array:
     """Return the configurations of a way that are looked at."""
     return way.configurations(np.linspace(0, way.duration, max(2, math.ceil(way.duration / _LOOK))))
+
+
+def _above_floor(way: DriveTo) -> bool:
+    """Return whether a hand on a mobile base stays above the floor, or goes no deeper than where it starts and ends."""
+    if not len(way.robot.bases):
+        return True
+    heights = algebra.translation(way.robot.fkm(_instants(way)))[:, 2]
+    return bool(heights.min() >= min(0.0, heights[0], heights[-1]))
 
 
 def _itself_apart(way: DriveTo) -> bool:

@@ -18,6 +18,7 @@ from dqcontrol.robots.robot import base_coordinates
 
 _CELL = 0.05  # m
 _MOST_CELLS = 100_000
+_CLOSER = 9  # points across a cell, 6 mm apart
 _POSTURES, _LOOKED_AT = 2000, 100  # that are tried, and of these looked at closely
 _WORTH = 0.01  # m; of room, to move the arm for
 _LINK = 0.04  # m; half the width of links whose shapes are not known
@@ -40,7 +41,8 @@ class Body(NamedTuple):
 class WaysAround:
     """Short ways of a disc from one place to any other, that keep out of everything.
 
-    Found on a grid of 5 cm [Dijkstra 1959], then straightened: from each point to the farthest one that it sees.
+    Found on a grid of 5 cm [Dijkstra 1959], then straightened: from each point to the farthest one that it sees. Cells
+    whose middle is too near to something are looked at more closely: a passage may be narrower than they are.
 
     Parameters
     ----------
@@ -67,6 +69,9 @@ class WaysAround:
             [floor.clearance(part) for part in np.array_split(grid, 1 + len(grid) // 4096)]
         )
         begin = self._cell_of(start)
+        near = np.flatnonzero((clear < radius) & (clear >= radius - self._cell / math.sqrt(2)))
+        grid[near], clear[near] = self._roomiest(grid[near], clear[near])
+        self._places = grid.reshape(*shape, 2)
         free = (clear >= radius).reshape(shape)
         free[begin] = True
         self._before = _ways_from(free, begin)
@@ -88,8 +93,22 @@ class WaysAround:
         while self._before[here] != here:
             here = self._before[here]
             cells.append(here)
-        inner = self._low + self._cell * np.array(cells[-2::-1], dtype=np.float64).reshape(-1, 2)
+        inner = np.array([self._places[each] for each in cells[-2::-1]]).reshape(-1, 2)
         return self._straightened(np.vstack([self.start, inner, goal]))
+
+    def _roomiest(self, places: Array, clear: Array) -> tuple[Array, Array]:
+        """Return of each of some cells the point that is farthest from everything, and how far."""
+        places, clear = places.copy(), clear.copy()
+        middles, steps = places.copy(), self._cell * (np.arange(_CLOSER) / (_CLOSER - 1) - 0.5)
+        for dx in steps:
+            for dy in steps:
+                tried = middles + np.array([dx, dy])
+                found = np.concatenate(
+                    [self.floor.clearance(part) for part in np.array_split(tried, 1 + len(tried) // 4096)]
+                )
+                better = found > clear
+                places[better], clear[better] = tried[better], found[better]
+        return places, clear
 
     def _cell_of(self, point: Array) -> tuple[int, int]:
         i, j = np.round((point - self._low) / self._cell).astype(int).tolist()

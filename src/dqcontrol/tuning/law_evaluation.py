@@ -148,19 +148,24 @@ class LawEvaluation:
     def slack(self, law: Law) -> Slack:
         """Return how far a law is from the stability that is asked for, over all scenes."""
         if self._judge is None:
-            return Slack(0.0, math.inf)
+            return Slack(0.0, math.inf, math.inf)
         found = [self._judge.slack(law, each) for each in dict.fromkeys(self.prepared(law))]
-        return Slack(max(each.product for each in found), min(each.share for each in found))
+        return Slack(
+            max(each.product for each in found),
+            min(each.share for each in found),
+            min(each.of_margin for each in found),
+        )
 
-    def __call__(self, law: Law) -> Evaluated:
-        """Run a law everywhere; one that is not stable enough does not run at all."""
+    def __call__(self, law: Law, *, damped: bool = True) -> Evaluated:
+        """Run a law everywhere; one that is not stable enough, or not as ``damped`` as asked, does not run at all."""
         nothing = np.full(len(NUMBERS), math.nan)
         try:
             prepared = self.prepared(law)
         except Error:  # parameters that the law does not take
             return Evaluated(math.inf, 2 * _DIVERGED, nothing)
         if self._judge is not None:
-            share = min(self._judge.slack(law, each).share for each in dict.fromkeys(prepared))
+            slack = self.slack(law)
+            share = slack.share if damped else slack.of_margin
             if share < 1 - _NEARLY:
                 return Evaluated(math.inf, _UNSTABLE * (2 - share), nothing)
         worst, violation = Evaluated(-math.inf, 0.0, nothing), 0.0

@@ -11,6 +11,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from msgspec import structs
 
 from dqcontrol.errors import Error, error_prefix
 from dqcontrol.experiments.prepared_experiment import PreparedRobot, program
@@ -35,6 +36,8 @@ from dqcontrol.tuning.tune_spec import TuneProblem
 
 _EVERY = 2.0  # s between writings of what was evaluated
 _TRUE = 1e-3
+_MORE = 0.02  # of a gain: less is no room
+_FASTER = 4  # higher gains that are tried beside the best damped one
 
 
 @dataclass(frozen=True)
@@ -105,6 +108,8 @@ class LawResult(msgspec.Struct, frozen=True):
         Laws' parameters and both objectives of the best compromises, if they are wanted.
     rows
         All that was evaluated.
+    faster
+        The same law with a higher gain, where a smaller total costs damping that is asked for.
     seconds
         That it took, resumed parts not counted; of these, in runs.
     """
@@ -123,6 +128,7 @@ class LawResult(msgspec.Struct, frozen=True):
     front: list[tuple[dict[str, Any], float, float]]
     rows: list[dict[str, Any]]
     seconds: tuple[float, float]
+    faster: LawResult | None = None
 
 
 class LawSearch:
@@ -206,6 +212,19 @@ class LawSearch:
         seconds = time.perf_counter() - begun, self._running
         front = self._front()
         self._write()
+        result = self._result(law, found)
+        return structs.replace(
+            result,
+            evaluations=len(search.points),
+            at_side=self._at_side(best),
+            front=front,
+            rows=self._rows(),
+            seconds=seconds,
+            faster=self._faster(law, found),
+        )
+
+    def _result(self, law: Law, found: Evaluated) -> LawResult:
+        """Return what was found of a law, judged on what the search did not see."""
         judged = self._held_out(law)
         return LawResult(
             label=self.label,
@@ -217,12 +236,25 @@ class LawSearch:
             held_out_total=judged.total,
             violation=found.violation,
             held_out_violation=judged.violation,
-            evaluations=len(search.points),
-            at_side=self._at_side(best),
-            front=front,
-            rows=self._rows(),
-            seconds=seconds,
+            evaluations=0,
+            at_side=[],
+            front=[],
+            rows=[],
+            seconds=(0.0, 0.0),
         )
+
+    def _faster(self, law: Law, found: Evaluated) -> LawResult | None:
+        """Return the best of some higher gains that keep the margin, if it is better than what is damped as asked."""
+        slack = self._evaluate.slack(law)
+        if not law.gain_powers or not slack.share < (1 + _MORE) or not math.isfinite(slack.of_margin):
+            return None
+        factors = np.geomspace(1.0, slack.of_margin * (1 - _TRUE), _FASTER + 1)[1:].tolist()
+        laws = [law.scaled(factor) for factor in factors]
+        tried = [(each, self._evaluate(each, damped=False)) for each in laws if slack.of_margin > 1 + _MORE]
+        best = min(tried, key=lambda each: each[1].rank, default=None)
+        if best is None or best[1].violation > found.violation or not best[1].total < found.total:
+            return None
+        return structs.replace(self._result(*best), evaluations=len(tried))
 
     def _confirmed(self, point: Point) -> tuple[Law, Evaluated]:
         """Return the law of a point, slower by the little that its margin is short of what is asked for."""
@@ -304,7 +336,7 @@ def _made_ready(problem: TuneProblem) -> ReadyProblem:
     plant = next(iter(spec.plant_by_label.values()))
     with error_prefix(problem.where):
         family = plant_family(plant, block.robust, block.margin, spec.period, problem.identified)
-        judge = StabilityJudge(spec, scenes[0], family)
+        judge = StabilityJudge(spec, scenes[0], family, block.damping)
     seeds = range(spec.seed, spec.seed + block.seeds)
     return ReadyProblem(
         scenes,

@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from dqcontrol.errors import Error, ShapeError
-from dqcontrol.experiments.check import loop_checks
+from dqcontrol.experiments.check import LEAST_OVERSHOOT, loop_checks
 from dqcontrol.experiments.prepared_experiment import prepare_spec, program
 from dqcontrol.experiments.processes import checked_jobs, in_processes
 from dqcontrol.experiments.result_pages import result_pages
@@ -38,6 +38,7 @@ TuneProgress = Callable[[int, int], None]  # laws done; laws in all
 WINNERS, BEST, EVALUATIONS, FRONTS = "winners.json", "best.yaml", "evaluations.parquet", "fronts.json"
 _LARGER = 1.1  # times the searched total
 _STEP = 1.5e-6  # s, roughly
+_FASTER = ", less damped"  # behind the label of a law
 
 
 @dataclass(frozen=True)
@@ -50,16 +51,22 @@ class TunedLaw:
         What was found.
     margin
         By how much its loop's gain could be multiplied, as ``check`` says; None if that is unknown.
+    overshoot
+        Of a step, as a share of it, as ``check`` says; None if that is unknown.
     verdict
         Of ``check``.
     objectives
         Names of the objectives.
+    faster
+        The same law with a gain whose total is smaller at the price of damping; None if there is none.
     """
 
     result: LawResult
     margin: float | None
+    overshoot: float | None
     verdict: str
     objectives: tuple[str, ...]
+    faster: TunedLaw | None = None
 
     @property
     def label(self) -> str:
@@ -87,6 +94,8 @@ class TunedLaw:
             "objectives": shown(self.result.searched),
             "held_out": shown(self.result.held_out),
             "margin": None if self.margin is None else finite_or_none(self.margin),
+            "overshoot": None if self.overshoot is None else finite_or_none(self.overshoot),
+            "verdict": self.verdict,
             "evaluations": self.result.evaluations,
         }
 
@@ -142,19 +151,30 @@ class Tuning:
             Column("total"),
             Column("total, held out"),
             Column("margin", "", ".3g"),
+            Column("overshoot", "%", ".2g"),
+            Column("verdict"),
             Column("evaluations"),
         ]
         rows: list[list[Cell]] = []
-        for each in self.laws:
+        shown = [
+            (f"{law.label}{_FASTER}" if law is each.faster else law.label, law)
+            for each in self.laws
+            for law in (each, each.faster)
+            if law is not None
+        ]
+        for label, each in shown:
             found = each.result
+            percent = None if each.overshoot is None else 100 * each.overshoot
             rows.append(
                 [
-                    each.label,
+                    label,
                     ", ".join(f"{key} {_in_short(value)}" for key, value in found.parameters.items()),
                     *(finite_or_none(found.searched[name]) for name in names),
                     finite_or_none(found.total),
                     finite_or_none(found.held_out_total),
                     None if each.margin is None or not math.isfinite(each.margin) else each.margin,
+                    percent if percent is None or percent >= LEAST_OVERSHOOT else 0.0,
+                    each.verdict,
                     found.evaluations,
                 ]
             )
@@ -184,7 +204,13 @@ class Tuning:
             if free:
                 lines.append(f"{each.label}: {', '.join(free)} at an end of the range: widen it")
             if any(name.endswith("(margin)") for name in found.at_side):
-                lines.append(f"{each.label}: as fast as the margin allows")
+                lines.append(f"{each.label}: as fast as margin and damping allow")
+            if (faster := each.faster) is not None:
+                lines.append(
+                    f"{each.label}{_FASTER}: {faster.result.total / found.total:.2g} of that total, {faster.verdict} "
+                    f"as check says, overshoot {100 * (faster.overshoot or 0.0):.2g} %, margin "
+                    f"{faster.margin or math.nan:.3g}; tune: {{damping: 0}} takes it"
+                )
             if found.searched["saturation"] > 0:
                 lines.append(
                     f"{each.label}: {100 * found.searched['saturation']:.2g} % of the samples are at velocity limits: "
@@ -221,7 +247,9 @@ class Tuning:
 
     def winners(self) -> list[dict[str, Any]]:
         """Return what ``winners.json`` holds."""
-        return [each.to_dict() for each in self.laws]
+        return [
+            each.to_dict() | ({"faster": each.faster.to_dict()} if each.faster else {}) for each in self.laws
+        ]
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
         """Write ``winners.json``, ``best.yaml``, all evaluations, the table, figures and a report into a new folder.
@@ -412,12 +440,13 @@ def _judged(problem: TuneProblem, result: LawResult) -> TunedLaw:
     data = {key: value for key, value in problem.data.items() if key not in ("law", "laws")}
     spec = as_spec(problem.where, data | {"law": result.law}, problem.folder)
     (row,) = loop_checks(prepare_spec(spec, problem.folder, {}))
-    margin = None
+    margin = overshoot = None
     if row.loops:
-        margin = row.worst.margin
+        margin, overshoot = row.worst.margin, row.overshoot
     elif row.numeric:
         margin = row.numeric.margin
-    return TunedLaw(result, margin, row.verdict, tuple(problem.block.objectives))
+    faster = _judged(problem, result.faster) if result.faster else None
+    return TunedLaw(result, margin, overshoot, row.verdict, tuple(problem.block.objectives), faster)
 
 
 CarryOut = Callable[[Iterable[LawTask]], Iterator[tuple[int, LawResult]]]

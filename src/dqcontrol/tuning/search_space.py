@@ -111,8 +111,8 @@ class SearchSpace:
             f"{slowest.product:.3g}"
         )
         raise ValueRangeError(
-            f"tune.free.{self.label}: no law with {' and '.join(spans) or 'any loop_gain'} keeps the margin that is "
-            f"asked for{at if slowest.product else ''}"
+            f"tune.free.{self.label}: no law with {' and '.join(spans) or 'any loop_gain'} keeps margin and damping as "
+            f"asked{at if slowest.product else ''}"
         )
 
     def slack(self, law: Law) -> Slack:

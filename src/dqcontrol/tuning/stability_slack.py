@@ -12,7 +12,14 @@ from dqcontrol.experiments.spec import Spec
 from dqcontrol.laws import Law, PreparedLaw
 from dqcontrol.limits import CommandLimits
 from dqcontrol.measures.linearised_law import NumericLoop, linearise_law
-from dqcontrol.measures.stability import MOST_STATES, LoopGain, loop_gains, stability_limit, with_lag
+from dqcontrol.measures.stability import (
+    MOST_STATES,
+    LoopGain,
+    damping_limit,
+    loop_gains,
+    stability_limit,
+    with_lag,
+)
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import Plant
 from dqcontrol.tuning.plant_family import PlantFamily
@@ -28,15 +35,25 @@ class Slack(NamedTuple):
     product
         k T of its fastest loop of position or orientation; 0 if it is unknown.
     share
-        Least of its margins with the plants, each over what is asked for; infinite if no margin is asked for.
+        By how much its gain could be multiplied with margin and damping as asked for; infinite if neither is.
+    of_margin
+        The same with the margins alone.
     """
 
     product: float
     share: float
+    of_margin: float
 
 
 class StabilityJudge:
-    """Judges laws on a family of plants: as ``check`` does, but only the margin, and each limit once.
+    """Judges laws on a family of plants: as ``check`` does, each limit once.
+
+    Parameters
+    ----------
+    spec, scene, family
+        Whose period, supervisor and compensation, at which start, on which plants.
+    damping
+        Least damping ratio of the slowest poles with the nominal plant.
 
     Raises
     ------
@@ -44,10 +61,12 @@ class StabilityJudge:
         If a margin is asked for, and a plant has no linear model.
     """
 
-    def __init__(self, spec: Spec, scene: PreparedRobot, family: PlantFamily) -> None:
+    def __init__(self, spec: Spec, scene: PreparedRobot, family: PlantFamily, damping: float) -> None:
+        self._damping = damping
         self._period, self._scene = spec.period, scene
         self._margins = family.margins
         self._models = [self._model(spec, plant) for plant in family.plants] if any(family.margins) else []
+        self._damped_limits: dict[tuple[int | None, int | None], float] = {}
         self._limits: dict[tuple[int, complex, int | None, int | None], float] = {}
 
     def _model(self, spec: Spec, plant: Plant) -> LinearModel:
@@ -68,16 +87,19 @@ class StabilityJudge:
             (abs(gain.value) * self._period for gain in gains or () if gain.loop != "null space"), default=0.0
         )
         if not self._models:
-            return Slack(product, math.inf)
+            return Slack(product, math.inf, math.inf)
         if gains is None:
-            return Slack(product, self._numeric(prepared))
-        shares = [
+            numeric = self._numeric(prepared)
+            return Slack(product, numeric, numeric)
+        margins = [
             self._limit(i, gain) / (abs(gain.value) * self._period) / self._margins[i]
             for i in range(len(self._models))
             for gain in gains
             if gain.value
         ]
-        return Slack(product, min(shares, default=math.inf))
+        dampings = [self._damped(gain) / (abs(gain.value) * self._period) for gain in gains if gain.value]
+        of_margin = min(margins, default=math.inf)
+        return Slack(product, min([of_margin, *dampings]), of_margin)
 
     def _limit(self, plant: int, gain: LoopGain) -> float:
         direction = gain.value / abs(gain.value) if gain.value.imag else 1.0
@@ -87,6 +109,17 @@ class StabilityJudge:
             behind = with_lag(self._models[plant], _off_grid(lag), self._period)
             self._limits[key] = stability_limit(behind, self._period, direction, _off_grid(share))
         return self._limits[key]
+
+    def _damped(self, gain: LoopGain) -> float:
+        """Return the product from which on the nominal plant is not damped as asked; complex gains oscillate anyway."""
+        if not self._damping or gain.value.imag:
+            return math.inf
+        key = _on_grid(gain.integral_share), _on_grid(gain.lag)
+        if key not in self._damped_limits:
+            share, lag = map(_off_grid, key)
+            behind = with_lag(self._models[0], lag, self._period)
+            self._damped_limits[key] = damping_limit(behind, self._period, self._damping, share)
+        return self._damped_limits[key]
 
     def _numeric(self, prepared: PreparedLaw) -> float:
         """Return the slack of a law whose loop gains are unknown, as it is at the start."""

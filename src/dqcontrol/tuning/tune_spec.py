@@ -18,6 +18,7 @@ from dqcontrol.experiments.spec.spec_files import locate_files
 from dqcontrol.files.yaml_file import convert
 from dqcontrol.measures.metric_tables import LARGE_IS_GOOD
 from dqcontrol.measures.run_numbers import NUMBERS
+from dqcontrol.measures.stability import GOOD_DAMPING, GOOD_MARGIN
 from dqcontrol.tuning.plant_family import Robustness, identified_file
 from dqcontrol.tuning.spec_with_block import SpecWithBlock
 
@@ -117,7 +118,11 @@ class TuneBlock(Part, frozen=True, kw_only=True):
     constraints
         By name of a number the bounds that it must keep.
     margin
-        By how much the loop's gain could at least be multiplied, of those that ``check`` judges; 0: is not judged.
+        By how much the loop's gain could at least be multiplied, of those that ``check`` judges; 0: is not judged, and
+        damping neither.
+    damping
+        Least damping ratio of the slowest poles with the nominal plant; by default that which ``check`` calls good. 0:
+        is not judged.
     free
         By label of a law its parameters that are searched for: ``loop_gain`` (kT of the fastest loop),
         ``integral_share`` (k_I/k²), or keys of the law as ``orientation_gain`` or ``inverse.damping``. Default of each
@@ -139,7 +144,8 @@ class TuneBlock(Part, frozen=True, kw_only=True):
         default_factory=DEFAULT_OBJECTIVES.copy
     )
     constraints: dict[str, MetricBounds] = {}
-    margin: Annotated[float, Meta(ge=0, le=1000)] = 2.0
+    margin: Annotated[float, Meta(ge=0, le=1000)] = GOOD_MARGIN
+    damping: Annotated[float, Meta(ge=0, le=1)] = GOOD_DAMPING
     free: dict[str, Annotated[dict[str, SearchRange], Meta(min_length=1)]] = {}
     references: list[AnyReference] = []
     starts: list[Configuration] = []

@@ -11,6 +11,7 @@ from .spec import (
     quantities_at as quantities_at,
     read_data as read_data,
     read_spec as read_spec,
+    readable_again as readable_again,
     spec_text as spec_text,
     start_configuration as start_configuration,
 )

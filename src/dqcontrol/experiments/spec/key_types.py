@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any
 
 from msgspec import inspect
 
 from dqcontrol.errors import FileFormatError
-from dqcontrol.files.units import as_quantity
+from dqcontrol.files.units import as_quantity, unsaid_unit
 
 _UNIT = re.compile(r"(1/)?(s|m|rad|kg|Hz|N|N·m)[²³]?(/(s|m|rad)[²³]?)?( or (m|N)(/(s|m)[²³]?)?)?")
 
@@ -57,9 +57,43 @@ def numbers_for_quantities(where: str, data: Any, kinds: Kinds, field: str = "")
     Raises
     ------
     FileFormatError
-        If a key has another unit.
+        If a key has another unit, or a number without one needs it, as angles of more than a turn do.
     """
-    if not _has_quantity(data):
+
+    def number(value: Any, inner: list[tuple[inspect.Type, str]], kinds: Kinds, field: str) -> Any:
+        if not isinstance(value, str):
+            if asked := unsaid_unit(_name(field), value, unit_in(kinds)):
+                raise FileFormatError(f"{where}: {field}: {asked}")
+            return value
+        takes_text = (inspect.StrType, inspect.AnyType, inspect.LiteralType)
+        if any(isinstance(kind, takes_text) for kind, _ in inner):
+            return value
+        quantity, unit = as_quantity(value) or (0.0, "")
+        expected = unit_in(kinds)
+        if unit == "Hz" and quantity > 0 and _name(field) == "period":
+            quantity, unit = 1 / quantity, "s"
+        if unit not in expected.split(" or "):
+            wanted = f"a number in {expected}" if expected else "a number without a unit"
+            raise FileFormatError(f"{where}: {field}: expected {wanted}, got '{value}'")
+        return quantity
+
+    return _with_numbers(data, kinds, field, number)
+
+
+def quantities_for_numbers(data: Any, kinds: Kinds, field: str = "") -> Any:
+    """Return plain data with a unit where `numbers_for_quantities` asks for one, so that it can be read again."""
+
+    def quantity(value: Any, _: list[tuple[inspect.Type, str]], kinds: Kinds, field: str) -> Any:
+        if isinstance(value, str) or not unsaid_unit(_name(field), value, unit := unit_in(kinds)):
+            return value
+        return f"{value!r} {unit.partition(' or ')[0]}"
+
+    return _with_numbers(data, kinds, field, quantity)
+
+
+def _with_numbers(data: Any, kinds: Kinds, field: str, replaced: Callable[..., Any]) -> Any:
+    """Return plain data with another value for each number, and each text like ``60 mm``, where one is expected."""
+    if not _has_number(data):
         return data
     inner = [each for kind in kinds for each in _alternatives(kind, "")]
     if isinstance(data, dict):
@@ -69,37 +103,36 @@ def numbers_for_quantities(where: str, data: Any, kinds: Kinds, field: str = "")
         for key, value in data.items():
             fields = [f.type for s in named or structs for f in s.fields if f.encode_name == key]
             fields += [kind.value_type for kind, _ in inner if isinstance(kind, inspect.DictType)]
-            out[key] = numbers_for_quantities(where, value, fields, f"{field}.{key}" if field else str(key))
+            out[key] = _with_numbers(value, fields, f"{field}.{key}" if field else str(key), replaced)
         return out
     if isinstance(data, list):
         return [
-            numbers_for_quantities(
-                where, value, [e for kind, unit in inner for e in _items(kind, unit, i)], f"{field}[{i}]"
+            _with_numbers(
+                value, [e for kind, unit in inner for e in _items(kind, unit, i)], f"{field}[{i}]", replaced
             )
             for i, value in enumerate(data)
         ]
     wants_number = any(isinstance(kind, inspect.FloatType | inspect.IntType) for kind, _ in inner)
-    takes_text = any(
-        isinstance(kind, inspect.StrType | inspect.AnyType | inspect.LiteralType) for kind, _ in inner
-    )
-    if not wants_number or takes_text:
-        return data
-    value, unit = as_quantity(data) or (0.0, "")
-    expected = unit_in(list(kinds))
-    if unit == "Hz" and value > 0 and field.rpartition(".")[2] == "period":
-        value, unit = 1 / value, "s"
-    if unit not in expected.split(" or "):
-        wanted = f"a number in {expected}" if expected else "a number without a unit"
-        raise FileFormatError(f"{where}: {field}: expected {wanted}, got '{data}'")
-    return value
+    return replaced(data, inner, list(kinds), field) if wants_number else data
 
 
-def _has_quantity(data: Any) -> bool:
+def _has_number(data: Any) -> bool:
+    """Whether there is a text like ``60 mm``, or a number that is not small, in plain data."""
     if isinstance(data, dict):
-        return any(map(_has_quantity, data.values()))
+        return any(map(_has_number, data.values()))
     if isinstance(data, list):
-        return any(map(_has_quantity, data))
-    return isinstance(data, str) and as_quantity(data) is not None
+        return any(map(_has_number, data))
+    if isinstance(data, str):
+        return as_quantity(data) is not None
+    return isinstance(data, float | int) and not isinstance(data, bool) and abs(data) > 1
+
+
+def _name(field: str) -> str:
+    """Return the last key of a field, as ``rpy`` of ``start.rpy[2]`` and of a range's ``start.rpy.2.low``."""
+    names = [name.partition("[")[0] for name in field.split(".")]
+    return next(
+        (name for name in reversed(names) if not name.isdecimal() and name not in ("low", "high")), ""
+    )
 
 
 def _alternatives(kind: inspect.Type, unit: str) -> Iterator[tuple[inspect.Type, str]]:

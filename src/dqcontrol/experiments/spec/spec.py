@@ -15,7 +15,12 @@ from msgspec import UNSET, Meta, UnsetType
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, NoteWarning, ShapeError, as_array, error_prefix
-from dqcontrol.experiments.spec.key_types import kinds_below, kinds_of, numbers_for_quantities
+from dqcontrol.experiments.spec.key_types import (
+    kinds_below,
+    kinds_of,
+    numbers_for_quantities,
+    quantities_for_numbers,
+)
 from dqcontrol.experiments.spec.parameter_sets import Changes, Label, Variant, variants
 from dqcontrol.experiments.spec.reference_base import Quaternion, Vector, rotation_from
 from dqcontrol.experiments.spec.reference_spec import AnyReference, Part, reference_data
@@ -485,6 +490,11 @@ def quantities_at(where: str, key: str, values: Any, field: str) -> Any:
     return numbers_for_quantities(where, values, kinds, field)
 
 
+def readable_again(key: str, value: Any) -> Any:
+    """Return a value, in SI units, of a key of a spec with its unit where a spec has to say it."""
+    return quantities_for_numbers(value, kinds_below(list(kinds_of(Spec)), key), key)
+
+
 def _with_numbers(where: str, data: dict[str, Any]) -> dict[str, Any]:
     """Return a spec's plain data with numbers in SI units for texts like ``60 mm``, also in sets and grids."""
     data = numbers_for_quantities(where, data, list(kinds_of(Spec)))
@@ -573,6 +583,6 @@ def _written(value: Any) -> Any:
 
 def spec_text(spec: Spec, folder: Path) -> str:
     """Return the YAML of a spec with all defaults and absolute file names, so that it runs anywhere."""
-    data = _written(spec)
+    data = quantities_for_numbers(_written(spec), list(kinds_of(Spec)))
     locate_files(data, folder)
     return yaml_text(data)

@@ -16,6 +16,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each, as_positive, unknown_name
 from dqcontrol.experiments.results_folder import made_folder
 from dqcontrol.experiments.run_comparison import unit_of_way
+from dqcontrol.experiments.slips import degrees_slip
 from dqcontrol.logs.servos.encoder_noise import QUANTUM
 from dqcontrol.logs.servos.joint_fit import NORMAL_95
 from dqcontrol.logs.servos.joint_motion_files import write_joint_motion
@@ -264,7 +265,8 @@ def _start(arm: SerialArm, start: Sequence[float] | None) -> Array:
     q0 = as_array("start", start, (arm.configuration_size,))
     for k in np.flatnonzero((q0 < lower) | (q0 > upper))[:1]:
         raise ValueRangeError(
-            f"start: {arm.joint_names[k]} = {q0[k]:g} is beyond its limits {lower[k]:.4g} … {upper[k]:.4g}"
+            f"start: {arm.joint_names[k]} = {q0[k]:g} is beyond its limits {lower[k]:.4g} … "
+            f"{upper[k]:.4g}{degrees_slip(q0, arm)}"
         )
     return q0
 

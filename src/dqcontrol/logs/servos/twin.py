@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,6 +20,7 @@ LOG, TWIN = "log", "twin"
 
 _BEGIN = 0.5  # s that are not compared: what was commanded before is unknown
 _MOST = 200_000  # periods
+_EARLY = 0.5  # of a period, by which a stamp may jitter
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,18 +63,21 @@ def save_twin(logged: CommandedLog, robot: Robot, mode: str, folder: Path) -> Tw
     folder
         With ``plant.yaml``; takes ``log`` and ``twin``, folders of runs, and the files that make them.
     """
-    period = round(logged.period, 9)
-    begin = max(logged.command_time[0], logged.time[0])
+    period, phase = _clock(logged.command_time)
+    begin = phase + period * math.ceil(
+        (max(logged.command_time[0], logged.time[0]) - phase) / period - _EARLY
+    )
     count = min(int((min(logged.command_time[-1], logged.time[-1]) - begin) / period), _MOST)
     time = period * np.arange(count, dtype=np.float64)
-    row = np.searchsorted(logged.command_time, begin + time + 1e-6 * period, side="right") - 1
     measured = np.column_stack([np.interp(begin + time, logged.time, each) for each in logged.q.T])
-    targets = logged.command[row]
     if mode != "positions":
-        moves = np.cumsum(period * targets, axis=0)
-        targets = measured[0] + np.concatenate([np.zeros((1, moves.shape[1])), moves[:-1]])
+        moves = logged.command[:-1] * np.diff(logged.command_time)[:, None]
+        reached = np.vstack([np.zeros(moves.shape[1]), np.cumsum(moves, axis=0)])
+        targets = np.column_stack([np.interp(begin + time, logged.command_time, each) for each in reached.T])
+        targets += measured[0] - targets[0]
     else:  # a sample's command is in force at once; that of the law leads to what the next sample wants
-        targets = np.concatenate([targets[:1], targets[:-1]])
+        row = np.searchsorted(logged.command_time, begin + time + _EARLY * period, side="right") - 1
+        targets = logged.command[np.maximum(row - 1, 0)]
     plant = {"kind": "servo", "file": "plant.yaml", "rate_limit": False, "position_limit": False}
     note = "The commands of a log on the servos identified from it."
     write_joint_motion(folder / "twin.yaml", robot, time, targets, measured[0], plant, note)
@@ -89,6 +94,18 @@ def save_twin(logged: CommandedLog, robot: Robot, mode: str, folder: Path) -> Tw
     late = slice(min(round(_BEGIN / period), count - 2), count)
     hands = [translation(robot.fkm(each)) for each in (measured, simulated.q[:count], targets)]
     return Twin(own, simulated, _rms(hands[0][late] - hands[1][late]), _rms(hands[0][late] - hands[2][late]))
+
+
+def _clock(stamps: Array) -> tuple[float, float]:
+    """Return period and phase, s, of the clock behind stamps that jitter and may lack some.
+
+    From the first stamp to the last one, so that no row is dropped or doubled where the median of the steps is a
+    little off.
+    """
+    steps = np.diff(stamps)
+    numbers = np.r_[0.0, np.cumsum(np.maximum(np.rint(steps / np.median(steps)), 1.0))]
+    period, phase = np.polyfit(numbers, stamps, 1)
+    return round(float(period), 9), float(phase)
 
 
 def _rms(away: Array) -> float:

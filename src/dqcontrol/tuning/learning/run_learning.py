@@ -30,7 +30,7 @@ from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop import Clock, Record
 from dqcontrol.loop.record import has_failed
 from dqcontrol.loop.simulate import simulate_prepared
-from dqcontrol.measures.stability import gain_margin
+from dqcontrol.measures.stability import GOOD_MARGIN, gain_margin
 from dqcontrol.measures.table_cells import Cell, Column
 from dqcontrol.measures.tables import Table
 from dqcontrol.plants.linear_model import LinearModel
@@ -63,7 +63,6 @@ _CLOSED = 1e-3, math.radians(0.5)  # m and rad, within which a motion ends where
 _JUMP = 0.02  # m/s, and rad/s, of a motion that begins at rest
 _GROWN, _GAIN = 1.1, 0.9  # of the best error: what is growth, and what is progress
 _NARROWER, _WEAKER = 0.6, 0.5  # after growth: the cut-off, and what is learnt of an error
-_GOOD_MARGIN = 2.0  # of the loop's gain, below which it is said
 _AT_NOISE, _LEFT_NOISE = (
     1.5,
     3.0,
@@ -403,10 +402,10 @@ class _Session:
 
     def _warn_near_limit(self, uncertain: str) -> None:
         """Say so if the loop is nearly unstable."""
-        if self.margin < _GOOD_MARGIN:
+        if self.margin < GOOD_MARGIN:
             warnings.warn(
                 f"{self.problem.where}: law: {self.margin:.3g} × its gain makes the loop unstable, as the model says"
-                f"{uncertain}, and what is learnt may make it swing; {self.margin / _GOOD_MARGIN:.2g} × its gain, or "
+                f"{uncertain}, and what is learnt may make it swing; {self.margin / GOOD_MARGIN:.2g} × its gain, or "
                 "less, is well within",
                 NoteWarning,
                 stacklevel=2,
@@ -458,9 +457,8 @@ class _Session:
             if at_noise and size < _LEFT_NOISE * noise:
                 outcome = "averaged"
             elif number:
-                grown, gained = size > _GROWN * best_size, size < _GAIN * best_size
-                outcome = "grown" if grown else "accepted" if size < best_size else "flat"
-                flat = 0 if gained else flat + 1
+                outcome = _outcome(size, best_size, noise)
+                flat = 0 if size < _GAIN * best_size else flat + 1
             if outcome in ("first", "accepted", "averaged"):
                 accepted += outcome == "accepted"
                 best, best_size, best_error, best_shift = number, size, error, shift
@@ -662,3 +660,10 @@ def _with(lag: float, delay: float) -> str:
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
+
+
+def _outcome(size: float, best: float, noise: float) -> str:
+    """Say what became of the error: growth is more than what noise of its size can make of the best one."""
+    if size < best:
+        return "accepted"
+    return "grown" if size > _GROWN * best and size - best > noise else "flat"
