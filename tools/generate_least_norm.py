@@ -13,19 +13,23 @@ HEADER = '''"""The smallest inputs that give the hand a twist. Written by tools/
 from __future__ import annotations
 
 from dqcontrol.compiled.compile import inline
+from dqcontrol.laws.growth import curvature, square_bound
 
 
 @inline
 def least_norm(
-    twist_jacobian, px, py, pz, y, z, angular_limit, linear_limit, angular_damping, linear_damping, out
+    twist_jacobian, px, py, pz, y, z, error, growth, square_length, linear_limit, linear_damping, out
 ):
-    """Write u = z + J_hᵀ G⁻¹ (y − J_h z), G = J_h J_hᵀ + W, and return True; return False where tr L G⁻¹ > 1.
+    """Write u = z + J_hᵀ G⁻¹ (y − J_h z), G = J_h J_hᵀ + W, and return 0; −1 where tr L G⁻¹ > 1: then u is not written.
+
+    Where the error's curvature asks for damping, that is returned, and u is not written either.
 
     J_h is the Jacobian of [ω ; ṗ]: the twist Jacobian moved from the inertial origin to the hand's position p. W and L
-    are diagonal, with one number for ω and one for ṗ. The trace bounds from above what L⁻¹ᐟ² J_h has as 1/σ²min;
+    are diagonal, one number for ṗ, and for ω that by ℓ². The trace bounds from above what L⁻¹ᐟ² J_h has as 1/σ²min;
     G = L D Lᵀ, with 1/D in place of D.
     """
     n = twist_jacobian.shape[1]
+    angular_limit, angular_damping = linear_limit / square_length, linear_damping / square_length
 '''
 
 
@@ -42,11 +46,13 @@ def lines() -> list[str]:
     for i in range(SIZE):
         text.append(f"    y{i} -= z[c] * a{i}")
         text += [f"    g{i}{j} += a{i} * a{j}" for j in range(i + 1)]
+    for name, first in (("turning", 0), ("moving", 3)):
+        text.append(f"{name} = " + " + ".join(f"g{i}{i}" for i in range(first, first + 3)))
     for j in range(SIZE):  # L D Lᵀ: row j of L in its place, 1/D on the diagonal
         text += [f"c{k} = g{j}{k}" for k in range(j)]
         text += [f"g{j}{k} = c{k} * g{k}{k}" for k in range(j)]
         text.append(f"pivot = g{j}{j}" + "".join(f" - c{k} * g{j}{k}" for k in range(j)))
-        text += ["if not pivot > 1e-14:", "    return False", f"g{j}{j} = 1.0 / pivot"]
+        text += ["if not pivot > 1e-14:", "    return -1.0", f"g{j}{j} = 1.0 / pivot"]
         for i in range(j + 1, SIZE):
             terms = "".join(f" - g{i}{k} * g{j}{k}" for k in range(j))
             text += [f"g{i}{j} = g{i}{j}{terms}"] if j else []
@@ -59,7 +65,7 @@ def lines() -> list[str]:
     text.append("for c in range(n):")
     text += ["    out[c] = (", "        z[c]"]
     text += [f"        + twist_jacobian[{i}, c] * y{i}" for i in range(SIZE)]
-    text += ["    )", "return True"]
+    text += ["    )", "return 0.0"]
     return text
 
 
@@ -70,7 +76,7 @@ def damping_lines() -> list[str]:
 
 
 def trace_test() -> list[str]:
-    """Return what compares tr L (L D Lᵀ)⁻¹ with 1."""
+    """Return what compares tr L (L D Lᵀ)⁻¹ with 1, and 1/tr G⁻¹ with the damping that the curvature asks for."""
     names = ["angular"] * 3 + ["linear"] * 3
     text = [
         f"{name} = " + " + ".join(f"g{j}{j}" for j in range(first, first + 3))
@@ -83,7 +89,16 @@ def trace_test() -> list[str]:
         if j < SIZE - 1:
             terms = " + ".join(f"h{i}{j} * h{i}{j} * g{i}{i}" for i in range(j + 1, SIZE))
             text.append(f"{names[j]} += {terms}")
-    return [*text, "if not angular * angular_limit + linear * linear_limit <= 1.0:", "    return False"]
+    return [
+        *text,
+        "if not angular * angular_limit + linear * linear_limit <= 1.0:",
+        "    return -1.0",
+        "trace = growth * (angular / square_length + linear)",
+        "if square_bound(error, square_length, turning, moving) * trace * trace > 1.0:",
+        "    missing = growth * (curvature(twist_jacobian, px, py, pz, error, square_length) - 1.0 / trace)",
+        "    if missing > 0.0:",
+        "        return missing",
+    ]
 
 
 def generate() -> str:

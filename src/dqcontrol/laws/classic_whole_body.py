@@ -56,7 +56,15 @@ def classic_whole_body(q, pose, pose_jacobian, twist_jacobian, sample, parameter
     for i in range(8):
         own.target[i] = given.gain[i] * own.error[i]
     status = solve_left_error(
-        own.target, own.error, pose, own.jacobian, own.preferred_rates, given.inverse, own.solver, own.rates
+        own.target,
+        own.error,
+        pose,
+        own.jacobian,
+        sample,
+        own.preferred_rates,
+        given.inverse,
+        own.solver,
+        own.rates,
     )
     feasible_inputs(given.drives, own.rates, out)
     return status

@@ -27,7 +27,9 @@ from dqcontrol.laws.command_kernel import (
     step,
 )
 from dqcontrol.laws.constrained.constraints import AT_ONCE, Constraints, Lag
+from dqcontrol.laws.growth import growth_for
 from dqcontrol.laws.hand_twist import twist_work
+from dqcontrol.laws.inverses import FilteredInverse, inverse_parameters
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace
 from dqcontrol.laws.task_levels import PreparedTasks
@@ -236,6 +238,11 @@ class PreparedLaw:
                     "limits.position: constraints keep joints within their limits; leave one of them out"
                 )
             self.constraints = law.constraints.prepare(robot, dt, command_mode, lag)
+        self._grows = _grows(law)
+        if self._grows:
+            parameters = parameters.copy()
+            growth = growth_for(law.loop_rates(parameters), lag.late, dt)
+            parameters[:, inverse_parameters.place("growth")] = growth
         law_memory = law.state_size(robot)
         memory = position.memory(robot, command_mode, dt) if position else 0
         if self.constraints:
@@ -312,7 +319,11 @@ class PreparedLaw:
     def depends_on_mode(self) -> bool:
         """Whether plants of another command mode or lag need another one."""
         position = self._limits.position
-        return bool(self.constraints or (position and position.memory(self.robot, "integrated", self.dt)))
+        return bool(
+            self.constraints
+            or self._grows
+            or (position and position.memory(self.robot, "integrated", self.dt))
+        )
 
     def in_mode(self, command_mode: CommandMode, lag: Lag = AT_ONCE) -> PreparedLaw:
         """Return this law for plants of a command mode; see `Law.prepare`."""
@@ -491,6 +502,12 @@ class PreparedLaw:
         if at:
             state[at:] = command
         return OK
+
+
+def _grows(law: Law) -> bool:
+    """Return whether the damping of a law's inverse, with which its parameters begin, grows as its loop needs."""
+    inverse = getattr(law, "inverse", None)
+    return isinstance(inverse, FilteredInverse) and inverse.growth is None
 
 
 def _multiplied(value: Any, factor: float) -> Any:

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from dqcontrol.compiled.compile import inline
+from dqcontrol.laws.growth import curvature, square_bound
 
 
 @inline
 def least_norm(
-    twist_jacobian, px, py, pz, y, z, angular_limit, linear_limit, angular_damping, linear_damping, out
+    twist_jacobian, px, py, pz, y, z, error, growth, square_length, linear_limit, linear_damping, out
 ):
-    """Write u = z + J_hᵀ G⁻¹ (y − J_h z), G = J_h J_hᵀ + W, and return True; return False where tr L G⁻¹ > 1.
+    """Write u = z + J_hᵀ G⁻¹ (y − J_h z), G = J_h J_hᵀ + W, and return 0; −1 where tr L G⁻¹ > 1: then u is not written.
+
+    Where the error's curvature asks for damping, that is returned, and u is not written either.
 
     J_h is the Jacobian of [ω ; ṗ]: the twist Jacobian moved from the inertial origin to the hand's position p. W and L
-    are diagonal, with one number for ω and one for ṗ. The trace bounds from above what L⁻¹ᐟ² J_h has as 1/σ²min;
+    are diagonal, one number for ṗ, and for ω that by ℓ². The trace bounds from above what L⁻¹ᐟ² J_h has as 1/σ²min;
     G = L D Lᵀ, with 1/D in place of D.
     """
     n = twist_jacobian.shape[1]
+    angular_limit, angular_damping = linear_limit / square_length, linear_damping / square_length
     g00 = angular_damping
     g10 = 0.0
     g11 = angular_damping
@@ -70,15 +74,17 @@ def least_norm(
         g53 += a5 * a3
         g54 += a5 * a4
         g55 += a5 * a5
+    turning = g00 + g11 + g22
+    moving = g33 + g44 + g55
     pivot = g00
     if not pivot > 1e-14:
-        return False
+        return -1.0
     g00 = 1.0 / pivot
     c0 = g10
     g10 = c0 * g00
     pivot = g11 - c0 * g10
     if not pivot > 1e-14:
-        return False
+        return -1.0
     g11 = 1.0 / pivot
     g21 = g21 - g20 * g10
     g31 = g31 - g30 * g10
@@ -90,7 +96,7 @@ def least_norm(
     g21 = c1 * g11
     pivot = g22 - c0 * g20 - c1 * g21
     if not pivot > 1e-14:
-        return False
+        return -1.0
     g22 = 1.0 / pivot
     g32 = g32 - g30 * g20 - g31 * g21
     g42 = g42 - g40 * g20 - g41 * g21
@@ -103,7 +109,7 @@ def least_norm(
     g32 = c2 * g22
     pivot = g33 - c0 * g30 - c1 * g31 - c2 * g32
     if not pivot > 1e-14:
-        return False
+        return -1.0
     g33 = 1.0 / pivot
     g43 = g43 - g40 * g30 - g41 * g31 - g42 * g32
     g53 = g53 - g50 * g30 - g51 * g31 - g52 * g32
@@ -117,7 +123,7 @@ def least_norm(
     g43 = c3 * g33
     pivot = g44 - c0 * g40 - c1 * g41 - c2 * g42 - c3 * g43
     if not pivot > 1e-14:
-        return False
+        return -1.0
     g44 = 1.0 / pivot
     g54 = g54 - g50 * g40 - g51 * g41 - g52 * g42 - g53 * g43
     c0 = g50
@@ -132,7 +138,7 @@ def least_norm(
     g54 = c4 * g44
     pivot = g55 - c0 * g50 - c1 * g51 - c2 * g52 - c3 * g53 - c4 * g54
     if not pivot > 1e-14:
-        return False
+        return -1.0
     g55 = 1.0 / pivot
     if linear_limit > 0.0:
         angular = g00 + g11 + g22
@@ -158,7 +164,12 @@ def least_norm(
         h54 = -g54
         linear += h54 * h54 * g55
         if not angular * angular_limit + linear * linear_limit <= 1.0:
-            return False
+            return -1.0
+        trace = growth * (angular / square_length + linear)
+        if square_bound(error, square_length, turning, moving) * trace * trace > 1.0:
+            missing = growth * (curvature(twist_jacobian, px, py, pz, error, square_length) - 1.0 / trace)
+            if missing > 0.0:
+                return missing
     y1 = y1 - g10 * y0
     y2 = y2 - g20 * y0 - g21 * y1
     y3 = y3 - g30 * y0 - g31 * y1 - g32 * y2
@@ -183,4 +194,4 @@ def least_norm(
             + twist_jacobian[4, c] * y4
             + twist_jacobian[5, c] * y5
         )
-    return True
+    return 0.0
