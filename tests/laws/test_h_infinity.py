@@ -10,6 +10,8 @@ from dqcontrol.errors import Error
 from dqcontrol.laws import DampedInverse, HInfinity, HInfinityTracking, Schedule
 from dqcontrol.plants import Integrator
 
+pytestmark = pytest.mark.usefixtures("without_growth")
+
 START = np.array([0.1, 0.6, 0.2, 1.6, -0.1, 0.6, 0.3])
 ORIENTATION, TRANSLATION = 4.0, 3.0
 GAINS = {"orientation_gain": ORIENTATION, "translation_gain": TRANSLATION}

@@ -9,6 +9,8 @@ from dqcontrol.errors import Error
 from dqcontrol.laws import LinearQuadraticDQ, LinearQuadraticR8, Proportional, Steps, riccati
 from dqcontrol.plants import Integrator
 
+pytestmark = pytest.mark.usefixtures("without_growth")
+
 START = np.array([0.1, 0.6, 0.2, 1.6, -0.1, 0.6, 0.3])
 ENDLESS = dqc.references.SetPoint
 

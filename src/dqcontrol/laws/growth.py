@@ -1,9 +1,9 @@
-"""Damping that grows with the curvature that a Jacobian leaves out: what keeps laws calm where a target is out of reach.
+"""Damping that grows with the curvature that a Jacobian leaves out: it keeps laws calm where a target is out of reach.
 
 A law that asks for k e, e = [ℓθ ; p_d − p], descends ½|e|². Its Hessian is JᵀJ + C with C = −Σ eᵢ ∂²xᵢ; J⁺ reckons
-with JᵀJ alone. Where the target is within reach, C vanishes with e. At the pose nearest to a target out of reach e stays
-and σ → 0: the gain of the loop is then k C/(σ² + λ²), as large as 1600 k on an arm, and the joints turn back in every
-period. With λ² ≥ c‖C‖ it is k/c at most. In chain order, with ω and a the columns of angular and hand velocity,
+with JᵀJ alone. Where the target is within reach, C vanishes with e. At the pose nearest to a target out of reach e
+stays and σ → 0: the gain of the loop is then k C/(σ² + λ²), as large as 1600 k on an arm, and the joints turn back in
+every period. With λ² ≥ c‖C‖ it is k/c at most. In chain order, with ω and a the columns of angular and hand velocity,
 
 C_ij = e_p · (ω_i × a_j) + ½ℓ² θ · (ω_i × ω_j) = ω_i · b_j, i ≤ j, b_j = a_j × e_p + ½ℓ² ω_j × θ.
 """
@@ -74,12 +74,12 @@ def curvature(twist_jacobian, px, py, pz, error, square_length):
         by = az * ex - ax * ez + z * tx - x * tz
         bz = ax * ey - ay * ex + x * ty - y * tx
         along = x * bx + y * by + z * bz
-        total += along * along
-        total += 2.0 * (xx * bx * bx + yy * by * by + zz * bz * bz)
-        total += 4.0 * (xy * bx * by + xz * bx * bz + yz * by * bz)
+        total += bx * (xx * bx + xy * by + xz * bz)
+        total += by * (xy * bx + yy * by + yz * bz)
+        total += bz * (xz * bx + yz * by + zz * bz) + 0.5 * along * along
         xx, yy, zz = xx + x * x, yy + y * y, zz + z * z
         xy, xz, yz = xy + x * y, xz + x * z, yz + y * z
-    return math.sqrt(max(total, 0.0))
+    return math.sqrt(max(2.0 * total, 0.0))
 
 
 def growth_for(rates: LoopRates | None, late: float, period: float) -> Array:

@@ -56,29 +56,25 @@ def solve_hand_twist(pose, twist_jacobian, hand_twist, error, preferred, inverse
     px, py, pz = p
     square_length = inverse.length * inverse.length
     if n >= 6 and inverse.kind != BY_MANIPULABILITY:
-        square_level = inverse.level * inverse.level
+        square_level, vanishing = inverse.level * inverse.level, inverse.damping * inverse.damping
         damped = 1.0 if inverse.kind == DAMPED else 0.0
         limit, damping = (1.0 - damped) * square_level, damped * square_level
-        for _ in range(2):
-            missing = least_norm(
-                twist_jacobian,
-                px,
-                py,
-                pz,
-                hand_twist,
-                preferred,
-                error,
-                inverse.growth,
-                square_length,
-                limit,
-                damping,
-                out,
-            )
-            if missing == 0.0:
-                return finite(out)
-            if missing < 0.0:
-                break
-            limit, damping = 0.0, missing
+        if least_norm(
+            twist_jacobian,
+            px,
+            py,
+            pz,
+            hand_twist,
+            preferred,
+            error,
+            inverse.growth,
+            square_length,
+            limit,
+            vanishing,
+            damping,
+            out,
+        ):
+            return finite(out)
     own = twist_work(work, n)
     hand_jacobian(p, twist_jacobian, own.matrix)
     for i in range(6):

@@ -91,9 +91,9 @@ class FilteredInverse(Struct, frozen=True, tag="filtered", tag_field="kind", for
     λᵢ) below 1.16/ε, and above 1/ε as long as σ > ε/3: `python benchmarks/singularities.py` shows how it was chosen.
 
     Where the target is out of reach, damping grows with the curvature C of the task that J leaves out
-    (`laws/growth.py`): d = c‖C‖, of which (d − 1/tr G⁻¹)₊ is added, G = JJᵀ. C vanishes with the error, so where that
-    is small or σ large nothing is added, to the last bit; elsewhere the loop gain stays below k/c, and the robot comes
-    to rest.
+    (`laws/growth.py`): g = (c‖C‖ − 1/tr G⁻¹)₊ is added to all σ², G = JJᵀ, and λ² − g takes the place of λ², not less
+    than 0. C vanishes with the error, so where that is small or σ large nothing is added, to the last bit; elsewhere
+    the loop gain stays below k/c, and the robot comes to rest.
     """
 
     threshold: Annotated[float, Meta(gt=0, description="ε, m: singular values below it are damped")] = 0.04
@@ -170,13 +170,14 @@ def _gram(matrix, rows, n, by_columns, gram):
 
 @inline
 def _filtered_solve(gram, m, y, inverse, added, vectors, scratch):
-    """Replace y by f(G) y, f(σ²) = 1/(σ² + λ(σ) + added), through the eigenvalues of G."""
+    """Replace y by f(G) y, f(σ²) = 1/(σ² + λ(σ) + added), through the eigenvalues of G; λ(0) becomes less by that."""
     diagonalise(gram, m, vectors)
     threshold = inverse.level * inverse.level
+    vanishing = inverse.damping * inverse.damping - added
     for i in range(m):
         eigenvalue = max(gram[i, i], 0.0)
         if eigenvalue < threshold:
-            eigenvalue += (1.0 - eigenvalue / threshold) * inverse.damping * inverse.damping
+            eigenvalue += (1.0 - eigenvalue / threshold) * vanishing
         value = 0.0
         for k in range(m):
             value += vectors[k, i] * y[k]
@@ -246,6 +247,7 @@ def solve(matrix, y, preferred, curvature, inverse_numbers, work, out):
             regular = trace * inverse.level * inverse.level <= 1.0
         else:
             added = grown
+        regular = regular or added >= inverse.damping * inverse.damping
         if not regular or added > 0.0:
             _gram(matrix, rows, n, by_columns, gram)
         if regular and added > 0.0:
