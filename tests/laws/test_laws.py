@@ -18,6 +18,8 @@ from dqcontrol.laws import (
 )
 from dqcontrol.references import Sample
 
+pytestmark = pytest.mark.usefixtures("without_growth")
+
 SEED = 20260714
 CONJUGATE = np.diag([1.0, -1, -1, -1, 1, -1, -1, -1])
 GAINS = [1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0]
@@ -80,7 +82,7 @@ def feedforward(pose, desired, twist):
 @pytest.mark.parametrize(("n", "prismatic"), SHAPES)
 def test_command_is_the_pseudoinverse_of_the_task(make_arm, n, prismatic, gain):
     """Where six joints or more reach all twists that is N⁺ y; with fewer the hand misses the least of its twist."""
-    inverse = FilteredInverse(growth=0.0, threshold=1e-5, damping=0.01)
+    inverse = FilteredInverse(threshold=1e-5, damping=0.01)
     for arm, q, sample in situations(make_arm, n, prismatic):
         pose = arm.fkm(q)
         desired = short_desired(pose, sample.pose)
@@ -112,16 +114,14 @@ def test_task_matrix_is_the_derivative_of_the_error(make_arm, n):
             / (2 * h)
             for d in np.eye(n)
         ]
-        u = Proportional(gain=2.0, inverse=FilteredInverse(growth=0.0, threshold=1e-5)).command(
-            arm, q, sample, dt=0.01
-        )
+        u = Proportional(gain=2.0, inverse=FilteredInverse(threshold=1e-5)).command(arm, q, sample, dt=0.01)
         wanted = np.linalg.pinv(-np.array(columns).T, 1e-6) @ (2 * left_error(arm.fkm(q), sample.pose))
         assert u == pytest.approx(wanted, abs=1e-6 * max(1, np.abs(wanted).max()))
 
 
 def test_error_derivative_with_feedforward_is_the_projected_decay(make_arm):
     for arm, q, sample in situations(make_arm, 7, (), 6):
-        u = ProportionalFeedforward(gain=4.0, inverse=FilteredInverse(growth=0.0, threshold=1e-5)).command(
+        u = ProportionalFeedforward(gain=4.0, inverse=FilteredInverse(threshold=1e-5)).command(
             arm, q, sample, dt=0.01
         )
         h = 1e-6

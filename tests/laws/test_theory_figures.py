@@ -127,7 +127,7 @@ def test_cost_of_the_linear_tracking_model_is_the_value_function(arm):
     path, dt = turning_path(arm, 1.0), 1e-3
     law = LinearQuadraticR8(error_weight=q.tolist(), control_weight=r.tolist(), final_weight=s.tolist())
     rows = law.rows(arm, path, dt)
-    gains, offsets = rows[:, 5:69].reshape(-1, 8, 8), rows[:, 69:77]
+    gains, offsets = rows[:, 6:70].reshape(-1, 8, 8), rows[:, 70:78]
     velocity = rates(path, np.minimum(dt * np.arange(len(rows)), path.duration - 1e-8))  # it ends at speed
     drift, c = algebra.hamilton_minus(velocity), -velocity
     e0 = 0.1 * rng.standard_normal(8)
@@ -290,7 +290,7 @@ def test_scalar_weights_of_a_moving_target_do_not_make_a_scalar_gain(arm):
     """A + Aᵀ ≠ 0 where the target translates, so P is full: the error of the linear model turns into translation."""
     circle = Circle(arm.fkm(START), radius=0.07, duration=2.0)
     rows = LinearQuadraticR8(error_weight=4.0, control_weight=1.0).rows(arm, circle, 0.01)
-    gains = rows[:, 5:69].reshape(-1, 8, 8)
+    gains = rows[:, 6:70].reshape(-1, 8, 8)
     steady = gains[100] - 2 * np.eye(8)
     assert 1e-2 < np.abs(steady).max() < 0.2
     at_rest = riccati.steady_solution(4 * np.eye(8), np.eye(8))

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 NO_ERROR = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # of what is moved without feedback
 
-_LEAST = 0.1  # c: `python benchmarks/out_of_reach.py`: smaller, some arms swing at a rest 10 m away
+LEAST = 0.1  # c: `python benchmarks/out_of_reach.py`: smaller, some arms swing at a rest 10 m away
 _RATE_UNKNOWN = 0.2  # c where a law does not know its loop rate: enough up to k T = 0.4
 
 
@@ -104,5 +104,5 @@ def growth_for(rates: LoopRates | None, late: float, period: float) -> Array:
     late += 1.0 / rates.lag if rates.lag else 0.0
     parts = [np.abs(each) for each in (rates.position, rates.orientation) if each is not None]
     if not parts:
-        return np.array([_LEAST])
-    return np.maximum(_LEAST, 0.5 * (period + late) * np.max(parts, axis=0))
+        return np.array([LEAST])
+    return np.maximum(LEAST, 0.5 * (period + late) * np.max(parts, axis=0))

@@ -32,7 +32,7 @@ from dqcontrol.laws.hand_twist import twist_work
 from dqcontrol.laws.inverses import FilteredInverse, inverse_parameters
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace
-from dqcontrol.laws.task_levels import PreparedTasks
+from dqcontrol.laws.task_levels import PreparedTasks, task_levels
 from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.limits.velocity_limit import unlimited
 from dqcontrol.named_fields import NamedFields
@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 
 CommandMode = Literal["integrated", "measured"]
 
+_GROWTH = inverse_parameters.place("growth")
 _MOST_STEPS = 10_000_000
 
 
@@ -242,7 +243,7 @@ class PreparedLaw:
         if self._grows:
             parameters = parameters.copy()
             growth = growth_for(law.loop_rates(parameters), lag.late, dt)
-            parameters[:, inverse_parameters.place("growth")] = growth
+            parameters[:, _GROWTH] = growth
         law_memory = law.state_size(robot)
         memory = position.memory(robot, command_mode, dt) if position else 0
         if self.constraints:
@@ -291,6 +292,9 @@ class PreparedLaw:
             "constraint_work": parts.constraint_work.size,
         }
         self._parts = prepared_memory(self.memory, *(self._sizes[name] for name in prepared_memory.sizes))
+        if tasks and self._grows:
+            at = task_levels.place("growth")
+            self._parts.tasking[at : at + 2] = parameters[:, _GROWTH].max(), 0.5 * (dt + lag.late)
         self.parameters: Array = self._parts.parameters
         self.work, self.preferred = self._parts.work, self._parts.work[:m]
         self.pose = self._parts.kinematics[:8]
@@ -474,7 +478,7 @@ class PreparedLaw:
             return LAW_FAILED + status
         if self.tasks:
             given = parts.tasking, parts.tasking_work
-            if status := self.tasks.kernel(q, pose, twist_jacobian, row, *given, out):
+            if status := self.tasks.kernel(q, pose, twist_jacobian, sample, row, *given, out):
                 return LAW_FAILED + status
         if self._limit:
             self._limit(q, parts.limiting, out)
