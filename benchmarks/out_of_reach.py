@@ -179,14 +179,14 @@ def streams(
         rest = [dqc.Sample(home)] * calm
         return [*rest, *(dqc.Sample(wanted(k)) for k in range(steps)), *rest]
 
-    half = round(0.5 / period)
-    yield "teleports", made(lambda k: at(ball[k // half]))
+    second = round(1.0 / period)  # seldom enough that turns which a jump of the target asks for count little
+    yield "teleports", made(lambda k: at(ball[k // second]))
     yield "circle outside at 30 Hz", made(lambda k: at(circle((k // held) * held * period, 1.3 * reach, 1.0)))
     yield "circle at the edge", made(lambda k: at(circle(k * period, 1.02 * reach, 0.5)))
     yield "through the base", made(lambda k: at((1 - 2 * ((k * period / 4) % 1)) * here))
     yield "in and out", made(lambda k: at((1 + 0.6 * np.sin(1.5 * k * period)) * here * reach / 0.8))
-    yield "half turns", made(lambda k: at(here, turns[(k // half) % 3]))
-    yield "jitter outside", made(lambda k: at(1.5 * reach * here + 0.01 * ball[k // held]))
+    yield "half turns", made(lambda k: at(here, turns[(k // second) % 3]))
+    yield "jitter outside", made(lambda k: at(1.5 * reach * here + 0.003 * ball[k // held]))
     yield "gaps outside", made(lambda k: at(circle((k // (9 * held)) * 9 * held * period, 1.2 * reach, 1.0)))
 
 

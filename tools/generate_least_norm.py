@@ -57,9 +57,9 @@ def lines() -> list[str]:
     for i in range(SIZE):
         text.append(f"    y{i} -= z[c] * a{i}")
         text += [f"    g{i}{j} += a{i} * a{j}" for j in range(i + 1)]
-    text += ["added = 0.0", "for attempt in range(2):"]
+    text += ["added = 0.0", "while True:"]
     text += [f"    {line}" for line in factor()]
-    text += ["    if attempt == 1 or linear_limit == 0.0:", "        break"]
+    text += ["    if added > 0.0 or linear_limit == 0.0:", "        break"]
     text += [f"    {line}" for line in trace_test()]
     for i in range(1, SIZE):
         text.append(f"y{i} = y{i}" + "".join(f" - f{i}{k} * y{k}" for k in range(i)))

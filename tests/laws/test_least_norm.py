@@ -18,7 +18,7 @@ TOOL = Path(__file__).parents[2] / "tools/generate_least_norm.py"
 @njit
 def solved(jacobian, position, twist, z, square_length, limit, out):
     px, py, pz = position[0], position[1], position[2]
-    return least_norm(jacobian, px, py, pz, twist, z, NO_ERROR, 0.0, square_length, limit, 0.0, 0.0, out)
+    return least_norm(jacobian, px, py, pz, twist, z, NO_ERROR, 0.0, square_length, limit, 1.0, 0.0, out)
 
 
 def test_the_file_is_what_the_tool_writes():

@@ -230,7 +230,7 @@ def test_pieces_of_matrix_weights_against_a_library(arm, law, size, tolerance):
     expected = np.concatenate(
         [(inverses @ p).reshape(len(times), -1), (inverses @ xi[:, :, None])[:, :, 0]], 1
     )
-    got = rows[:, 5 : 5 + size * size + size]
+    got = rows[:, 6 : 6 + size * size + size]
     parts = [slice(0, size * size), slice(size * size, None)]
     if law is LinearQuadraticDQ:  # it has no offset
         assert not expected[:, parts.pop()].any()
@@ -247,7 +247,7 @@ def test_the_gain_of_a_horizon_falls_to_the_final_weight_in_its_last_seconds(arm
     q, r, end, dt = 25.0, 0.25, 2.0, 0.01
     kappa, w = math.sqrt(q / r), math.sqrt(q * r)
     tuned = law(error_weight=q, control_weight=r, final_weight=final, horizon_time=end)
-    gains = tuned.rows(arm, SetPoint(arm.fkm(START)), dt)[:, 5]
+    gains = tuned.rows(arm, SetPoint(arm.fkm(START)), dt)[:, 6]
     to_go = end - dt * np.arange(201)
     rise = np.tanh(kappa * to_go)
     assert gains == pytest.approx(kappa * (final + w * rise) / (w + final * rise), rel=2e-4, abs=1e-9)

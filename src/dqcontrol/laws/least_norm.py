@@ -86,7 +86,7 @@ def least_norm(
         g54 += a5 * a4
         g55 += a5 * a5
     added = 0.0
-    for attempt in range(2):
+    while True:
         angular_added = added / square_length
         pivot = g00 + angular_added
         if not pivot > 1e-14:
@@ -157,7 +157,7 @@ def least_norm(
         if not pivot > 1e-14:
             return False
         f55 = 1.0 / pivot
-        if attempt == 1 or linear_limit == 0.0:
+        if added > 0.0 or linear_limit == 0.0:
             break
         angular = f00 + f11 + f22
         linear = f33 + f44 + f55
