@@ -21,7 +21,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import Kernel, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ShapeError, as_positive, unknown_name
-from dqcontrol.laws.gains import Schedule, gain_rows
+from dqcontrol.laws.gains import Gain, Positive, Schedule, gain_rows
 from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twist, twist_work
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
 from dqcontrol.laws.law import LAW, Law
@@ -156,10 +156,10 @@ class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
         "orientation_gamma": -1,
         "translation_gamma": -1,
     }
-    orientation_gain: Annotated[float | Schedule | None, Meta(description="k_O, 1/s")] = None
-    translation_gain: Annotated[float | Schedule | None, Meta(description="k_T, 1/s")] = None
-    orientation_gamma: Annotated[float | None, Meta(description="γ_O, s")] = None
-    translation_gamma: Annotated[float | None, Meta(description="γ_T, s")] = None
+    orientation_gain: Annotated[Gain | None, Meta(description="k_O, 1/s")] = None
+    translation_gain: Annotated[Gain | None, Meta(description="k_T, 1/s")] = None
+    orientation_gamma: Annotated[Positive | None, Meta(description="γ_O, s")] = None
+    translation_gamma: Annotated[Positive | None, Meta(description="γ_T, s")] = None
     form: Literal["right", "left"] = "right"
     inverse: Inverse = FilteredInverse()
     hysteresis: Annotated[float, Meta(ge=0, lt=1)] = 0.2
