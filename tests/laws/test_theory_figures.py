@@ -20,6 +20,8 @@ from dqcontrol.measures import evaluate
 from dqcontrol.plants import Integrator
 from dqcontrol.references import Circle, SetPoint, ViaPoints
 
+pytestmark = pytest.mark.usefixtures("without_growth")
+
 SEED = 20261108
 T = 0.008
 START = np.array([0, math.pi / 3.7, 0, math.pi / 2, 0, math.pi / 3.7, 0])
