@@ -73,3 +73,9 @@ def few_figures(monkeypatch):
         return {name: drawn[name] for name in drawn if name in ("errors", "inputs", "timing")}
 
     monkeypatch.setattr(figures, "run_figures", few)
+
+
+@pytest.fixture
+def without_growth(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let damping depend on the Jacobian alone, as the laws' definitions have it, also far from the target."""
+    monkeypatch.setattr("dqcontrol.laws.law.growth_for", lambda rates, late, period: np.zeros(1))

@@ -13,19 +13,34 @@ HEADER = '''"""The smallest inputs that give the hand a twist. Written by tools/
 from __future__ import annotations
 
 from dqcontrol.compiled.compile import inline
+from dqcontrol.laws.growth import curvature, square_bound
 
 
 @inline
 def least_norm(
-    twist_jacobian, px, py, pz, y, z, angular_limit, linear_limit, angular_damping, linear_damping, out
+    twist_jacobian,
+    px,
+    py,
+    pz,
+    y,
+    z,
+    error,
+    growth,
+    square_length,
+    linear_limit,
+    vanishing,
+    linear_damping,
+    out,
 ):
     """Write u = z + J_hᵀ G⁻¹ (y − J_h z), G = J_h J_hᵀ + W, and return True; return False where tr L G⁻¹ > 1.
 
     J_h is the Jacobian of [ω ; ṗ]: the twist Jacobian moved from the inertial origin to the hand's position p. W and L
-    are diagonal, with one number for ω and one for ṗ. The trace bounds from above what L⁻¹ᐟ² J_h has as 1/σ²min;
-    G = L D Lᵀ, with 1/D in place of D.
+    are diagonal, one number for ṗ, and for ω that by ℓ². The trace bounds from above what L⁻¹ᐟ² J_h has as 1/σ²min;
+    G = F D Fᵀ, with 1/D in place of D. With L, G is factored once more where the curvature of the error asks for
+    damping, also where tr L G⁻¹ > 1 if that is more than the damping of vanishing singular values.
     """
     n = twist_jacobian.shape[1]
+    angular_limit, angular_damping = linear_limit / square_length, linear_damping / square_length
 '''
 
 
@@ -42,24 +57,34 @@ def lines() -> list[str]:
     for i in range(SIZE):
         text.append(f"    y{i} -= z[c] * a{i}")
         text += [f"    g{i}{j} += a{i} * a{j}" for j in range(i + 1)]
-    for j in range(SIZE):  # L D Lᵀ: row j of L in its place, 1/D on the diagonal
-        text += [f"c{k} = g{j}{k}" for k in range(j)]
-        text += [f"g{j}{k} = c{k} * g{k}{k}" for k in range(j)]
-        text.append(f"pivot = g{j}{j}" + "".join(f" - c{k} * g{j}{k}" for k in range(j)))
-        text += ["if not pivot > 1e-14:", "    return False", f"g{j}{j} = 1.0 / pivot"]
-        for i in range(j + 1, SIZE):
-            terms = "".join(f" - g{i}{k} * g{j}{k}" for k in range(j))
-            text += [f"g{i}{j} = g{i}{j}{terms}"] if j else []
-    text += ["if linear_limit > 0.0:", *(f"    {line}" for line in trace_test())]
+    text += ["added = 0.0", "while True:"]
+    text += [f"    {line}" for line in factor()]
+    text += ["    if added > 0.0 or linear_limit == 0.0:", "        break"]
+    text += [f"    {line}" for line in trace_test()]
     for i in range(1, SIZE):
-        text.append(f"y{i} = y{i}" + "".join(f" - g{i}{k} * y{k}" for k in range(i)))
+        text.append(f"y{i} = y{i}" + "".join(f" - f{i}{k} * y{k}" for k in range(i)))
     for i in reversed(range(SIZE)):
-        text.append(f"y{i} = y{i} * g{i}{i}" + "".join(f" - g{k}{i} * y{k}" for k in range(i + 1, SIZE)))
+        text.append(f"y{i} = y{i} * f{i}{i}" + "".join(f" - f{k}{i} * y{k}" for k in range(i + 1, SIZE)))
     text += ["y0 += py * y5 - pz * y4", "y1 += pz * y3 - px * y5", "y2 += px * y4 - py * y3"]
     text.append("for c in range(n):")
     text += ["    out[c] = (", "        z[c]"]
     text += [f"        + twist_jacobian[{i}, c] * y{i}" for i in range(SIZE)]
     text += ["    )", "return True"]
+    return text
+
+
+def factor() -> list[str]:
+    """Return F and 1/D of G and what is added: row j of F in its place, 1/D on the diagonal."""
+    text = ["angular_added = added / square_length"]
+    for j in range(SIZE):
+        more = "angular_added" if j < 3 else "added"
+        text += [f"c{k} = f{j}{k}" for k in range(j)]
+        text += [f"f{j}{k} = c{k} * f{k}{k}" for k in range(j)]
+        text.append(f"pivot = g{j}{j} + {more}" + "".join(f" - c{k} * f{j}{k}" for k in range(j)))
+        text += ["if not pivot > 1e-14:", "    return False", f"f{j}{j} = 1.0 / pivot"]
+        for i in range(j + 1, SIZE):
+            terms = "".join(f" - f{i}{k} * f{j}{k}" for k in range(j))
+            text.append(f"f{i}{j} = g{i}{j}{terms}")
     return text
 
 
@@ -70,20 +95,30 @@ def damping_lines() -> list[str]:
 
 
 def trace_test() -> list[str]:
-    """Return what compares tr L (L D Lᵀ)⁻¹ with 1."""
+    """Return what compares tr L G⁻¹ with 1, and 1/tr G⁻¹ with the damping that the curvature asks for."""
     names = ["angular"] * 3 + ["linear"] * 3
     text = [
-        f"{name} = " + " + ".join(f"g{j}{j}" for j in range(first, first + 3))
+        f"{name} = " + " + ".join(f"f{j}{j}" for j in range(first, first + 3))
         for name, first in (("angular", 0), ("linear", 3))
     ]
-    for j in range(SIZE):  # column j of L⁻¹
+    for j in range(SIZE):  # column j of F⁻¹
         for i in range(j + 1, SIZE):
-            terms = "".join(f" - g{i}{k} * h{k}{j}" for k in range(j + 1, i))
-            text.append(f"h{i}{j} = -g{i}{j}{terms}")
+            terms = "".join(f" - f{i}{k} * h{k}{j}" for k in range(j + 1, i))
+            text.append(f"h{i}{j} = -f{i}{j}{terms}")
         if j < SIZE - 1:
-            terms = " + ".join(f"h{i}{j} * h{i}{j} * g{i}{i}" for i in range(j + 1, SIZE))
+            terms = " + ".join(f"h{i}{j} * h{i}{j} * f{i}{i}" for i in range(j + 1, SIZE))
             text.append(f"{names[j]} += {terms}")
-    return [*text, "if not angular * angular_limit + linear * linear_limit <= 1.0:", "    return False"]
+    return [
+        *text,
+        "regular = angular * angular_limit + linear * linear_limit <= 1.0",
+        "trace = growth * (angular / square_length + linear)",
+        "if square_bound(error, square_length, g00 + g11 + g22, g33 + g44 + g55) * trace * trace > 1.0:",
+        "    added = growth * (curvature(twist_jacobian, px, py, pz, error, square_length) - 1.0 / trace)",
+        "if not regular and not added >= vanishing:",
+        "    return False",
+        "if not added > 0.0:",
+        "    break",
+    ]
 
 
 def generate() -> str:

@@ -65,6 +65,8 @@ class Config(ctypes.Structure):
         ("linear_speed", ctypes.c_double),
         ("angular_speed", ctypes.c_double),
         ("twist_timeout", ctypes.c_double),
+        ("pose_timeout", ctypes.c_double),
+        ("acceleration", ctypes.c_double),
     ]
 
 

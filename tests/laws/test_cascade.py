@@ -11,6 +11,8 @@ from dqcontrol.errors import Error
 from dqcontrol.laws import Cascade, ClassicCascade, ClassicProportional, FeedbackLinearization
 from dqcontrol.plants import Integrator
 
+pytestmark = pytest.mark.usefixtures("without_growth")
+
 T = 0.05
 Q = np.array([0.3, -0.2, 0.4, 0.3, -0.8, 1.2, 0.6, 0.4])
 GAINS = {"stiffness": 0.6, "damping": 0.5}

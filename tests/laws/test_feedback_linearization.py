@@ -11,6 +11,8 @@ from dqcontrol.laws import ClassicWholeBody, FeedbackLinearization
 from dqcontrol.plants import Integrator
 from dqcontrol.robots import SerialArm
 
+pytestmark = pytest.mark.usefixtures("without_growth")
+
 SEED = 20170401
 T = 0.05
 

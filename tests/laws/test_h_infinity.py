@@ -10,6 +10,8 @@ from dqcontrol.errors import Error
 from dqcontrol.laws import DampedInverse, HInfinity, HInfinityTracking, Schedule
 from dqcontrol.plants import Integrator
 
+pytestmark = pytest.mark.usefixtures("without_growth")
+
 START = np.array([0.1, 0.6, 0.2, 1.6, -0.1, 0.6, 0.3])
 ORIENTATION, TRANSLATION = 4.0, 3.0
 GAINS = {"orientation_gain": ORIENTATION, "translation_gain": TRANSLATION}
@@ -92,12 +94,12 @@ def test_tracking_does_not_lag(form):
 def test_gains_from_gamma_and_schedules():
     arm, times = dqc.load_robot("iiwa7"), np.array([0.0])
     rows = HInfinity(orientation_gamma=0.5, translation_gamma=0.25).parameter_rows(arm, times)
-    assert rows[0, 5] * 0.5 == pytest.approx(2.0)
-    assert rows[0, 6] * 0.25 == pytest.approx(np.sqrt(2))
+    assert rows[0, 6] * 0.5 == pytest.approx(2.0)
+    assert rows[0, 7] * 0.25 == pytest.approx(np.sqrt(2))
     ramp = Schedule([0, 2], [1.0, 3.0])
     prepared = HInfinity(orientation_gain=ramp, translation_gain=2.0).prepare(arm, None, 0.5)
-    np.testing.assert_allclose(prepared.parameters[:, 5], [1, 1.5, 2, 2.5, 3])
-    np.testing.assert_allclose(prepared.parameters[:, 6], 2.0)
+    np.testing.assert_allclose(prepared.parameters[:, 6], [1, 1.5, 2, 2.5, 3])
+    np.testing.assert_allclose(prepared.parameters[:, 7], 2.0)
 
 
 @pytest.mark.parametrize(

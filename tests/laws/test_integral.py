@@ -13,6 +13,8 @@ from dqcontrol.measures.stability import gain_limits
 from dqcontrol.plants import Integrator, Servo
 from dqcontrol.references import SetPoint
 
+pytestmark = pytest.mark.usefixtures("without_growth")
+
 T = 0.01
 Q0 = np.array([0.2, 0.6, 0.1, 1.6, -0.3, 0.9, 0.4])
 LAWS = [Proportional, ProportionalFeedforward, ClassicProportional, DecoupledProportional]

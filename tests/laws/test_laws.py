@@ -18,6 +18,8 @@ from dqcontrol.laws import (
 )
 from dqcontrol.references import Sample
 
+pytestmark = pytest.mark.usefixtures("without_growth")
+
 SEED = 20260714
 CONJUGATE = np.diag([1.0, -1, -1, -1, 1, -1, -1, -1])
 GAINS = [1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0]

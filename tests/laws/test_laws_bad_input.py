@@ -52,7 +52,6 @@ LAWS = [Proportional, ProportionalFeedforward]
             r"gain schedule: takes 100,000,000,001 steps; at most",
         ),
     ],
-    ids=str,
 )
 def test_gains(make_arm, law, gain, kind, text):
     with pytest.raises(kind, match=text):

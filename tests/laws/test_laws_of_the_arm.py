@@ -25,6 +25,8 @@ from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import close_loop
 from dqcontrol.plants import Integrator
 
+pytestmark = pytest.mark.usefixtures("without_growth")
+
 GAIN = 3.0
 LAWS = {
     "open": OpenLoop(),

@@ -10,6 +10,8 @@ from dqcontrol.loop import close_loop
 from dqcontrol.plants import Integrator, Servo
 from dqcontrol.references import Sample, SetPoint
 
+pytestmark = pytest.mark.usefixtures("without_growth")
+
 SEED = 20260714
 Q0 = np.array([0.2, 0.6, 0.1, 1.6, -0.3, 0.9, 0.4])
 AT_ONCE = 1e-9  # a time constant after which a servo is where it was told to be

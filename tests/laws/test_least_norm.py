@@ -9,15 +9,16 @@ from numba import njit
 
 from dqcontrol import load_robot
 from dqcontrol.laws import least_norm as module
+from dqcontrol.laws.growth import NO_ERROR
 from dqcontrol.laws.least_norm import least_norm
 
 TOOL = Path(__file__).parents[2] / "tools/generate_least_norm.py"
 
 
 @njit
-def solved(jacobian, position, twist, z, angular, linear, out):
+def solved(jacobian, position, twist, z, square_length, limit, out):
     px, py, pz = position[0], position[1], position[2]
-    return least_norm(jacobian, px, py, pz, twist, z, angular, linear, 0.0, 0.0, out)
+    return least_norm(jacobian, px, py, pz, twist, z, NO_ERROR, 0.0, square_length, limit, 1.0, 0.0, out)
 
 
 def test_the_file_is_what_the_tool_writes():
@@ -42,7 +43,7 @@ def test_least_norm_and_its_limit_are_those_of_the_singular_values(robot):
         hand[3:] -= np.cross(position[:, None], jacobian[:3], axis=0)
         out = np.zeros(arm.input_size)
         trace = (1 / np.linalg.svd(hand / weight[:, None], compute_uv=False) ** 2).sum()
-        assert solved(jacobian, position, twist, z, angular, linear, out) == (trace <= 1)
+        assert solved(jacobian, position, twist, z, linear / angular, linear, out) == (trace <= 1)
         if trace <= 1:
             assert np.allclose(out, z + np.linalg.pinv(hand) @ (twist - hand @ z), rtol=1e-9, atol=1e-9)
         else:

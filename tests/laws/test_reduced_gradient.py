@@ -9,6 +9,8 @@ import dqcontrol as dqc
 from dqcontrol import laws
 from dqcontrol.plants import Integrator
 
+pytestmark = pytest.mark.usefixtures("without_growth")
+
 T = 0.02
 SEED = 11
 

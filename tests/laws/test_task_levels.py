@@ -64,7 +64,14 @@ def test_levels_are_projections(on_a_torso, level):
         out = u.copy()
         assert (
             tasks.kernel(
-                q, found.pose, found.twist_jacobian, 0, tasks.parameters, np.zeros(tasks.work_size), out
+                q,
+                found.pose,
+                found.twist_jacobian,
+                sample.numbers,
+                0,
+                tasks.parameters,
+                np.zeros(tasks.work_size),
+                out,
             )
             == 0
         )
@@ -87,7 +94,6 @@ def test_levels_are_projections(on_a_torso, level):
             change = change + inverse @ (rate - jacobian @ (u + change))
             left = left - inverse @ projected
         np.testing.assert_allclose(out, u + change, rtol=1e-5, atol=1e-7)
-        del sample
 
 
 def test_a_task_before_the_law_s_is_done_whatever_that_wants(arms):

@@ -14,6 +14,7 @@ from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.laws.classic import classic_twist
 from dqcontrol.laws.feedback_linearization import FeedbackLinearization
+from dqcontrol.laws.growth import pose_error
 from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
 from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.laws.law import LAW
@@ -141,7 +142,14 @@ def classic_cascade(q, pose, pose_jacobian, twist_jacobian, sample, parameters, 
         own.preferred_rates[i] = own.preferred[i] if i < m else 0.0
     twist = classic_twist(pose, sample, given.gain, given.hysteresis, kept.sign, own.rate)
     status = solve_hand_twist(
-        pose, own.jacobian, twist, own.preferred_rates, given.inverse, own.solver, own.rates
+        pose,
+        own.jacobian,
+        twist,
+        pose_error(pose, sample),
+        own.preferred_rates,
+        given.inverse,
+        own.solver,
+        own.rates,
     )
     follow_virtual_bases(q, kept.virtual, own.rates, given.drives, given.inner_gain, given.period, out)
     return status

@@ -10,6 +10,7 @@ from dqcontrol.algebra.dual_quaternion_kernels import multiply
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
+from dqcontrol.laws.growth import NO_ERROR
 from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
 from dqcontrol.laws.integral import IntegralPoseLaw, integral_work, solve_with_integral
 from dqcontrol.laws.inverses import FilteredInverse, Inverse
@@ -85,7 +86,7 @@ def open_loop(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state,
         half_twist[5 + i] = 0.5 * sign * sample[11 + i]
     multiply(half_twist, sample, own.rate)
     twist = _hand_twist(own.rate, pose)
-    return solve_hand_twist(pose, twist_jacobian, twist, own.preferred, parameters, own.solver, out)
+    return solve_hand_twist(pose, twist_jacobian, twist, NO_ERROR, own.preferred, parameters, own.solver, out)
 
 
 class ClassicProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="classic-proportional"):

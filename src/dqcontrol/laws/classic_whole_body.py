@@ -76,6 +76,7 @@ def classic_whole_body(q, pose, pose_jacobian, twist_jacobian, sample, parameter
             own.error,
             pose,
             own.jacobian,
+            sample,
             own.preferred_rates,
             given.inverse,
             own.solver,

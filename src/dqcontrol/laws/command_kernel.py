@@ -182,7 +182,9 @@ def compute_command(prepared, q, sample, k, state, out):
     if status != OK:
         return LAW_FAILED + status
     if plan.tasks != 0:
-        status = _call_tasks(plan.tasks, q, pose, twist_jacobian, k, memory.tasking, memory.tasking_work, out)
+        status = _call_tasks(
+            plan.tasks, q, pose, twist_jacobian, sample, k, memory.tasking, memory.tasking_work, out
+        )
         if status != OK:
             return LAW_FAILED + status
     if plan.limit != 0:

@@ -71,12 +71,17 @@ def h_infinity_right(q, pose, pose_jacobian, twist_jacobian, sample, parameters,
     for i in range(3):
         twist[i] = -given.orientation * sign * relative[1 + i]
         twist[3 + i] *= -given.translation
+    fastest = max(0.5 * given.orientation, given.translation)
+    a, b, c, d, e, f = at_hand(twist, pose)
+    error = a / fastest, b / fastest, c / fastest, d / fastest, e / fastest, f / fastest
     if given.tracking != 0.0:
         adjoint_twist(relative, sample[8:14], own.desired_twist)
         for i in range(6):
             twist[i] += own.desired_twist[i]
     hand_twist = at_hand(twist, pose)
-    return solve_hand_twist(pose, twist_jacobian, hand_twist, own.preferred, given.inverse, own.solver, out)
+    return solve_hand_twist(
+        pose, twist_jacobian, hand_twist, error, own.preferred, given.inverse, own.solver, out
+    )
 
 
 @kernel(LAW)

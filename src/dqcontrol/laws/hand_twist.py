@@ -11,6 +11,7 @@ from dqcontrol.algebra.dual_quaternion_kernels import position, rotated
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
 from dqcontrol.compiled.memory_layout import MemoryLayout
+from dqcontrol.laws.growth import curvature, pose_error
 from dqcontrol.laws.inverses import (
     BY_MANIPULABILITY,
     DAMPED,
@@ -43,21 +44,36 @@ def weigh(row, y, i, length):
 
 
 @inline
-def solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, inverse_numbers, work, out):
+def solve_hand_twist(pose, twist_jacobian, hand_twist, error, preferred, inverse_numbers, work, out):
     """Write out = z + J⁺ (t − J z) for the hand's twist t = [ω ; ṗ], inertial axes, in the measure |[ℓω ; ṗ]|.
 
-    Where J has full row rank the measure does not matter: one 6 × 6 system in straight lines, for all laws.
+    The error [θ ; p_d − p] that t feeds back says how far damping grows. Where J has full row rank the measure does not
+    matter: one 6 × 6 system in straight lines, for all laws.
     """
     inverse = inverse_parameters(inverse_numbers)
     n = twist_jacobian.shape[1]
     p = position(pose)
+    px, py, pz = p
+    square_length = inverse.length * inverse.length
     if n >= 6 and inverse.kind != BY_MANIPULABILITY:
-        linear = inverse.level * inverse.level
-        angular = linear / (inverse.length * inverse.length)
-        px, py, pz = p
+        square_level, vanishing = inverse.level * inverse.level, inverse.damping * inverse.damping
         damped = 1.0 if inverse.kind == DAMPED else 0.0
-        a, b, c, d = (1.0 - damped) * angular, (1.0 - damped) * linear, damped * angular, damped * linear
-        if least_norm(twist_jacobian, px, py, pz, hand_twist, preferred, a, b, c, d, out):
+        limit, damping = (1.0 - damped) * square_level, damped * square_level
+        if least_norm(
+            twist_jacobian,
+            px,
+            py,
+            pz,
+            hand_twist,
+            preferred,
+            error,
+            inverse.growth,
+            square_length,
+            limit,
+            vanishing,
+            damping,
+            out,
+        ):
             return finite(out)
     own = twist_work(work, n)
     hand_jacobian(p, twist_jacobian, own.matrix)
@@ -65,7 +81,8 @@ def solve_hand_twist(pose, twist_jacobian, hand_twist, preferred, inverse_number
         own.twist[i] = hand_twist[i]
     for i in range(3):
         weigh(own.matrix[i], own.twist, i, inverse.length)
-    return solve(own.matrix, own.twist, preferred, inverse_numbers, own.solver, out)
+    curved = curvature(twist_jacobian, px, py, pz, error, square_length) if inverse.growth != 0.0 else 0.0
+    return solve(own.matrix, own.twist, preferred, curved, inverse_numbers, own.solver, out)
 
 
 @inline
@@ -91,4 +108,5 @@ def solve_left_twist(body_twist, tracking, pose, twist_jacobian, sample, preferr
     if tracking != 0.0:
         u, v, w, x, y, z = at_hand(sample[8:14], pose)
         a, b, c, d, e, f = a + u, b + v, c + w, d + x, e + y, f + z
-    return solve_hand_twist(pose, twist_jacobian, (a, b, c, d, e, f), preferred, inverse, work, out)
+    error = pose_error(pose, sample)
+    return solve_hand_twist(pose, twist_jacobian, (a, b, c, d, e, f), error, preferred, inverse, work, out)

@@ -15,6 +15,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import as_positive
+from dqcontrol.laws.growth import pose_error
 from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
 from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.laws.loop_rates import LoopRates
@@ -83,7 +84,8 @@ def solve_with_integral(pose, twist_jacobian, twist, sample, parameters, state, 
     own = integral_work(work, twist_jacobian.shape[1])
     if given.step != 0.0:
         twist = _add_integral(twist, pose, sample, given, kept, own)
-    return solve_hand_twist(pose, twist_jacobian, twist, preferred, given.inverse, own.solver, out)
+    error = pose_error(pose, sample)
+    return solve_hand_twist(pose, twist_jacobian, twist, error, preferred, given.inverse, own.solver, out)
 
 
 @inline

@@ -32,12 +32,15 @@ class InverseParameters(NamedTuple):
         λ of the filtered inverse, λ₀.
     length
         ℓ, m.
+    growth
+        c of the filtered inverse.
     """
 
     kind: float
     level: float
     damping: float
     length: float
+    growth: float
 
 
 inverse_parameters: MemoryLayout[InverseParameters] = MemoryLayout(InverseParameters)
@@ -69,9 +72,11 @@ class DampedInverse(CheckedFields, frozen=True, tag="damped", tag_field="kind", 
     damping: Annotated[float, Meta(gt=0, description="λ, m")]
     characteristic_length: _Length = 0.3
 
-    def parameters(self) -> tuple[float, float, float, float]:
+    def parameters(self) -> InverseParameters:
         """Return kind and numbers as compiled code reads them."""
-        return DAMPED, as_positive("inverse.damping", self.damping), 0.0, _length(self)
+        return InverseParameters(
+            DAMPED, as_positive("inverse.damping", self.damping), 0.0, _length(self), 0.0
+        )
 
 
 class FilteredInverse(
@@ -88,6 +93,11 @@ class FilteredInverse(
 
     With λ = ε this is J-PARSE [Guptasarma et al. 2025] with ε in place of its γ σ_max. λ = ε/2 keeps the gain σ/(σ² +
     λᵢ) below 1.16/ε, and above 1/ε as long as σ > ε/3: `python benchmarks/singularities.py` shows how it was chosen.
+
+    Where the target is out of reach, damping grows with the curvature C of the task that J leaves out
+    (`laws/growth.py`): g = (c‖C‖ − 1/tr G⁻¹)₊ is added to all σ², G = JJᵀ, and λ² − g takes the place of λ², not less
+    than 0. C vanishes with the error, so where that is small or σ large nothing is added, to the last bit; elsewhere
+    the loop gain stays below k/c, and the robot comes to rest.
     """
 
     spec_key: ClassVar[str] = "inverse"
@@ -96,14 +106,19 @@ class FilteredInverse(
         0.02
     )
     characteristic_length: _Length = 0.3
+    growth: (
+        Annotated[float, Meta(ge=0, description="c; 0: none; default: by the loop's gain, period and lag")]
+        | None
+    ) = None
 
-    def parameters(self) -> tuple[float, float, float, float]:
+    def parameters(self) -> InverseParameters:
         """Return kind and numbers as compiled code reads them."""
-        return (
+        return InverseParameters(
             FILTERED,
             as_positive("inverse.threshold", self.threshold),
             as_positive("inverse.damping", self.damping),
             _length(self),
+            as_positive("inverse.growth", self.growth, zero_allowed=True) if self.growth is not None else 0.0,
         )
 
 
@@ -122,13 +137,14 @@ class ManipulabilityInverse(
     damping: Annotated[float, Meta(gt=0, description="λ₀, m")] = 0.05
     characteristic_length: _Length = 0.3
 
-    def parameters(self) -> tuple[float, float, float, float]:
+    def parameters(self) -> InverseParameters:
         """Return kind and numbers as compiled code reads them."""
-        return (
+        return InverseParameters(
             BY_MANIPULABILITY,
             as_positive("inverse.threshold", self.threshold),
             as_positive("inverse.damping", self.damping),
             _length(self),
+            0.0,
         )
 
 
@@ -159,18 +175,19 @@ def _gram(matrix, rows, n, by_columns, gram):
 
 
 @inline
-def _filtered_solve(gram, m, y, inverse, vectors, scratch):
-    """Replace y by f(G) y, f(σ²) = 1/(σ² + λ(σ)), through the eigenvalues of G."""
+def _filtered_solve(gram, m, y, inverse, added, vectors, scratch):
+    """Replace y by f(G) y, f(σ²) = 1/(σ² + λ(σ) + added), through the eigenvalues of G; λ(0) becomes less by that."""
     diagonalise(gram, m, vectors)
     threshold = inverse.level * inverse.level
+    vanishing = inverse.damping * inverse.damping - added
     for i in range(m):
         eigenvalue = max(gram[i, i], 0.0)
         if eigenvalue < threshold:
-            eigenvalue += (1.0 - eigenvalue / threshold) * inverse.damping * inverse.damping
+            eigenvalue += (1.0 - eigenvalue / threshold) * vanishing
         value = 0.0
         for k in range(m):
             value += vectors[k, i] * y[k]
-        scratch[i] = value / eigenvalue
+        scratch[i] = value / (eigenvalue + added)
     for i in range(m):
         value = 0.0
         for k in range(m):
@@ -198,11 +215,12 @@ def finite(command):
 
 
 @shared
-def solve(matrix, y, preferred, inverse_numbers, work, out):
+def solve(matrix, y, preferred, curvature, inverse_numbers, work, out):
     """Write out = z + J⁺ (y − J z) for J of at most six rows; y is overwritten.
 
     The smaller of JᵀJ and JJᵀ is used. The filtered inverse needs its eigenvalues only where tr G⁻¹ ≥ 1/σ²min cannot
-    exclude a singular value below the threshold; elsewhere one Cholesky factorisation gives the same result.
+    exclude a singular value below the threshold; elsewhere one Cholesky factorisation gives the same result, or two,
+    where its damping grows with the curvature ‖C‖.
     """
     inverse, own = inverse_parameters(inverse_numbers), solver_work(work)
     rows, n = matrix.shape
@@ -227,11 +245,25 @@ def solve(matrix, y, preferred, inverse_numbers, work, out):
                 rhs[i] += matrix[k, i] * y[k]
 
     if inverse.kind == FILTERED:
-        if cholesky(gram, m) and inverse_trace(gram, m, scratch) * inverse.level * inverse.level <= 1.0:
+        added, grown = 0.0, inverse.growth * curvature
+        regular = cholesky(gram, m)
+        if regular:
+            trace = inverse_trace(gram, m, scratch)
+            added = max(grown - 1.0 / trace, 0.0)
+            regular = trace * inverse.level * inverse.level <= 1.0
+        else:
+            added = grown
+        regular = regular or added >= inverse.damping * inverse.damping
+        if not regular or added > 0.0:
+            _gram(matrix, rows, n, by_columns, gram)
+        if regular and added > 0.0:
+            for i in range(m):
+                gram[i, i] += added
+            regular = cholesky(gram, m)
+        if regular:
             cholesky_solve(gram, m, rhs)
         else:
-            _gram(matrix, rows, n, by_columns, gram)
-            _filtered_solve(gram, m, rhs, inverse, as_matrix(own.vectors, m, m), scratch)
+            _filtered_solve(gram, m, rhs, inverse, added, as_matrix(own.vectors, m, m), scratch)
     else:
         damping = inverse.level * inverse.level
         if inverse.kind == BY_MANIPULABILITY:

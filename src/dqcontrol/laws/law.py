@@ -27,10 +27,12 @@ from dqcontrol.laws.command_kernel import (
     step,
 )
 from dqcontrol.laws.constrained.constraints import AT_ONCE, Constraints, Lag
+from dqcontrol.laws.growth import growth_for
 from dqcontrol.laws.hand_twist import twist_work
+from dqcontrol.laws.inverses import FilteredInverse, inverse_parameters
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import WORK_SIZE, AnyNullSpace
-from dqcontrol.laws.task_levels import PreparedTasks
+from dqcontrol.laws.task_levels import PreparedTasks, task_levels
 from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.limits.velocity_limit import unlimited
 from dqcontrol.named_fields import NamedFields
@@ -44,6 +46,7 @@ if TYPE_CHECKING:
 
 CommandMode = Literal["integrated", "measured"]
 
+_GROWTH = inverse_parameters.place("growth")
 _MOST_STEPS = 10_000_000
 
 
@@ -236,6 +239,11 @@ class PreparedLaw:
                     "limits.position: constraints keep joints within their limits; leave one of them out"
                 )
             self.constraints = law.constraints.prepare(robot, dt, command_mode, lag)
+        self._grows = _grows(law)
+        if self._grows:
+            parameters = parameters.copy()
+            growth = growth_for(law.loop_rates(parameters), lag.late, dt)
+            parameters[:, _GROWTH] = growth
         law_memory = law.state_size(robot)
         memory = position.memory(robot, command_mode, dt) if position else 0
         if self.constraints:
@@ -284,6 +292,9 @@ class PreparedLaw:
             "constraint_work": parts.constraint_work.size,
         }
         self._parts = prepared_memory(self.memory, *(self._sizes[name] for name in prepared_memory.sizes))
+        if tasks and self._grows:
+            at = task_levels.place("growth")
+            self._parts.tasking[at : at + 2] = parameters[:, _GROWTH].max(), 0.5 * (dt + lag.late)
         self.parameters: Array = self._parts.parameters
         self.work, self.preferred = self._parts.work, self._parts.work[:m]
         self.pose = self._parts.kinematics[:8]
@@ -312,7 +323,11 @@ class PreparedLaw:
     def depends_on_mode(self) -> bool:
         """Whether plants of another command mode or lag need another one."""
         position = self._limits.position
-        return bool(self.constraints or (position and position.memory(self.robot, "integrated", self.dt)))
+        return bool(
+            self.constraints
+            or self._grows
+            or (position and position.memory(self.robot, "integrated", self.dt))
+        )
 
     def in_mode(self, command_mode: CommandMode, lag: Lag = AT_ONCE) -> PreparedLaw:
         """Return this law for plants of a command mode; see `Law.prepare`."""
@@ -480,7 +495,7 @@ class PreparedLaw:
             return LAW_FAILED + status
         if self.tasks:
             given = parts.tasking, parts.tasking_work
-            if status := self.tasks.kernel(q, pose, twist_jacobian, row, *given, out):
+            if status := self.tasks.kernel(q, pose, twist_jacobian, sample, row, *given, out):
                 return LAW_FAILED + status
         if self._limit:
             self._limit(q, parts.limiting, out)
@@ -508,6 +523,12 @@ class PreparedLaw:
         if at:
             state[at:] = command
         return OK
+
+
+def _grows(law: Law) -> bool:
+    """Return whether the damping of a law's inverse, with which its parameters begin, grows as its loop needs."""
+    inverse = getattr(law, "inverse", None)
+    return isinstance(inverse, FilteredInverse) and inverse.growth is None
 
 
 def _multiplied(value: Any, factor: float) -> Any:

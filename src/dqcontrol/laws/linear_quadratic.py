@@ -187,7 +187,7 @@ def linear_quadratic_r8(q, pose, pose_jacobian, twist_jacobian, sample, paramete
             value += parameters[_GAIN + 8 * i + k] * error[k]
         target[i] = value
     return solve_left_error(
-        target, error, pose, twist_jacobian, work[0:n], parameters, scratch[_BEFORE_SOLVER:], out
+        target, error, pose, twist_jacobian, sample, work[0:n], parameters, scratch[_BEFORE_SOLVER:], out
     )
 
 
@@ -331,7 +331,11 @@ def linear_quadratic_dq(q, pose, pose_jacobian, twist_jacobian, sample, paramete
     adjoint_twist(relative, sample[8:14], twist)
     _subtract_feedback(given.gain, error, twist)
     hand_twist = at_hand(twist, pose)
-    return solve_hand_twist(pose, twist_jacobian, hand_twist, own.preferred, given.inverse, own.solver, out)
+    a, b, c, d, e, f = at_hand(error, pose)
+    missing = -a, -b, -c, -d, -e, -f
+    return solve_hand_twist(
+        pose, twist_jacobian, hand_twist, missing, own.preferred, given.inverse, own.solver, out
+    )
 
 
 @kernel(LAW)

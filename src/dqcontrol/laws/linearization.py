@@ -16,6 +16,7 @@ from dqcontrol.algebra.dual_quaternion_kernels import (
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
 from dqcontrol.compiled.memory_layout import MemoryLayout
+from dqcontrol.laws.growth import pose_error
 from dqcontrol.laws.hand_twist import in_inertial_axes, solve_hand_twist, twist_work
 from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.laws.pose_error import short_sign
@@ -188,7 +189,10 @@ def linearize(pose, twist_jacobian, sample, given, kept, own):
             pose, position(pose), jacobian, hand_twist, preferred, given.inverse, own.solver, own.rates
         )
     else:
-        status = solve_hand_twist(pose, jacobian, hand_twist, preferred, given.inverse, own.solver, own.rates)
+        missing = pose_error(pose, sample)
+        status = solve_hand_twist(
+            pose, jacobian, hand_twist, missing, preferred, given.inverse, own.solver, own.rates
+        )
     apply(jacobian, own.rates, twist)
     adjoint_twist(opposite, twist, kept.twist)
     for i in range(n):

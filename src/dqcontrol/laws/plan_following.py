@@ -80,7 +80,7 @@ def guided_proportional(q, pose, pose_jacobian, twist_jacobian, sample, paramete
     for i in range(8):
         own.target[i] = given.gain[i] * own.error[i]
     status = solve_left_error(
-        own.target, own.error, pose, twist_jacobian, own.preferred, given.inverse, own.solver, out
+        own.target, own.error, pose, twist_jacobian, sample, own.preferred, given.inverse, own.solver, out
     )
     for i in range(m):
         out[i] = given.inputs[i] + given.share * out[i] + (1.0 - given.share) * own.preferred[i]

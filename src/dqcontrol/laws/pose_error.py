@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, rotated
 from dqcontrol.compiled.compile import inline
+from dqcontrol.laws.growth import pose_error
 from dqcontrol.laws.hand_twist import solve_hand_twist
 from dqcontrol.laws.nearest_twist import nearest_twist
 
@@ -41,7 +42,8 @@ def left_error_twist(target, error, pose):
 
 
 @inline
-def solve_left_error(target, error, pose, twist_jacobian, preferred, inverse, work, out):
+def solve_left_error(target, error, pose, twist_jacobian, sample, preferred, inverse, work, out):
     """Write out = z + N⁺ (target − N z) with the preferred motion z."""
     twist = left_error_twist(target, error, pose)
-    return solve_hand_twist(pose, twist_jacobian, twist, preferred, inverse, work, out)
+    missing = pose_error(pose, sample)
+    return solve_hand_twist(pose, twist_jacobian, twist, missing, preferred, inverse, work, out)

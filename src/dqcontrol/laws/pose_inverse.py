@@ -10,7 +10,7 @@ from msgspec import Meta
 from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.compiled.compile import inline
 from dqcontrol.laws.hand_twist import twist_work
-from dqcontrol.laws.inverses import DampedInverse, solve
+from dqcontrol.laws.inverses import DampedInverse, InverseParameters, solve
 from dqcontrol.named_fields import CheckedFields
 from dqcontrol.robots.kinematics_kernels import hand_jacobian
 
@@ -45,9 +45,9 @@ class DampedPoseInverse(
     spec_key: ClassVar[str] = "inverse"
     damping: Annotated[float, Meta(gt=0, description="λ, of the pose's eight numbers a radian of the joints")]
 
-    def parameters(self) -> tuple[float, ...]:
+    def parameters(self) -> InverseParameters:
         """Return kind and numbers as compiled code reads them."""
-        return DAMPED_POSE, *DampedInverse(damping=self.damping).parameters()[1:]
+        return DampedInverse(damping=self.damping).parameters()._replace(kind=DAMPED_POSE)
 
 
 @inline
@@ -81,4 +81,4 @@ def solve_pose_rows(pose, lever, twist_jacobian, hand_twist, preferred, inverse_
     twist[2] += turn * dz
     for k in range(6):
         twist[k] *= 0.5
-    return solve(matrix, twist, preferred, inverse_numbers, own.solver, out)
+    return solve(matrix, twist, preferred, 0.0, inverse_numbers, own.solver, out)

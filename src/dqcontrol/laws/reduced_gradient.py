@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
+from dqcontrol.laws.growth import pose_error
 from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, twist_work
 from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.laws.law import LAW
@@ -93,12 +94,15 @@ def reduced_gradient(q, pose, pose_jacobian, twist_jacobian, sample, parameters,
                 own.basis[i, used] = twist_jacobian[i, j]
             own.nothing[used] = 0.0
             used += 1
-    status = solve_hand_twist(pose, own.basis, twist, own.nothing, given.inverse, own.solver, own.task_inputs)
+    missing = pose_error(pose, sample)
+    status = solve_hand_twist(
+        pose, own.basis, twist, missing, own.nothing, given.inverse, own.solver, own.task_inputs
+    )
     for j in range(m):
         if own.chosen[j] == 0.0 and status == OK:
             column = at_hand(twist_jacobian[:, j], pose)
             status = solve_hand_twist(
-                pose, own.basis, column, own.nothing, given.inverse, own.solver, own.share
+                pose, own.basis, column, missing, own.nothing, given.inverse, own.solver, own.share
             )
             free, a = own.preferred[j], 0
             for i in range(m):

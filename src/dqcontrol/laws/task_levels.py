@@ -48,6 +48,7 @@ from dqcontrol.errors import (
     error_prefix,
     unknown_name,
 )
+from dqcontrol.laws.growth import LEAST, curvature, pose_error
 from dqcontrol.references import Reference
 from dqcontrol.references.sample import SAMPLE_SIZE
 from dqcontrol.robots.kinematics_kernels import hand_jacobian
@@ -66,8 +67,8 @@ _BEFORE, _AFTER = (
 )  # weights of tasks before and after the law's where constraints make something give way
 _THRESHOLD, _DAMPING, _LENGTH = 0.04, 0.02, 0.3  # m; as of `FilteredInverse`
 
-# q, pose and twist Jacobian of the law's task, number of the sample, parameters, work, command
-TASKS = STATUS(INPUT, READ, READ2, types.intp, READ, WRITE, WRITE)
+# q, pose, twist Jacobian and sample of the law's task, number of the sample, parameters, work, command
+TASKS = STATUS(INPUT, READ, READ2, READ, types.intp, READ, WRITE, WRITE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +134,8 @@ class TaskLevels(NamedTuple):
         How many there are, and the most rows that a level has.
     first, last
         Levels.
+    growth, late
+        How far the law's damping grows, and half of period and lag together, s; 0 where it does not.
     data
         A `TaskRow` for each, then their tables and samples.
     """
@@ -141,6 +144,8 @@ class TaskLevels(NamedTuple):
     rows: float
     first: float
     last: float
+    growth: float
+    late: float
     data: Annotated[Array, ...]
 
 
@@ -269,8 +274,26 @@ def _add_posture(count, task, q, given, out, own):
 
 
 @inline
-def _do_level(count, out, own):
-    """Add to the change what the rows of a level ask for, and take what they use from what is left."""
+def _curvature(pose, twist_jacobian, desired, turns, moves, growth):
+    """Return c‖C‖ of a task whose rows of ω and ṗ are weighed."""
+    if growth == 0.0:
+        return 0.0
+    a, b, c, d, e, f = pose_error(pose, desired)
+    if turns == 0.0:
+        a, b, c = 0.0, 0.0, 0.0
+    square = moves * moves
+    px, py, pz = position(pose)
+    return growth * curvature(
+        twist_jacobian, px, py, pz, (a, b, c, square * d, square * e, square * f), turns * turns
+    )
+
+
+@inline
+def _do_level(count, grown, out, own):
+    """Add to the change what the rows of a level ask for, and take what they use from what is left.
+
+    What the curvature of its errors asks for beyond 1/tr G⁻¹ is damped at least.
+    """
     m, left, projected, gram = out.shape[0], own.left, own.projected, own.gram
     residual, column = own.residual, own.column
     for i in range(count):
@@ -290,11 +313,11 @@ def _do_level(count, out, own):
             if attempt == 1:
                 gram[i, i] += damping
         regular = cholesky(gram, count)
-        if attempt == 0 and regular:
-            least = 1.0 / inverse_trace(gram, count, column)
-            if least >= _THRESHOLD * _THRESHOLD:
+        if attempt == 0:
+            least = 1.0 / inverse_trace(gram, count, column) if regular else 0.0
+            damping = max(damping * (1.0 - least / (_THRESHOLD * _THRESHOLD)), grown - least)
+            if not damping > 0.0:
                 break
-            damping *= 1.0 - least / (_THRESHOLD * _THRESHOLD)
     for i in range(count):  # L⁻¹ of rows and residual
         value = residual[i]
         for k in range(i):
@@ -314,7 +337,7 @@ def _do_level(count, out, own):
 
 
 @kernel(TASKS)
-def do_tasks(q, pose, twist_jacobian, k, parameters, work, out):
+def do_tasks(q, pose, twist_jacobian, sample, k, parameters, work, out):
     """Add to a law's command what further tasks need."""
     given, m = task_levels(parameters), out.shape[0]
     own = level_work(work, m, int(given.rows))
@@ -326,8 +349,9 @@ def do_tasks(q, pose, twist_jacobian, k, parameters, work, out):
     for i in range(own.metric.shape[0]):
         own.metric[i] = 0.0
     for level in range(int(given.first), int(given.last) + 1):
-        count = 0
+        count, grown = 0, 0.0
         if level == 1:
+            grown += _curvature(pose, twist_jacobian, sample, _LENGTH, 1.0, given.growth)
             hand_jacobian(position(pose), twist_jacobian, own.hand)
             for i in range(6):
                 own.error[i] = 0.0
@@ -349,14 +373,18 @@ def do_tasks(q, pose, twist_jacobian, k, parameters, work, out):
             if status != OK:
                 return status
             at = int(task.samples) + SAMPLE_SIZE * min(k, int(task.sample_rows) - 1)
-            _asked(task, data[at : at + SAMPLE_SIZE], own)
+            wanted = data[at : at + SAMPLE_SIZE]
+            if level == int(given.first) and given.growth > 0.0:  # later ones have what those before leave
+                growth = max(LEAST, task.gain * given.late)
+                grown += _curvature(own.pose, own.twist, wanted, task.turns, task.moves, growth)
+            _asked(task, wanted, own)
             hand_jacobian(position(own.pose), own.twist, own.hand)
             if task.along != 0.0:
-                _free_along(task.gain, data[at : at + SAMPLE_SIZE], own)
+                _free_along(task.gain, wanted, own)
             count = _add_rows(count, own.hand, own.error, task.turns, task.moves, task.along, out, own)
             _add_metric(begin, count, level, own)
         if count > 0:
-            _do_level(count, out, own)
+            _do_level(count, grown, out, own)
     check = 0.0
     for i in range(m):
         out[i] += own.change[i]
@@ -418,6 +446,8 @@ class PreparedTasks:
             rows=most,
             first=min(*levels, 1),
             last=max(*levels, 1),
+            growth=0.0,
+            late=0.0,
             data=np.concatenate([*(np.array(row) for row in rows), *blocks]),
         )
         self.work_size: int = level_work.size(robot.input_size, most)

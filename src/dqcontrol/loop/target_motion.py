@@ -27,23 +27,49 @@ TARGET_MOTION = STATUS(READ, types.float64, READ, READ, WRITE)
 
 
 class MovingSample(NamedTuple):
-    """Memory of a moving target: its pose, twist, twist rate and time, the time of its last step, and scratch."""
+    """Memory of a moving target.
+
+    Attributes
+    ----------
+    pose, twist, twist_rate, time
+        Its sample.
+    last
+        Time of its last step, s.
+    linear, angular
+        How fast it moves, inertial axes, m/s and rad/s.
+    is_held, held
+        Whether a goal has become too old, and where the hand was then.
+    turn, way
+        Scratch.
+    """
 
     pose: Annotated[Array, 8]
     twist: Annotated[Array, 6]
     twist_rate: Annotated[Array, 6]
     time: Annotated[Array, 1]
     last: Annotated[Array, 1]
+    linear: Annotated[Array, 3]
+    angular: Annotated[Array, 3]
+    is_held: Annotated[Array, 1]
+    held: Annotated[Array, 8]
     turn: Annotated[Array, 4]
-    velocity: Annotated[Array, 3]
+    way: Annotated[Array, 3]
 
 
 class TargetSpeeds(NamedTuple):
-    """Bounds on how fast a target moves, m/s and rad/s, and the age at which a twist no longer counts, s."""
+    """Bounds on how fast a target moves, m/s and rad/s, the age from which it no longer counts, s, and m/s²."""
 
     linear: float
     angular: float
     timeout: float
+    acceleration: float
+
+
+class AskedPose(NamedTuple):
+    """A pose that is asked for, NaN where it is none, and when it was, s."""
+
+    pose: Annotated[Array, 8]
+    time: float
 
 
 class AskedTwist(NamedTuple):
@@ -57,6 +83,7 @@ class AskedTwist(NamedTuple):
 
 moving_sample: MemoryLayout[MovingSample] = MemoryLayout(MovingSample)
 target_speeds: MemoryLayout[TargetSpeeds] = MemoryLayout(TargetSpeeds)
+asked_pose: MemoryLayout[AskedPose] = MemoryLayout(AskedPose)
 asked_twist: MemoryLayout[AskedTwist] = MemoryLayout(AskedTwist)
 MOVING_SIZE = moving_sample.size()
 assert moving_sample.place("last") == SAMPLE_SIZE
@@ -80,7 +107,40 @@ def _time_to_move(pose, time, moving):
     for i in range(6):
         moving.twist[i] = 0.0
     way, turn = _apart(pose, moving.pose)
-    return passed if way <= _LEAD and turn <= _ANGULAR_LEAD else 0.0
+    if way <= _LEAD and turn <= _ANGULAR_LEAD:
+        return passed
+    for i in range(3):
+        moving.linear[i] = moving.angular[i] = 0.0
+    return 0.0
+
+
+@inline
+def _approach(present, wanted, most):
+    """Change a velocity (3) towards a wanted one, by so much at most."""
+    x, y, z = wanted[0] - present[0], wanted[1] - present[1], wanted[2] - present[2]
+    share = min(1.0, most / max(math.sqrt(x * x + y * y + z * z), _TINY))
+    present[0] += share * x
+    present[1] += share * y
+    present[2] += share * z
+
+
+@inline
+def _advance(passed, moving):
+    """Move the pose as it moves, and write its twist."""
+    present, turn, w, v = moving.pose, moving.turn, moving.angular, moving.linear
+    half = 0.5 * passed
+    exp_quaternion((half * w[0], half * w[1], half * w[2]), turn)
+    quaternion_product(
+        (turn[0], turn[1], turn[2], turn[3]), (present[0], present[1], present[2], present[3]), turn
+    )
+    px, py, pz = position(present)
+    px, py, pz = px + passed * v[0], py + passed * v[1], pz + passed * v[2]
+    _place((turn[0], turn[1], turn[2], turn[3]), (px, py, pz), present)
+    for i in range(3):
+        moving.twist[i] = w[i]
+    moving.twist[3] = v[0] + (py * w[2] - pz * w[1])
+    moving.twist[4] = v[1] + (pz * w[0] - px * w[2])
+    moving.twist[5] = v[2] + (px * w[1] - py * w[0])
 
 
 @inline
@@ -91,59 +151,72 @@ def _place(r, p, out):
 
 
 @kernel(TARGET_MOTION)
-def move_to_pose(pose, time, goal, speeds, memory):
-    """Move on straight towards a goal (8), turning about one axis, with bounded speeds."""
+def move_to_pose(pose, time, asked, speeds, memory):
+    """Move on straight towards a goal (of `asked_pose`), turning about one axis, with bounded speeds and accelerations.
+
+    Way and turn take the same time. A goal that is too old, or none, is where the hand is then.
+    """
     moving, bounds = moving_sample(memory), target_speeds(speeds)
     passed = _time_to_move(pose, time, moving)
-    if passed == 0.0 or goal.shape[0] == 0:
+    if asked.shape[0] == 0:
         return OK
-    present, turn = moving.pose, moving.turn
+    given = asked_pose(asked)
+    is_none = given.pose[0] != given.pose[0] or time - given.time > bounds.timeout
+    if is_none and moving.is_held[0] == 0.0:
+        for i in range(8):
+            moving.held[i] = pose[i]
+    moving.is_held[0] = 1.0 if is_none else 0.0
+    if passed == 0.0:
+        return OK
+    goal = moving.held if is_none else given.pose
+    present, turn, w, v = moving.pose, moving.turn, moving.angular, moving.linear
     way, angle = _apart(present, goal)
-    share = min(1.0, bounds.linear / max(way / passed, _TINY), bounds.angular / max(angle / passed, _TINY))
-    back = (present[0], -present[1], -present[2], -present[3])
-    quaternion_product(back, (goal[0], goal[1], goal[2], goal[3]), turn)
+    time_left = max(way / bounds.linear, angle / bounds.angular)  # at full speed
+    rate = bounds.acceleration / bounds.linear
+    slower = rate * passed  # in a period; from the pace below, the target comes to rest at its goal
+    before = max(
+        math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) / bounds.linear,
+        math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]) / bounds.angular,
+    )
+    stopping = math.sqrt(0.25 * slower * slower + 2.0 * rate * time_left) - 0.5 * slower
+    pace = min(1.0, before + slower, stopping, time_left / passed) / max(time_left, _TINY)
+    px, py, pz = position(present)
+    gx, gy, gz = position(goal)
+    _approach(v, (pace * (gx - px), pace * (gy - py), pace * (gz - pz)), bounds.acceleration * passed)
+    quaternion_product(
+        (goal[0], goal[1], goal[2], goal[3]), (present[0], -present[1], -present[2], -present[3]), turn
+    )
     if turn[0] < 0.0:
         for i in range(4):
             turn[i] = -turn[i]
-    half_angle(turn, moving.velocity)
-    for i in range(3):
-        moving.velocity[i] *= share
-    exp_quaternion(moving.velocity, turn)
-    quaternion_product(
-        (present[0], present[1], present[2], present[3]), (turn[0], turn[1], turn[2], turn[3]), turn
-    )
-    px, py, pz = position(present)
-    gx, gy, gz = position(goal)
-    p = (px + share * (gx - px), py + share * (gy - py), pz + share * (gz - pz))
-    _place((turn[0], turn[1], turn[2], turn[3]), p, present)
+    half_angle(turn, moving.way)
+    twice, most = 2.0 * pace, slower * bounds.angular
+    _approach(w, (twice * moving.way[0], twice * moving.way[1], twice * moving.way[2]), most)
+    _advance(passed, moving)
+    for i in range(6):
+        moving.twist[i] = 0.0  # poses that somebody streams are followed, not foreseen
     return OK
 
 
 @kernel(TARGET_MOTION)
 def move_by_twist(pose, time, asked, speeds, memory):
-    """Move on as a twist leads (of `asked_twist`), until it is too old."""
+    """Move on as a twist leads (of `asked_twist`), within accelerations, until it is too old: then stop."""
     moving, bounds = moving_sample(memory), target_speeds(speeds)
     passed = _time_to_move(pose, time, moving)
     if passed == 0.0 or asked.shape[0] == 0:
         return OK
     given = asked_twist(asked)
-    if time - given.time > bounds.timeout:
-        return OK
-    present, turn, w, v = moving.pose, moving.turn, moving.twist[0:3], moving.velocity
+    w, v = moving.turn, moving.way
     for i in range(3):
-        w[i], v[i] = given.angular[i], given.linear[i]
-    if given.of_hand != 0.0:
-        rotate(present, given.angular, w)
-        rotate(present, given.linear, v)
-    half = 0.5 * passed
-    exp_quaternion((half * w[0], half * w[1], half * w[2]), turn)
-    quaternion_product(
-        (turn[0], turn[1], turn[2], turn[3]), (present[0], present[1], present[2], present[3]), turn
-    )
-    px, py, pz = position(present)
-    px, py, pz = px + passed * v[0], py + passed * v[1], pz + passed * v[2]
-    _place((turn[0], turn[1], turn[2], turn[3]), (px, py, pz), present)
-    moving.twist[3] = v[0] + (py * w[2] - pz * w[1])
-    moving.twist[4] = v[1] + (pz * w[0] - px * w[2])
-    moving.twist[5] = v[2] + (px * w[1] - py * w[0])
+        w[i] = v[i] = 0.0
+    if not time - given.time > bounds.timeout:
+        for i in range(3):
+            w[i], v[i] = given.angular[i], given.linear[i]
+        if given.of_hand != 0.0:
+            rotate(moving.pose, given.angular, w)
+            rotate(moving.pose, given.linear, v)
+    most = bounds.acceleration * passed
+    _approach(moving.linear, v, most)
+    _approach(moving.angular, w, most * bounds.angular / bounds.linear)
+    _advance(passed, moving)
     return OK

@@ -8,10 +8,12 @@ from typing import Protocol
 
 import numpy as np
 
+from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import Kernel
 from dqcontrol.loop.target_motion import (
     MOVING_SIZE,
+    asked_pose,
     asked_twist,
     move_by_twist,
     move_to_pose,
@@ -40,10 +42,11 @@ class Target(Protocol):
 
 @dataclass
 class Speeds:
-    """How fast the hand may be asked to move, m/s and rad/s."""
+    """How fast the hand may be asked to move, m/s and rad/s, and to become faster, m/s²; turns in proportion."""
 
     linear: float = 0.1
     angular: float = 0.5
+    acceleration: float = 1.0
 
     def share(self, linear: float, angular: float) -> float:
         """Return the factor, at most 1, that brings two speeds or distances within these."""
@@ -73,8 +76,8 @@ class MovingTarget:
 
     _motion: Kernel
 
-    def __init__(self, speeds: Speeds) -> None:
-        self.speeds = speeds
+    def __init__(self, speeds: Speeds, timeout: float) -> None:
+        self.speeds, self.timeout = speeds, timeout
         self._memory = np.zeros(MOVING_SIZE)
         self._row, self._asked = self._memory[:SAMPLE_SIZE], _NOTHING
 
@@ -86,7 +89,10 @@ class MovingTarget:
     def sample(self, time: float, pose: Array) -> Array:
         """Return where the desired pose has come to."""
         bounds = target_speeds.pack(
-            linear=self.speeds.linear, angular=self.speeds.angular, timeout=self._timeout
+            linear=self.speeds.linear,
+            angular=self.speeds.angular,
+            timeout=self.timeout,
+            acceleration=self.speeds.acceleration,
         )
         self._motion(pose, time, self._asked, bounds, self._memory)
         return self._row
@@ -95,24 +101,59 @@ class MovingTarget:
         """Return False: it runs until somebody ends it."""
         return False
 
-    @property
-    def _timeout(self) -> float:
-        return math.inf
-
 
 class PoseTarget(MovingTarget):
-    """The way to the last pose asked for, on a straight line with limited speeds."""
+    """The way to the last pose asked for, on a straight line with limited speeds and accelerations.
+
+    Where that is too old, or no pose at all (NaN), the hand is to stay where it is then.
+
+    Attributes
+    ----------
+    timeout
+        After which a pose no longer counts, s; infinite for goals that are said once.
+    """
 
     _motion = move_to_pose
 
+    def __init__(self, speeds: Speeds, timeout: float = math.inf) -> None:
+        super().__init__(speeds, timeout)
+
+    def ask(self, time: float, goal: Array) -> None:
+        """Go to a pose (8,) that was said at a time, s."""
+        self._asked = asked_pose.pack(pose=goal if np.isfinite(goal).all() else np.full(8, np.nan), time=time)
+
     @property
     def goal(self) -> Array | None:
-        """The pose asked for, shape (8,); None before the first."""
-        return self._asked if len(self._asked) else None
+        """The pose asked for, shape (8,); None before the first. Set, it does not become too old."""
+        return self._asked[:8] if len(self._asked) else None
 
     @goal.setter
-    def goal(self, goal: Array | None) -> None:
-        self._asked = _NOTHING if goal is None else np.array(goal, dtype=np.float64)
+    def goal(self, goal: Array) -> None:
+        self.ask(math.inf, goal)
+
+
+class Clutch:
+    """Poses of a device as poses of the hand, from where both are when it is engaged: x_h x_d0* x_d.
+
+    Engaging it moves nothing, wherever the device is then. Its axes are those of the hand: a device that is turned
+    about its own x axis turns the hand about the hand's.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from dqcontrol import algebra
+    >>> hand, device = algebra.exp_screw([0.1, 0, 0, 0.3, 0, 0.2]), algebra.exp_screw([0, 0.4, 0, 5, 0, 0])
+    >>> clutch = Clutch(hand, device)
+    >>> np.allclose(clutch.goal(device), hand)
+    True
+    """
+
+    def __init__(self, hand: Array, device: Array) -> None:
+        self._offset = algebra.multiply(hand, algebra.conjugate(device))
+
+    def goal(self, device: Array) -> Array:
+        """Return where the hand is to be with the device at a pose, both of shape (8,)."""
+        return algebra.multiply(self._offset, device)
 
 
 class TwistTarget(MovingTarget):
@@ -127,16 +168,13 @@ class TwistTarget(MovingTarget):
     _motion = move_by_twist
 
     def __init__(self, speeds: Speeds, timeout: float = 0.1) -> None:
-        super().__init__(speeds)
-        self.timeout = timeout
+        super().__init__(speeds, timeout)
 
     def ask(self, time: float, linear: Array, angular: Array, *, of_hand: bool) -> None:
         """Move on with these velocities (3,), m/s and rad/s, in the axes of the hand or of the base."""
+        if not (np.isfinite(linear).all() and np.isfinite(angular).all()):  # it is none
+            linear, angular = np.zeros(3), np.zeros(3)
         share = self.speeds.share(float(np.linalg.norm(linear)), float(np.linalg.norm(angular)))
         self._asked = asked_twist.pack(
             angular=share * angular, linear=share * linear, time=time, of_hand=of_hand
         )
-
-    @property
-    def _timeout(self) -> float:
-        return self.timeout

@@ -12,6 +12,7 @@ from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, Kernel, k
 from dqcontrol.compiled.intrinsics import ADDRESS
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import DivergedError
+from dqcontrol.laws.growth import NO_ERROR
 from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
 from dqcontrol.laws.inverses import FilteredInverse, inverse_parameters
 from dqcontrol.robots.driving import DRIVE_COLUMNS, advance
@@ -66,7 +67,9 @@ def disturb(kinematics, chain, row, parameters, work, q, realised):
     hand[3] = row[3] - (py * row[2] - pz * row[1]) + vx
     hand[4] = row[4] - (pz * row[0] - px * row[2]) + vy
     hand[5] = row[5] - (px * row[1] - py * row[0]) + vz
-    status = solve_hand_twist(pose, twist_jacobian, hand, own.preferred, given.inverse, own.solver, velocity)
+    status = solve_hand_twist(
+        pose, twist_jacobian, hand, NO_ERROR, own.preferred, given.inverse, own.solver, velocity
+    )
     if status != OK:
         return status
     for i in range(6):

@@ -6,13 +6,22 @@ import csv
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import msgspec
+from msgspec.structs import replace
 
 from dqcontrol.files.yaml_file import read_yaml
+from dqcontrol.laws.feedback_linearization import IN_BODY_TWISTS
+from dqcontrol.laws.inverses import FilteredInverse
 
 T = TypeVar("T")
+
+PRINTED_INVERSE = FilteredInverse(growth=0.0)
+"""What the sources' laws have: its damping depends on the Jacobian alone."""
+_PRINTED_OF_KIND = {
+    kind: replace(IN_BODY_TWISTS, growth=0.0) for kind in ("feedback-linearization", "cascade")
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +82,16 @@ class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     quotation: str
     measure: str
     note: str = ""
+
+
+def with_printed_inverse(data: dict[str, Any]) -> dict[str, Any]:
+    """Return a spec as a dictionary whose laws have inverses as printed: the damping of none of them grows."""
+    for law in data.get("laws", {"": data.get("law", {})}).values():
+        default = _PRINTED_OF_KIND.get(law["kind"], PRINTED_INVERSE)
+        inverse = law.setdefault("inverse", msgspec.to_builtins(default))
+        if inverse["kind"] == "filtered":
+            inverse.setdefault("growth", 0.0)
+    return data
 
 
 @cache

@@ -330,13 +330,23 @@ class Following:
             self._step(stamp - self._origin, measured, now)
 
     def _hear_pose(self, message: PoseStamped) -> None:
-        goal = pose_of(message, self._base)
-        if isinstance(self.target, PoseTarget):
-            self.target.goal = goal
+        if not isinstance(self.target, PoseTarget):
+            return
+        try:
+            self.target.ask(self.control.time, pose_of(message, self._base))
+        except Error:  # it is none: the hand stays where it is
+            self.target.ask(self.control.time, np.full(8, np.nan))
+            raise
 
     def _hear_twist(self, message: TwistStamped) -> None:
-        linear, angular, frame = twist_of(message, (self._base, self._tool))
-        if isinstance(self.target, TwistTarget):
+        if not isinstance(self.target, TwistTarget):
+            return
+        try:
+            linear, angular, frame = twist_of(message, (self._base, self._tool))
+        except Error:
+            self.target.ask(self.control.time, np.zeros(3), np.zeros(3), of_hand=False)
+            raise
+        else:
             self.target.ask(self.control.time, linear, angular, of_hand=frame == self._tool)
 
     def _step_by_clock(self) -> None:
@@ -420,3 +430,5 @@ class Following:
             self._felt.listen(self.control.supervisor)
         if isinstance(self.target, TwistTarget):
             self.target.timeout = numbers.get("twist_timeout", self.target.timeout)
+        if isinstance(self.target, PoseTarget):
+            self.target.timeout = numbers.get("pose_timeout", 0.0) or np.inf

@@ -30,7 +30,15 @@ _OWN = (
     Number("start_tolerance", 0.1, 0.0, 3.2, "how far joints may be from the spec's start, rad or m"),
     Number("linear_speed", 0.1, 0.001, 2.0, "of the desired pose on the way to a pose or by a twist, m/s"),
     Number("angular_speed", 0.5, 0.001, 6.0, "of the same, rad/s"),
+    Number("acceleration", 1.0, 0.01, 20.0, "of the same, m/s²; that of turns in proportion to the speeds"),
     Number("twist_timeout", 0.1, 0.01, 1.0, "after which a twist no longer counts, s"),
+    Number(
+        "pose_timeout",
+        0.0,
+        0.0,
+        10.0,
+        "after which a pose no longer counts and the hand stays where it is, s; 0: it always counts",
+    ),
 )
 
 
@@ -102,6 +110,7 @@ def retune(
     loaded.law, loaded.supervisor = law, supervisor
     loaded.speeds.linear = numbers.get("linear_speed", loaded.speeds.linear)
     loaded.speeds.angular = numbers.get("angular_speed", loaded.speeds.angular)
+    loaded.speeds.acceleration = numbers.get("acceleration", loaded.speeds.acceleration)
     return changes
 
 

@@ -17,7 +17,7 @@ enum { INACTIVE, ACTIVE, STOPPING, STOPPED, ENDED };
 enum { GO, END, STOP_NOW };
 
 dqc_config dqc_default_config(void) {
-  dqc_config config = {DQC_COORDINATES, DQC_INPUTS, DQC_FROM_SPEC, 0.1, 0.5, 0.1};
+  dqc_config config = {DQC_COORDINATES, DQC_INPUTS, DQC_FROM_SPEC, 0.1, 0.5, 0.1, 0.0, 1.0};
   return config;
 }
 
@@ -50,9 +50,11 @@ int dqc_init(dqc_controller *controller, const dqc_config *config) {
   if (chosen.coordinates != DQC_COORDINATES || chosen.inputs != DQC_INPUTS) return DQC_WRONG_ROBOT;
   if (chosen.source < DQC_FROM_SPEC || chosen.source > DQC_FROM_TWISTS) return DQC_WRONG_TARGET;
   if (chosen.source != DQC_FROM_SPEC && !DQC_STREAMED) return DQC_WRONG_TARGET;
-  if (!(chosen.linear_speed > 0.0) || !(chosen.angular_speed > 0.0) || !(chosen.twist_timeout > 0.0))
+  if (!(chosen.linear_speed > 0.0) || !(chosen.angular_speed > 0.0) || !(chosen.twist_timeout > 0.0) ||
+      !(chosen.pose_timeout >= 0.0) || !(chosen.acceleration > 0.0))
     return DQC_VALUE_OUTSIDE;
-  if (!is_finite(&chosen.linear_speed, 1) || !is_finite(&chosen.angular_speed, 1) || !is_finite(&chosen.twist_timeout, 1))
+  if (!is_finite(&chosen.linear_speed, 1) || !is_finite(&chosen.angular_speed, 1) ||
+      !is_finite(&chosen.twist_timeout, 1) || !is_finite(&chosen.pose_timeout, 1) || !is_finite(&chosen.acceleration, 1))
     return DQC_NOT_FINITE;
   memset(controller, 0, sizeof *controller);
   memcpy(controller->memory_, dqc_law_memory, DQC_MEMORY * sizeof(double));
@@ -116,7 +118,7 @@ static int start(dqc_controller *controller, const double *q, double time) {
   return DQC_OK;
 }
 
-/* Keep what is asked of a streamed target, if it can be asked. */
+/* Keep what is asked of a streamed target; of what is none, the hand is to stay where it is. */
 static int ask(dqc_controller *controller, const dqc_target *target) {
 #if DQC_STREAMED
   const dqc_config *config = &controller->config_;
@@ -125,7 +127,12 @@ static int ask(dqc_controller *controller, const dqc_target *target) {
   if (config->source == DQC_FROM_POSES) {
     const double *r = target->rotation, *p = target->position;
     double norm = sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2] + r[3] * r[3]);
-    if (!is_finite(p, 3) || !(fabs(norm - 1.0) <= 1e-3)) return DQC_WRONG_TARGET;
+    controller->asks_ = 1;
+    controller->asked_[8] = controller->time;
+    if (!is_finite(p, 3) || !(fabs(norm - 1.0) <= 1e-3)) {
+      controller->asked_[0] = NAN;
+      return DQC_WRONG_TARGET;
+    }
     double w = r[0] / norm, x = r[1] / norm, y = r[2] / norm, z = r[3] / norm;
     double a = 0.5 * p[0], b = 0.5 * p[1], c = 0.5 * p[2], *goal = controller->asked_;
     goal[0] = w, goal[1] = x, goal[2] = y, goal[3] = z;
@@ -135,7 +142,10 @@ static int ask(dqc_controller *controller, const dqc_target *target) {
     goal[7] = c * w + a * y - b * x;
   } else {
     const double *v = target->linear, *w = target->angular;
-    if (!is_finite(v, 3) || !is_finite(w, 3)) return DQC_WRONG_TARGET;
+    if (!is_finite(v, 3) || !is_finite(w, 3)) {
+      for (int i = 0; i < 6; i++) controller->asked_[i] = 0.0;
+      return DQC_WRONG_TARGET;
+    }
     double linear = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
     double angular = sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
     double share = fmin(1.0, fmin(config->linear_speed / fmax(linear, 1e-12), config->angular_speed / fmax(angular, 1e-12)));
@@ -165,17 +175,20 @@ static void desire(dqc_controller *controller, int64_t row) {
     int64_t result;
     void *raised;
     double pose[8];
-    const double speeds[3] = {controller->config_.linear_speed, controller->config_.angular_speed,
-                              controller->config_.twist_timeout};
+    const dqc_config *config = &controller->config_;
+    double pose_timeout = config->pose_timeout > 0.0 ? config->pose_timeout : INFINITY;
+    const double speeds[4] = {config->linear_speed, config->angular_speed,
+                              config->source == DQC_FROM_POSES ? pose_timeout : config->twist_timeout,
+                              config->acceleration};
     dqc_kernel_forward(&result, &raised, ROWS(controller->memory_, DQC_TABLE_ROWS, DQC_TABLE_COLUMNS),
                        NUMBERS(controller->measured, DQC_COORDINATES), NUMBERS(pose, 8));
     if (controller->config_.source == DQC_FROM_POSES)
       dqc_kernel_to_pose(&result, &raised, NUMBERS(pose, 8), controller->time,
-                         NUMBERS(controller->asked_, controller->asks_ ? 8 : 0), NUMBERS(speeds, 3),
+                         NUMBERS(controller->asked_, controller->asks_ ? 9 : 0), NUMBERS(speeds, 4),
                          NUMBERS(controller->moving_, DQC_MOVING_SIZE));
     else
       dqc_kernel_by_twist(&result, &raised, NUMBERS(pose, 8), controller->time,
-                          NUMBERS(controller->asked_, controller->asks_ ? 8 : 0), NUMBERS(speeds, 3),
+                          NUMBERS(controller->asked_, controller->asks_ ? 8 : 0), NUMBERS(speeds, 4),
                           NUMBERS(controller->moving_, DQC_MOVING_SIZE));
     memcpy(controller->sample, controller->moving_, sizeof controller->sample);
     return;

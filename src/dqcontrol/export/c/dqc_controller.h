@@ -62,6 +62,8 @@ typedef struct {
   double linear_speed;         /* bounds of streamed targets, m/s */
   double angular_speed;        /* rad/s */
   double twist_timeout;        /* after which a twist no longer counts, s */
+  double pose_timeout;         /* the same of poses; 0: they always count */
+  double acceleration;         /* of streamed targets, m/s²; that of turns in proportion to the speeds */
 } dqc_config;
 
 /* A streamed target: what is asked of the hand, in the frame of the robot's base. */
@@ -105,7 +107,7 @@ typedef struct {
   double supervisor_[@SUPERVISOR@];
   double supervisor_state_[@SUPERVISOR_STATE@];
   double moving_[@MOVING_SIZE@];
-  double asked_[8];
+  double asked_[9];
   double parameters_[DQC_PARAMETERS + 1];
   int64_t plan_[@PLAN@];
   double origin_, stamp_, seen_, still_;

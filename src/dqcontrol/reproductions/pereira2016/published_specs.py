@@ -8,6 +8,7 @@ from typing import Any
 from dqcontrol.errors import unknown_name
 from dqcontrol.files.yaml_file import parse_yaml, read_text
 from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PHYSICS, PLANTS, drawings, spec_path
+from dqcontrol.reproductions.printed import with_printed_inverse
 
 _MEKA = "meka-a2"
 _APPENDIX_C = ("meka-circle", "meka-square", "meka-surface")
@@ -33,7 +34,7 @@ def published_spec(name: str, plant: str = PLANTS[0]) -> dict[str, Any]:
     if plant not in PLANTS:
         raise unknown_name("plant", plant, PLANTS)
     path = spec_path(name)
-    data = _read(path)
+    data = with_printed_inverse(_read(path))
     if "file" in data["reference"]:
         data["reference"]["file"] = str(path.parent / data["reference"]["file"])
     if plant == PHYSICS and data["robot"] == _MEKA:

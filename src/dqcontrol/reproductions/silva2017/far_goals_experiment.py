@@ -19,6 +19,7 @@ from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.plants import Integrator, MobilePlant, Plant
 from dqcontrol.reproductions.catalogue import Conditions
 from dqcontrol.reproductions.judgement import Judgement
+from dqcontrol.reproductions.printed import PRINTED_INVERSE
 from dqcontrol.reproductions.reproduced import Reproduced
 from dqcontrol.reproductions.silva2017.goal_runs import (
     ALL_LIMITS,
@@ -105,7 +106,7 @@ class Reached:
 
 
 def _laws(setting: PreparedExperiment) -> dict[str, Law]:
-    return setting.spec.law_by_label | {_REMEDY: GuidedProportional(gain=1.0)}
+    return setting.spec.law_by_label | {_REMEDY: GuidedProportional(gain=1.0, inverse=PRINTED_INVERSE)}
 
 
 def reached(trial: GoalTrial) -> Reached:

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import as_array
 from dqcontrol.laws import FeedbackLinearization, Law
+from dqcontrol.laws.feedback_linearization import IN_BODY_TWISTS
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Record
 from dqcontrol.loop.simulate import simulate, simulate_prepared
@@ -24,7 +26,7 @@ from dqcontrol.robots import load_robot
 
 ROBOT, PERIOD = "little-john", 0.02
 START = (0.0, 0.0, 0.0, 0.0, -0.504, 1.397, 0.0, 0.0)
-LAW = FeedbackLinearization(stiffness=16.0, damping=6.0)
+LAW = FeedbackLinearization(stiffness=16.0, damping=6.0, inverse=replace(IN_BODY_TWISTS, growth=0.0))
 CAMERA = Camera(rate=30.0, delay=0.04, position_noise=0.002, angle_noise=0.004, filter_time=0.1)
 LINK_MASS = [0.125, 0.405, 0.18, 0.12, 0.13]
 CUBE, BASKET = Cube(position=(0.8, 0.2), yaw=0.3), Basket(position=(0.5, 0.9))

@@ -17,6 +17,7 @@ from dqcontrol.measures.metrics import evaluate
 from dqcontrol.plants import Integrator
 from dqcontrol.references import DriveTo
 from dqcontrol.references.sample import POSE
+from dqcontrol.reproductions.printed import PRINTED_INVERSE
 from dqcontrol.reproductions.silva2017.specs import GOOD_ENOUGH
 from dqcontrol.robots import Robot
 
@@ -88,7 +89,7 @@ def outcome(
 def guided_outcome(robot: Robot, start: Array, samples: Array, period: float) -> RaceOutcome:
     """Run the remedy on ideal joints: a planned way to the goal of some samples, judged by its distance from that."""
     way = DriveTo.pose(robot, start, samples[-1, POSE])
-    law = GuidedProportional(gain=1.0).prepare(robot, way, period)
+    law = GuidedProportional(gain=1.0, inverse=PRINTED_INVERSE).prepare(robot, way, period)
     record = simulate_prepared(law, Integrator(), start, way.samples(samples[:, -1]))
     return RaceOutcome.of(replace(record, desired=samples), period)
 

@@ -10,7 +10,7 @@ from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepar
 from dqcontrol.files.yaml_file import read_yaml
 from dqcontrol.measures.tables import Table
 from dqcontrol.reproductions.judgement import Judgement, verdict_table
-from dqcontrol.reproductions.printed import PublishedCell, read_claims, read_table
+from dqcontrol.reproductions.printed import PublishedCell, read_claims, read_table, with_printed_inverse
 
 FOLDER = Path(__file__).parent
 S17, OURS = "S17", "ours"  # labels of S17's law, and of what we take by default
@@ -22,7 +22,7 @@ def spec_data(name: str, **changes: Any) -> dict[str, Any]:
     data: dict[str, Any] = read_yaml(FOLDER / "specs" / f"{name}.yaml", dict[str, Any])
     if (FOLDER / "specs" / str(data["robot"])).is_file():
         data["robot"] = str(FOLDER / "specs" / data["robot"])
-    return data | changes
+    return with_printed_inverse(data | changes)
 
 
 def setting_of(name: str, **changes: Any) -> PreparedExperiment:

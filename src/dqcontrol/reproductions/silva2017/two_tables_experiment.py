@@ -19,6 +19,7 @@ from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.plants import Basket, Cube, Gripper, GripperEvent, MobilePlant, Scene, TableBlock
 from dqcontrol.references import DriveThrough, DriveTo
 from dqcontrol.reproductions.catalogue import Conditions
+from dqcontrol.reproductions.printed import PRINTED_INVERSE
 from dqcontrol.reproductions.reproduced import Reproduced, Write
 from dqcontrol.reproductions.silva2017.pick_and_drop_task import CAMERA, LINK_MASS, PERIOD, ROBOT, START
 from dqcontrol.reproductions.silva2017.pictures import filmed, if_drawable
@@ -41,7 +42,7 @@ _CARRIED, _LET_GO = (
     0.03,
     0.05,
 )  # m; from the hand to the cube, while it is carried at most, at the end at least
-_LAWS: dict[str, Law] = {GUIDED: GuidedProportional(gain=1.0)}
+_LAWS: dict[str, Law] = {GUIDED: GuidedProportional(gain=1.0, inverse=PRINTED_INVERSE)}
 
 
 @dataclass(frozen=True, eq=False)

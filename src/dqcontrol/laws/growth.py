@@ -1,0 +1,108 @@
+"""Damping that grows with the curvature that a Jacobian leaves out: it keeps laws calm where a target is out of reach.
+
+A law that asks for k e, e = [ℓθ ; p_d − p], descends ½|e|². Its Hessian is JᵀJ + C with C = −Σ eᵢ ∂²xᵢ; J⁺ reckons
+with JᵀJ alone. Where the target is within reach, C vanishes with e. At the pose nearest to a target out of reach e
+stays and σ → 0: the gain of the loop is then k C/(σ² + λ²), as large as 1600 k on an arm, and the joints turn back in
+every period. With λ² ≥ c‖C‖ it is k/c at most. In chain order, with ω and a the columns of angular and hand velocity,
+
+C_ij = e_p · (ω_i × a_j) + ½ℓ² θ · (ω_i × ω_j) = ω_i · b_j, i ≤ j, b_j = a_j × e_p + ½ℓ² ω_j × θ.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dqcontrol.algebra.dual_quaternion_kernels import position
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import apart, inline
+
+if TYPE_CHECKING:
+    from dqcontrol.laws.loop_rates import LoopRates
+
+NO_ERROR = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # of what is moved without feedback
+
+LEAST = 0.1  # c: `python benchmarks/out_of_reach.py`: smaller, some arms swing at a rest 10 m away
+_RATE_UNKNOWN = 0.2  # c where a law does not know its loop rate: enough up to k T = 0.4
+
+
+@inline
+def pose_error(pose, desired):
+    """Return [θ ; p_d − p], inertial axes: θ ≈ 2 Im r_d r*, the short way round."""
+    w, x, y, z = pose[0], pose[1], pose[2], pose[3]
+    a, b, c, d = desired[0], desired[1], desired[2], desired[3]
+    twice = 2.0 if a * w + b * x + c * y + d * z >= 0.0 else -2.0
+    px, py, pz = position(pose)
+    dx, dy, dz = position(desired)
+    return (
+        twice * (b * w - a * x - c * z + d * y),
+        twice * (c * w - a * y - d * x + b * z),
+        twice * (d * w - a * z - b * y + c * x),
+        dx - px,
+        dy - py,
+        dz - pz,
+    )
+
+
+@inline
+def square_bound(error, square_length, turning, moving):
+    """Return a bound of ‖C‖² from the traces Σ|ω|² and Σ|a|².
+
+    |b_j| ≤ |e| |[ℓω_j ; a_j]|, and each product of an ω and a b counts twice at most.
+    """
+    size = square_length * (error[0] * error[0] + error[1] * error[1] + error[2] * error[2])
+    size += error[3] * error[3] + error[4] * error[4] + error[5] * error[5]
+    return 2.0 * size * turning * (square_length * turning + moving)
+
+
+@apart
+def curvature(twist_jacobian, px, py, pz, error, square_length):
+    """Return ‖C‖_F = √Σⱼ bⱼᵀ (2 Σ_{i<j} ωᵢωᵢᵀ + ωⱼωⱼᵀ) bⱼ."""
+    tx, ty, tz, ex, ey, ez = error
+    half = 0.5 * square_length
+    tx, ty, tz = half * tx, half * ty, half * tz
+    xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    total = 0.0
+    for j in range(twist_jacobian.shape[1]):
+        x, y, z = twist_jacobian[0, j], twist_jacobian[1, j], twist_jacobian[2, j]
+        ax = twist_jacobian[3, j] - py * z + pz * y
+        ay = twist_jacobian[4, j] - pz * x + px * z
+        az = twist_jacobian[5, j] - px * y + py * x
+        bx = ay * ez - az * ey + y * tz - z * ty
+        by = az * ex - ax * ez + z * tx - x * tz
+        bz = ax * ey - ay * ex + x * ty - y * tx
+        along = x * bx + y * by + z * bz
+        total += bx * (xx * bx + xy * by + xz * bz)
+        total += by * (xy * bx + yy * by + yz * bz)
+        total += bz * (xz * bx + yz * by + zz * bz) + 0.5 * along * along
+        xx, yy, zz = xx + x * x, yy + y * y, zz + z * z
+        xy, xz, yz = xy + x * y, xz + x * z, yz + y * z
+    return math.sqrt(max(2.0 * total, 0.0))
+
+
+def growth_for(rates: LoopRates | None, late: float, period: float) -> Array:
+    """Return c at each row of a law's parameters, shape (K,): k (T + delay + lag)/2, and not less than 0.1.
+
+    Parameters
+    ----------
+    rates
+        Of the law; None if they are not known.
+    late
+        Delay and time constant of the joints together, s.
+    period
+        s.
+
+    Returns
+    -------
+    c : ndarray, shape (K,)
+        So that c‖C‖ of damping keeps the gain of the loop, k/c, within what period and lag bear.
+    """
+    if rates is None:
+        return np.array([_RATE_UNKNOWN])
+    late += 1.0 / rates.lag if rates.lag else 0.0
+    parts = [np.abs(each) for each in (rates.position, rates.orientation) if each is not None]
+    if not parts:
+        return np.array([LEAST])
+    return np.maximum(LEAST, 0.5 * (period + late) * np.max(parts, axis=0))

@@ -1,0 +1,221 @@
+"""Targets out of reach: curvature against differences of the kinematics, its bound, and joints that come to rest."""
+
+import msgspec
+import numpy as np
+import pytest
+from hand_twist import hand_jacobian
+from numba import njit
+
+import dqcontrol as dqc
+from dqcontrol import algebra, laws
+from dqcontrol.laws.constrained.constraints import Lag
+from dqcontrol.laws.growth import curvature, growth_for, pose_error, square_bound
+from dqcontrol.laws.loop_rates import LoopRates
+
+SEED, LENGTH = 38, 0.3
+STARTS = {
+    "panda": [0, -0.3, 0, -2.0, 0, 1.7, 0.7],
+    "ur5": [0, -1.2, 1.5, -1.8, -1.5, 0.3],
+    "youbot-arm": [0.1, 0.4, -0.6, 0.3, 0.2],
+    "little-john": [0, 0, 0, 0.3, -0.8, 1.2, 0.6, 0.4],
+}
+
+
+@njit
+def found_curvature(jacobian, p, error, square_length):
+    px, py, pz = p[0], p[1], p[2]
+    return curvature(
+        jacobian, px, py, pz, (error[0], error[1], error[2], error[3], error[4], error[5]), square_length
+    )
+
+
+@njit
+def found_error(pose, desired):
+    return pose_error(pose, desired)
+
+
+def placed(pose, position):
+    moved = np.zeros(8)
+    moved[0], moved[5:8] = 1.0, 0.5 * np.asarray(position)
+    return algebra.multiply(moved, np.concatenate([pose[:4], np.zeros(4)]))
+
+
+def with_growth(law, growth):
+    return msgspec.structs.replace(law, inverse=msgspec.structs.replace(law.inverse, growth=growth))
+
+
+def all_laws(k):
+    return {
+        "K": laws.Proportional(gain=k),
+        "K with an integral": laws.Proportional(gain=k, integral_gain=2.0),
+        "K+FF": laws.ProportionalFeedforward(gain=k),
+        "decoupled": laws.DecoupledProportional(gain=k),
+        "position": laws.PartialProportional(part="position", gain=k),
+        "HIR, right": laws.HInfinity(orientation_gain=2 * k, translation_gain=k),
+        "HIRT, left": laws.HInfinityTracking(orientation_gain=2 * k, translation_gain=k, form="left"),
+        "LQR-R8": laws.LinearQuadraticR8(error_weight=k * k, control_weight=1.0),
+        "LQR-DQ": laws.LinearQuadraticDQ(error_weight=k * k, control_weight=1.0),
+        "feedback linearisation": laws.FeedbackLinearization(
+            stiffness=16 * k * k, damping=4 * k, null_space=None
+        ),
+        "reduced gradient": laws.ReducedGradient(gain=k),
+    }
+
+
+@pytest.mark.parametrize("prismatic", [(), (1,), (0, 3)])
+def test_the_curvature_is_what_the_jacobian_leaves_out_of_the_hessian(make_arm, prismatic):
+    """Of ½|e|² by differences of the kinematics, e = [ℓθ ; p_d − p] with the angle and axis θn as θ."""
+    rng = np.random.default_rng(SEED)
+    for i in range(6):
+        arm, q = make_arm(6, prismatic, seed=i), rng.uniform(-1, 1, 6)
+        target = algebra.multiply(arm.fkm(q), algebra.exp_screw(rng.uniform(-0.1, 0.1, 6)))
+
+        def cost(q, arm=arm, target=target):
+            pose = arm.fkm(q)
+            turn = algebra.multiply(target, algebra.conjugate(pose))[:4]
+            angle = 2 * np.arctan2(np.linalg.norm(turn[1:]), abs(turn[0]))
+            away = algebra.translation(target) - algebra.translation(pose)
+            return 0.5 * ((LENGTH * angle) ** 2 + away @ away)
+
+        h, eye = 1e-3, np.eye(6)
+        hessian = np.array(
+            [
+                [
+                    (
+                        cost(q + h * (a + b))
+                        - cost(q + h * (a - b))
+                        - cost(q - h * (a - b))
+                        + cost(q - h * (a + b))
+                    )
+                    / (4 * h * h)
+                    for b in eye
+                ]
+                for a in eye
+            ]
+        )
+        jacobian = np.diag([LENGTH] * 3 + [1.0] * 3) @ hand_jacobian(arm, q)
+        left_out = np.linalg.norm(hessian - jacobian.T @ jacobian)
+        pose = arm.fkm(q)
+        error = np.array(found_error(pose, target))
+        found = found_curvature(arm.twist_jacobian(q), algebra.translation(pose), error, LENGTH**2)
+        size = np.linalg.norm(error)
+        assert found == pytest.approx(left_out, abs=0.2 * size * size + 1e-5)  # of second order in θ
+        omega, moves = jacobian[:3] / LENGTH, jacobian[3:]
+        bound = square_bound(tuple(error), LENGTH**2, (omega**2).sum(), (moves**2).sum())
+        assert found**2 <= bound
+
+
+def test_growth_is_half_the_gain_times_period_and_lag_but_not_too_small():
+    rates = LoopRates(np.array([10.0, 100.0]), np.array([4.0, 4.0]))
+    np.testing.assert_allclose(growth_for(rates, 0.0, 0.01), [0.1, 0.5])
+    np.testing.assert_allclose(growth_for(rates, 0.07, 0.01), [0.4, 4.0])
+    np.testing.assert_allclose(growth_for(LoopRates(np.array([10.0]), None, lag=40.0), 0.0, 0.01), [0.175])
+    arm = dqc.load_robot("ur5")
+    law = laws.Proportional(gain=10.0)
+    lag = Lag((0.05,) * 6, (0.02,) * 6)
+    assert law.prepare(arm, None, 0.01, lag=lag).parameters[0, 4] == pytest.approx(0.4)
+    assert law.prepare(arm, None, 0.01).in_mode("integrated", lag).parameters[0, 4] == pytest.approx(0.4)
+    assert with_growth(law, 0.3).prepare(arm, None, 0.01).parameters[0, 4] == 0.3
+
+
+def follow(law, robot, q, target, period, steps, limits=None, start=None):
+    """Return the commands of a loop on ideal joints, scaled to the velocity limits."""
+    prepared = law.prepare(robot, None, period, limits)
+    q, state, sample = q.copy(), prepared.initial_state(q), dqc.Sample(target)
+    sent = np.empty((steps, robot.input_size))
+    for k in range(steps):
+        u = prepared.command(q, sample, state)
+        u = u / max(1.0, np.max(np.abs(u) / robot.limits.velocity))
+        prepared.sent(state, u)
+        q, sent[k] = robot.integrate(q, u, period), u
+    return sent, q
+
+
+def turning_back(sent):
+    """Return the share of periods in which some joint turns back, faster than 0.01 rad/s on both sides."""
+    before, after = sent[:-1], sent[1:]
+    moving = np.minimum(np.abs(before), np.abs(after)) > 0.01
+    return float(((before * after < 0) & moving).any(axis=1).mean())
+
+
+def unreachable(robot, q):
+    """Return a target in the hand's direction, twice as far as the robot is long, and one far to its side."""
+    pose = robot.fkm(q)
+    here = algebra.translation(pose)
+    way = {"little-john": 4.0}.get(robot.name, 2.0)
+    return [placed(pose, way * here / np.linalg.norm(here)), placed(pose, [0.2, -way, 0.3])]
+
+
+@pytest.mark.parametrize("name", STARTS)
+@pytest.mark.parametrize("law", all_laws(10.0))
+def test_joints_come_to_rest_at_targets_out_of_reach(name, law):
+    if name == "youbot-arm" and law in ("HIR, right", "LQR-DQ"):
+        pytest.skip("right errors are no gradient: with orientations out of reach, too, the hand may circle")
+    robot, q = dqc.load_robot(name), np.array(STARTS[name], dtype=float)
+    for target in unreachable(robot, q):
+        sent, _ = follow(all_laws(10.0)[law], robot, q, target, 0.033, 400)
+        assert turning_back(sent[-100:]) == 0
+
+
+def test_without_growth_they_shake():
+    robot, q = dqc.load_robot("panda"), np.array(STARTS["panda"])
+    sent, _ = follow(
+        with_growth(laws.Proportional(gain=10.0), 0.0), robot, q, unreachable(robot, q)[0], 0.033, 400
+    )
+    assert turning_back(sent[-100:]) > 0.9
+
+
+@pytest.mark.parametrize("what", ["clamping", "constraints", "posture"])
+def test_limits_constraints_and_preferred_motion_leave_them_calm(what):
+    robot, q = dqc.load_robot("panda"), np.array(STARTS["panda"])
+    options, limits = {}, None
+    if what == "clamping":
+        limits = dqc.limits.CommandLimits(position=dqc.limits.ModifiedClamping())
+    if what == "constraints":
+        options = {"constraints": laws.Constraints()}
+    if what == "posture":
+        options = {"null_space": laws.Posture(gain=1.0)}
+    for target in unreachable(robot, q):
+        sent, _ = follow(laws.Proportional(gain=10.0, **options), robot, q, target, 0.01, 600, limits)
+        assert turning_back(sent[-150:]) == 0
+
+
+def test_further_tasks_leave_them_calm():
+    from dqcontrol.laws.task_levels import FurtherTask, PreparedTasks
+
+    robot, q = dqc.load_robot("panda"), np.array(STARTS["panda"])
+    tasks = PreparedTasks(robot, [FurtherTask("posture", 5.0)], q, np.zeros(1))
+    prepared = laws.Proportional(gain=10.0).prepare(robot, None, 0.01, tasks=tasks)
+    state, sample, at = prepared.initial_state(q), dqc.Sample(unreachable(robot, q)[0]), q.copy()
+    sent = np.empty((600, 7))
+    for k in range(600):
+        u = prepared.command(at, sample, state)
+        sent[k] = u / max(1.0, np.max(np.abs(u) / robot.limits.velocity))
+        at = at + 0.01 * sent[k]
+    assert turning_back(sent[-150:]) == 0
+
+
+@pytest.mark.parametrize("name", STARTS)
+@pytest.mark.parametrize("law", [name for name in all_laws(1.0) if name != "feedback linearisation"])
+def test_where_the_error_is_small_the_command_is_that_without_growth_to_the_bit(name, law):
+    robot, q = dqc.load_robot(name), np.array(STARTS[name], dtype=float)
+    rng, inputs = np.random.default_rng(SEED), robot.input_size
+    for _ in range(5):
+        begin = robot.integrate(q, rng.uniform(-0.2, 0.2, inputs), 1.0)
+        sample = dqc.Sample(robot.fkm(robot.integrate(begin, rng.uniform(-2e-3, 2e-3, inputs), 1.0)))
+        commands = []
+        for growth in (None, 0.0):
+            prepared = with_growth(all_laws(10.0)[law], growth).prepare(robot, None, 0.01)
+            commands.append(prepared.command(begin, sample, prepared.initial_state(begin)))
+        np.testing.assert_array_equal(*commands)
+
+
+def test_the_hand_rests_where_it_is_nearest():
+    """Growth changes how fast the hand comes there, not where: at the end of the stretched arm."""
+    robot, q = dqc.load_robot("ur5"), np.array(STARTS["ur5"])
+    law = laws.PartialProportional(part="position", gain=10.0)
+    target = unreachable(robot, q)[0]
+    _, end = follow(law, robot, q, target, 0.01, 4000)
+    away = algebra.translation(target) - algebra.translation(robot.fkm(end))
+    slopes = hand_jacobian(robot, end)[3:].T @ away
+    assert np.abs(slopes).max() < 2e-2 * np.linalg.norm(away)
