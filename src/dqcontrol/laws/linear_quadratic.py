@@ -24,11 +24,19 @@ from dqcontrol.compiled.compile import Kernel, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ShapeError, ValueRangeError, as_positive, unknown_name
 from dqcontrol.laws import riccati
+from dqcontrol.laws.desired_twist import (
+    LAG,
+    Feedforward,
+    desired_twist,
+    last_at,
+    second_order_numbers,
+    signed_state,
+)
 from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twist, twist_work
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
 from dqcontrol.laws.law import LAW, Law, check_steps
 from dqcontrol.laws.loop_rates import LoopRates, largest_rates
-from dqcontrol.laws.pose_error import left_error, short_sign, solve_left_error
+from dqcontrol.laws.pose_error import left_error, left_error_twist, short_sign
 from dqcontrol.laws.pose_law import checked_hysteresis
 from dqcontrol.laws.riccati import Steps
 from dqcontrol.references.sample import POSE, TWIST
@@ -46,21 +54,23 @@ _MOST_SUBSTEPS = 500_000  # a few seconds
 
 
 class PoseFeedback(NamedTuple):
-    """What compiled code knows of `LinearQuadraticR8`: R⁻¹P row by row, and R⁻¹ξ."""
+    """What compiled code knows of `LinearQuadraticR8`: R⁻¹P row by row, and R⁻¹ξ; then for second order."""
 
     inverse: Annotated[Array, inverse_parameters.size()]
     hysteresis: float
     gain: Annotated[Array, 64]
     offset: Annotated[Array, 8]
+    second_order: Annotated[Array, ...]
 
 
 class TwistFeedback(NamedTuple):
-    """What compiled code knows of `LinearQuadraticDQ`: R⁻¹P, and whether y has the angle, not its sine."""
+    """What compiled code knows of `LinearQuadraticDQ`: R⁻¹P, whether y has the angle or its sine; for second order."""
 
     inverse: Annotated[Array, inverse_parameters.size()]
     hysteresis: float
     gain: Annotated[Array, 6, 6]
     is_logarithm: float
+    second_order: Annotated[Array, ...]
 
 
 class LinearQuadraticWork(NamedTuple):
@@ -71,6 +81,7 @@ class LinearQuadraticWork(NamedTuple):
     opposite: Annotated[Array, 8]
     error: Annotated[Array, 8]
     target: Annotated[Array, 8]
+    desired: Annotated[Array, 6]
     solver: Annotated[Array, twist_work.sized("m")]
 
 
@@ -80,7 +91,10 @@ linear_quadratic_work: MemoryLayout[LinearQuadraticWork] = MemoryLayout(
     LinearQuadraticWork, "m", unchecked=True
 )
 # In place of the layout's parts, with which LLVM adds up R⁻¹P e in another order, and the last digits change.
-_HYSTERESIS, _GAIN, _OFFSET = (pose_feedback.place(name) for name in ("hysteresis", "gain", "offset"))
+_HYSTERESIS, _GAIN, _OFFSET, _SECOND_ORDER = map(
+    pose_feedback.place, ("hysteresis", "gain", "offset", "second_order")
+)
+_DESIRED = linear_quadratic_work.place("desired", 0)
 _BEFORE_SOLVER = linear_quadratic_work.place("solver", 0)
 
 
@@ -100,6 +114,7 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
     ) = None
     inverse: Inverse = FilteredInverse()
     hysteresis: Annotated[float, Meta(ge=0, lt=1)] = 0.2
+    feedforward: Feedforward = "second-order"
 
     def horizon(self, reference: Reference | None) -> float:
         """Return t_f in s; infinite for a set-point or without a reference."""
@@ -120,6 +135,8 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
         """Return the kernel's parameters, one row a sample, or one row for an infinite horizon."""
         end = self.horizon(reference)
         size = self._size()
+        length = self.inverse.characteristic_length
+        numbers = second_order_numbers(self.feedforward, robot, reference, dt, length)
         weights, controls, final = self._weights(size)
         if not math.isfinite(end):
             if len(weights[0]) > 1 or len(controls[0]) > 1:
@@ -127,24 +144,40 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
                     "error_weight, control_weight: must be constant where the horizon is infinite"
                 )
             gain = np.linalg.solve(controls[1][0], riccati.steady_solution(weights[1][0], controls[1][0]))
-            return self._packed(gain[None], np.zeros((1, size)))
+            return self._packed(gain[None], np.zeros((1, size)), numbers)
         if end < dt:
             raise ValueRangeError(f"horizon_time: must be at least one period of {dt:g} s, got {end:g} s")
         check_steps("horizon_time", end / dt)
         times = dt * np.arange(math.ceil(end / dt - 1e-9) + 1, dtype=np.float64)
         solution, offset = self._solve(weights, controls, final, times, end, reference)
         inverse_controls = riccati.at_times((controls[0], np.linalg.inv(controls[1])), times)
-        return self._packed(inverse_controls @ solution, (inverse_controls @ offset[:, :, None])[:, :, 0])
+        offsets = (inverse_controls @ offset[:, :, None])[:, :, 0]
+        return self._packed(inverse_controls @ solution, offsets, numbers)
 
-    def _packed(self, gains: Array, offsets: Array) -> Array:
+    def _packed(self, gains: Array, offsets: Array, second_order: Array) -> Array:
         return self.feedback.pack(
             inverse=self.inverse.parameters(),
             hysteresis=checked_hysteresis(self.hysteresis),
+            second_order=second_order,
             **self._own_parameters(gains, offsets),
         )
 
     def _own_parameters(self, gains: Array, offsets: Array) -> dict[str, Any]:
         raise NotImplementedError
+
+    def state_size(self, robot: Robot) -> int:
+        """Return room for the sign of the error, and the last command."""
+        return signed_state.size(robot.input_size) if self.last_at else 1
+
+    @property
+    def last_at(self) -> int:
+        """Where the state takes the last command."""
+        return last_at(self.feedforward)
+
+    @property
+    def lag_at(self) -> int:
+        """Where the parameters take the joints' lag."""
+        return self.feedback.place("second_order") + LAG if self.last_at else 0
 
     def loop_rates(self, parameters: Array) -> LoopRates:
         """Return the largest eigenvalues of R⁻¹P's imaginary parts; of the whole where it couples both."""
@@ -181,14 +214,23 @@ def linear_quadratic_r8(q, pose, pose_jacobian, twist_jacobian, sample, paramete
     scratch = work[n:]
     error, target = scratch[0:8], scratch[8:16]
     left_error(pose, sample, parameters[_HYSTERESIS], state, error)
+    moving = 0.0
     for i in range(8):
         value = parameters[_OFFSET + i]
         for k in range(8):
             value += parameters[_GAIN + 8 * i + k] * error[k]
         target[i] = value
-    return solve_left_error(
-        target, error, pose, twist_jacobian, work[0:n], parameters, scratch[_BEFORE_SOLVER:], out
-    )
+        moving += abs(parameters[_OFFSET + i])
+    twist = left_error_twist(target, error, pose)
+    if moving > 0.0 and parameters.shape[0] > _SECOND_ORDER:
+        desired, numbers, last = scratch[_DESIRED:_BEFORE_SOLVER], parameters[_SECOND_ORDER:], state[1:]
+        desired_twist(sample, pose, twist_jacobian, numbers, last, desired)
+        for i in range(6):
+            desired[i] -= sample[8 + i]
+        a, b, c, d, e, f = twist
+        u, v, w, x, y, z = at_hand(desired, pose)
+        twist = a + u, b + v, c + w, d + x, e + y, f + z
+    return solve_hand_twist(pose, twist_jacobian, twist, work[0:n], parameters, scratch[_BEFORE_SOLVER:], out)
 
 
 class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-quadratic-r8"):
@@ -321,14 +363,16 @@ def _subtract_feedback(gain, error, twist):
 @kernel(LAW)
 def linear_quadratic_dq(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J⁺ (−R⁻¹P y + Ad(x_e) ξ_d), an inertial twist; y = [2 a(r_e) or 2 Im r_e ; p_e], x_e = x x_d*."""
-    given, own = twist_feedback(parameters), linear_quadratic_work(work, out.shape[0])
+    m = out.shape[0]
+    given, own = twist_feedback(parameters), linear_quadratic_work(work, m)
     relative, error, twist = own.relative, own.error, own.target
     conjugate(sample, own.opposite)
     multiply(pose, own.opposite, relative)
     sign = short_sign(relative[0], given.hysteresis, state)
     _tangent(relative, sign, given.is_logarithm != 0.0, error)
     translation(relative, error[3:6])
-    adjoint_twist(relative, sample[8:14], twist)
+    desired_twist(sample, pose, twist_jacobian, given.second_order, signed_state(state, m).last, own.desired)
+    adjoint_twist(relative, own.desired, twist)
     _subtract_feedback(given.gain, error, twist)
     hand_twist = at_hand(twist, pose)
     return solve_hand_twist(pose, twist_jacobian, hand_twist, own.preferred, given.inverse, own.solver, out)
@@ -337,8 +381,10 @@ def linear_quadratic_dq(q, pose, pose_jacobian, twist_jacobian, sample, paramete
 @kernel(LAW)
 def linear_quadratic_dq_left(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J⁺ (−R⁻¹P y + Ad(x_l*) ξ_d,b), a body twist; y as for the right error, but of x_l = x_d* x."""
-    given, own = twist_feedback(parameters), linear_quadratic_work(work, out.shape[0])
+    m = out.shape[0]
+    given, own = twist_feedback(parameters), linear_quadratic_work(work, m)
     relative, error, twist = own.relative, own.error, own.target
+    desired_twist(sample, pose, twist_jacobian, given.second_order, signed_state(state, m).last, own.desired)
     conjugate_multiply(sample, pose, relative)
     sign = short_sign(relative[0], given.hysteresis, state)
     _tangent(relative, sign, given.is_logarithm != 0.0, error)
@@ -347,7 +393,7 @@ def linear_quadratic_dq_left(q, pose, pose_jacobian, twist_jacobian, sample, par
         twist[i] = 0.0
     _subtract_feedback(given.gain, error, twist)
     return solve_left_twist(
-        twist, 1.0, pose, twist_jacobian, sample, own.preferred, given.inverse, own.solver, out
+        twist, 1.0, pose, twist_jacobian, own.desired, own.preferred, given.inverse, own.solver, out
     )
 
 
