@@ -89,8 +89,9 @@ def proportional_feedforward(q, pose, pose_jacobian, twist_jacobian, sample, par
 class ProportionalFeedforward(IntegralPoseLaw, frozen=True, kw_only=True, tag="proportional-feedforward"):
     """K+FF: q̇ = N⁺ (K vec8(1 − x*x_d) − vec8(x*ẋ_d)). [P16 3.12]
 
-    Like `Proportional`, with the desired velocity added, so that ė = −Ke (projected) also for a moving target: ideal
-    joints follow without lag up to the period.
+    Like `Proportional`, with the desired velocity added, so that ė = −Ke (projected) also for a moving target. A
+    command is held for a period, so ẋ_d = ½tx_d has t = ξ_d + h (ξ̇_d − J̇(u⁻)u⁻) in place of ξ_d, h = T/2 and what
+    joints are late, u⁻ the last command that left: the error falls with T².
 
     Sampling limits: position and orientation have the loop gain k (the largest of K). With ideal joints kT < 2 is
     stable and kT ≤ 1 monotone, with one sample of delay kT < 1 and kT ≤ 1/4; for servos and physics ask ``dqcontrol
@@ -102,6 +103,8 @@ class ProportionalFeedforward(IntegralPoseLaw, frozen=True, kw_only=True, tag="p
     ----------
     gain, integral_gain, integral_position_limit, integral_orientation_limit, inverse, hysteresis, null_space
         As of `Proportional`.
+    feedforward
+        ``"second-order"``, or ``"printed"``: ξ_d as it is, with an error that falls with T.
 
     Examples
     --------

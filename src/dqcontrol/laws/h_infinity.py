@@ -220,7 +220,8 @@ class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
 class HInfinityTracking(HInfinity, frozen=True, kw_only=True, tag="h-infinity-tracking"):
     """HIRT: `HInfinity` with the desired twist added: q̇ = J_w⁺ ([−k_O Im r_e ; −k_T p_e] + Ad(x_e) ξ_d). [P16 3.33]
 
-    Rates and bounds of `HInfinity` hold for a moving target; sampling limits, choice and parameters are those there.
+    Rates and bounds of `HInfinity` hold for a moving target; sampling limits, choice and parameters are those there;
+    ``feedforward`` as of `ProportionalFeedforward`.
 
     Examples
     --------

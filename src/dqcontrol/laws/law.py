@@ -297,7 +297,7 @@ class PreparedLaw:
         self._parts = prepared_memory(self.memory, *(self._sizes[name] for name in prepared_memory.sizes))
         self.parameters: Array = self._parts.parameters
         if law.lag_at:
-            self.parameters[:, law.lag_at] = lag.mean
+            self.parameters[:, law.lag_at] = sum(lag.mean)
         self.work, self.preferred = self._parts.work, self._parts.work[:m]
         self.pose = self._parts.kinematics[:8]
         self.report: Array = self._parts.constraint_work[: self.constraints.report if self.constraints else 0]

@@ -36,7 +36,7 @@ from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twis
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
 from dqcontrol.laws.law import LAW, Law, check_steps
 from dqcontrol.laws.loop_rates import LoopRates, largest_rates
-from dqcontrol.laws.pose_error import left_error, left_error_twist, short_sign
+from dqcontrol.laws.pose_error import left_error, short_sign, solve_left_error
 from dqcontrol.laws.pose_law import checked_hysteresis
 from dqcontrol.laws.riccati import Steps
 from dqcontrol.references.sample import POSE, TWIST
@@ -54,13 +54,12 @@ _MOST_SUBSTEPS = 500_000  # a few seconds
 
 
 class PoseFeedback(NamedTuple):
-    """What compiled code knows of `LinearQuadraticR8`: R⁻¹P row by row, and R⁻¹ξ; then for second order."""
+    """What compiled code knows of `LinearQuadraticR8`: R⁻¹P row by row, and R⁻¹ξ."""
 
     inverse: Annotated[Array, inverse_parameters.size()]
     hysteresis: float
     gain: Annotated[Array, 64]
     offset: Annotated[Array, 8]
-    second_order: Annotated[Array, ...]
 
 
 class TwistFeedback(NamedTuple):
@@ -91,10 +90,7 @@ linear_quadratic_work: MemoryLayout[LinearQuadraticWork] = MemoryLayout(
     LinearQuadraticWork, "m", unchecked=True
 )
 # In place of the layout's parts, with which LLVM adds up R⁻¹P e in another order, and the last digits change.
-_HYSTERESIS, _GAIN, _OFFSET, _SECOND_ORDER = map(
-    pose_feedback.place, ("hysteresis", "gain", "offset", "second_order")
-)
-_DESIRED = linear_quadratic_work.place("desired", 0)
+_HYSTERESIS, _GAIN, _OFFSET = (pose_feedback.place(name) for name in ("hysteresis", "gain", "offset"))
 _BEFORE_SOLVER = linear_quadratic_work.place("solver", 0)
 
 
@@ -114,7 +110,6 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
     ) = None
     inverse: Inverse = FilteredInverse()
     hysteresis: Annotated[float, Meta(ge=0, lt=1)] = 0.2
-    feedforward: Feedforward = "second-order"
 
     def horizon(self, reference: Reference | None) -> float:
         """Return t_f in s; infinite for a set-point or without a reference."""
@@ -135,8 +130,6 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
         """Return the kernel's parameters, one row a sample, or one row for an infinite horizon."""
         end = self.horizon(reference)
         size = self._size()
-        length = self.inverse.characteristic_length
-        numbers = second_order_numbers(self.feedforward, robot, reference, dt, length)
         weights, controls, final = self._weights(size)
         if not math.isfinite(end):
             if len(weights[0]) > 1 or len(controls[0]) > 1:
@@ -144,40 +137,24 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
                     "error_weight, control_weight: must be constant where the horizon is infinite"
                 )
             gain = np.linalg.solve(controls[1][0], riccati.steady_solution(weights[1][0], controls[1][0]))
-            return self._packed(gain[None], np.zeros((1, size)), numbers)
+            return self._packed(gain[None], np.zeros((1, size)))
         if end < dt:
             raise ValueRangeError(f"horizon_time: must be at least one period of {dt:g} s, got {end:g} s")
         check_steps("horizon_time", end / dt)
         times = dt * np.arange(math.ceil(end / dt - 1e-9) + 1, dtype=np.float64)
         solution, offset = self._solve(weights, controls, final, times, end, reference)
         inverse_controls = riccati.at_times((controls[0], np.linalg.inv(controls[1])), times)
-        offsets = (inverse_controls @ offset[:, :, None])[:, :, 0]
-        return self._packed(inverse_controls @ solution, offsets, numbers)
+        return self._packed(inverse_controls @ solution, (inverse_controls @ offset[:, :, None])[:, :, 0])
 
-    def _packed(self, gains: Array, offsets: Array, second_order: Array) -> Array:
+    def _packed(self, gains: Array, offsets: Array) -> Array:
         return self.feedback.pack(
             inverse=self.inverse.parameters(),
             hysteresis=checked_hysteresis(self.hysteresis),
-            second_order=second_order,
             **self._own_parameters(gains, offsets),
         )
 
     def _own_parameters(self, gains: Array, offsets: Array) -> dict[str, Any]:
         raise NotImplementedError
-
-    def state_size(self, robot: Robot) -> int:
-        """Return room for the sign of the error, and the last command."""
-        return signed_state.size(robot.input_size) if self.last_at else 1
-
-    @property
-    def last_at(self) -> int:
-        """Where the state takes the last command."""
-        return last_at(self.feedforward)
-
-    @property
-    def lag_at(self) -> int:
-        """Where the parameters take the joints' lag."""
-        return self.feedback.place("second_order") + LAG if self.last_at else 0
 
     def loop_rates(self, parameters: Array) -> LoopRates:
         """Return the largest eigenvalues of R⁻¹P's imaginary parts; of the whole where it couples both."""
@@ -214,23 +191,14 @@ def linear_quadratic_r8(q, pose, pose_jacobian, twist_jacobian, sample, paramete
     scratch = work[n:]
     error, target = scratch[0:8], scratch[8:16]
     left_error(pose, sample, parameters[_HYSTERESIS], state, error)
-    moving = 0.0
     for i in range(8):
         value = parameters[_OFFSET + i]
         for k in range(8):
             value += parameters[_GAIN + 8 * i + k] * error[k]
         target[i] = value
-        moving += abs(parameters[_OFFSET + i])
-    twist = left_error_twist(target, error, pose)
-    if moving > 0.0 and parameters.shape[0] > _SECOND_ORDER:
-        desired, numbers, last = scratch[_DESIRED:_BEFORE_SOLVER], parameters[_SECOND_ORDER:], state[1:]
-        desired_twist(sample, pose, twist_jacobian, numbers, last, desired)
-        for i in range(6):
-            desired[i] -= sample[8 + i]
-        a, b, c, d, e, f = twist
-        u, v, w, x, y, z = at_hand(desired, pose)
-        twist = a + u, b + v, c + w, d + x, e + y, f + z
-    return solve_hand_twist(pose, twist_jacobian, twist, work[0:n], parameters, scratch[_BEFORE_SOLVER:], out)
+    return solve_left_error(
+        target, error, pose, twist_jacobian, work[0:n], parameters, scratch[_BEFORE_SOLVER:], out
+    )
 
 
 class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-quadratic-r8"):
@@ -430,6 +398,8 @@ class LinearQuadraticDQ(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
         ``"right"`` (as published) or ``"left"``: y and twist in the hand's axes, x_l = x_d* x. The right error's p_e
         contains the lever arm of the base's origin: with a goal whose orientation cannot be reached, the hand rests
         that much beside its position. Rates, value and bounds are the same.
+    feedforward
+        As of `ProportionalFeedforward`.
     inverse
         How J is inverted; the default is exact away from singularities.
     hysteresis
@@ -450,7 +420,29 @@ class LinearQuadraticDQ(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
 
     form: Literal["log", "sin"] = "log"
     error: Literal["right", "left"] = "right"
+    feedforward: Feedforward = "second-order"
     feedback = twist_feedback
+
+    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> Array:
+        """Return the rows of `LinearQuadratic`, and what feed-forward of second order needs."""
+        given = twist_feedback(super().rows(robot, reference, dt))
+        length = self.inverse.characteristic_length
+        numbers = second_order_numbers(self.feedforward, robot, reference, dt, length)
+        return twist_feedback.pack(**given._replace(second_order=numbers)._asdict())
+
+    def state_size(self, robot: Robot) -> int:
+        """Return room for the sign of the error, and the last command."""
+        return signed_state.size(robot.input_size) if self.last_at else 1
+
+    @property
+    def last_at(self) -> int:
+        """Where the state takes the last command."""
+        return last_at(self.feedforward)
+
+    @property
+    def lag_at(self) -> int:
+        """Where the parameters take the joints' lag."""
+        return twist_feedback.place("second_order") + LAG if self.last_at else 0
 
     @property
     def kernel(self) -> Kernel:  # type: ignore[override]
@@ -465,7 +457,7 @@ class LinearQuadraticDQ(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
     def _own_parameters(self, gains: Array, offsets: Array) -> dict[str, Any]:
         if self.form not in ("log", "sin"):
             raise unknown_name("form", str(self.form), ("log", "sin"))
-        return {"gain": gains, "is_logarithm": float(self.form == "log")}
+        return {"gain": gains, "is_logarithm": float(self.form == "log"), "second_order": np.zeros(0)}
 
     def _solve(self, weights, controls, final, times, end, reference):
         solution = riccati.piecewise_solution(weights, controls, final, np.minimum(times, end), end)

@@ -339,16 +339,13 @@ class Lag(NamedTuple):
     @property
     def late(self) -> float:
         """The longest of time constant and delay together, s."""
-        return max(self._together, default=0.0)
+        return max((a + b for a, b in zip(self.times, self.delays, strict=True)), default=0.0)
 
     @property
-    def mean(self) -> float:
-        """The mean of time constant and delay together, s."""
-        return sum(self._together) / len(self._together) if self.times else 0.0
-
-    @property
-    def _together(self) -> list[float]:
-        return [a + b for a, b in zip(self.times, self.delays, strict=True)]
+    def mean(self) -> tuple[float, float]:
+        """The means of time constants and delays, s."""
+        n = max(len(self.times), 1)
+        return sum(self.times) / n, sum(self.delays) / n
 
 
 AT_ONCE = Lag()

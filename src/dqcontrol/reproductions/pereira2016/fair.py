@@ -25,7 +25,6 @@ _LAWS: dict[str, dict[str, Any]] = {
     "K+FF": {"kind": "proportional-feedforward", "feedforward": "printed", "gain": _GAIN},
     "LQR-R8": {
         "kind": "linear-quadratic-r8",
-        "feedforward": "printed",
         "error_weight": _GAIN**2,
         "control_weight": 1.0,
     },
