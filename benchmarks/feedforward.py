@@ -1,13 +1,13 @@
-"""How near a hand stays to a moving target: K+FF of second order beside Mink, Pink, PlaCo and Drake, on the same terms.
+"""How near a hand stays to a moving target: K+FF of second order beside Mink, Pink, PlaCo and Drake.
 
-Four arms follow five paths, 3 s each, with a command every 10 ms and the same velocity limits: on ideal joints, on ideal
-joints whose limits are 0.7 of the speeds that the path asks for, and on servos with a lag of 50 ms and a delay of 20 ms.
-All robots are one: bodies, URDF and MJCF are written from the same chain. All programs are stepped in turns, sample
-after sample, in one process; a step is timed from the measured joints to the command.
+All on the same terms: four arms follow five paths, 3 s each, with a command every 10 ms and the same velocity limits:
+on ideal joints, on ideal joints whose limits are 0.7 of the speeds that the path asks for, and on servos with a lag of
+50 ms and a delay of 20 ms. All load the same URDF, written from the arm's chain. All programs are stepped in turns,
+sample after sample, in one process; a step is timed from the measured joints to the command.
 
 Peers go to the next pose at once, as their differential inverse kinematics is meant: their task's error over a period
-is the twist asked for. On servos that diverges for a delay, so there, as their examples do, they step a configuration of
-their own and the servos follow it. K+FF (k = 10 1/s) is always fed back what is measured, and knows lag and delay.
+is the twist asked for. On servos that diverges for a delay, so there, as their examples do, they step a configuration
+of their own and the servos follow it. K+FF (k = 10 1/s) is always fed back what is measured, and knows lag and delay.
 
 Printed are medians over arms and paths: position error (RMS and largest, from 0.5 s on), samples with a joint faster
 than its limit, jerk of the joints (RMS) and the time of a step; then of each peer where it is ahead. A peer that is not
@@ -24,7 +24,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -76,7 +75,9 @@ def paths(arm: Robot, q: Array) -> dict[str, references.Reference]:
 def as_urdf(arm: Robot, speeds: Array) -> str:
     """Return the chain as a URDF without shapes; its hand is the link ``hand``."""
     text, last = "<robot name='arm'><link name='l0'/>", len(arm.chain) - 1
-    inertial = "<inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial>"
+    inertial = (
+        "<inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial>"
+    )
     for i, row in enumerate(arm.chain):
         w, x, y, z = row[:4]
         roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
@@ -149,9 +150,11 @@ def by_mink(task: Task) -> Step:
     """Return Mink's step to the next pose, by DAQP."""
     import mink
     import mujoco
-    from kinematics import as_mjcf
 
-    model = mujoco.MjModel.from_xml_string(as_mjcf(task.arm, limited=True))
+    whole = "<robot name='arm'><mujoco><compiler fusestatic='false'/></mujoco>"
+    model = mujoco.MjModel.from_xml_string(
+        as_urdf(task.arm, task.speeds).replace("<robot name='arm'>", whole)
+    )
     configuration, poses = mink.Configuration(model, task.q), task.next_poses
     frame = mink.FrameTask("hand", "body", position_cost=1.0, orientation_cost=0.3, gain=1.0)
     bounds = [
@@ -300,7 +303,7 @@ def asked_speeds(arm: Robot, q: Array, reference: references.Reference) -> Array
 def measure(arms: list[str]) -> dict[tuple[str, str], list[Array]]:
     """Run all programs, and say which cannot."""
     found: dict[tuple[str, str], list[Array]] = {}
-    left_out: dict[str, str] = {}
+    failures: dict[tuple[str, str], list[str]] = {}
     for name in arms:
         arm, q = dqc.load_robot(name), np.array(ARMS[name], dtype=float)
         for reference in paths(arm, q).values():
@@ -311,34 +314,39 @@ def measure(arms: list[str]) -> dict[tuple[str, str], list[Array]]:
                 task = Task(arm, q, speeds, reference, case == "servos")
                 followers = {}
                 for program in PROGRAMS:
-                    if program not in left_out:
-                        try:
-                            followers[program] = Follower(program, task)
-                        except Exception as error:
-                            left_out[program] = f"{type(error).__name__}: {error}"
+                    try:
+                        followers[program] = Follower(program, task)
+                    except Exception as error:
+                        failures.setdefault((case, program), []).append(f"{type(error).__name__}: {error}")
                 for k in range(len(task.times)):
                     for program, follower in list(followers.items()):
                         try:
                             follower.advance(k)
                         except Exception as error:
-                            left_out[program] = f"{type(error).__name__}: {error}"
+                            failures.setdefault((case, program), []).append(
+                                f"{type(error).__name__}: {error}"
+                            )
                             del followers[program]
                 for program, follower in followers.items():
                     found.setdefault((case, program), []).append(follower.numbers(task))
-    for program, why in left_out.items():
-        print(f"{program}: left out from where it failed, {why:.200}")
+    for (case, program), why in failures.items():
+        print(
+            f"{case}: {program} fails on {len(why)} of {len(arms) * 5} paths, which its row leaves out: {why[0]:.150}"
+        )
     return found
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--short", action="store_true", help="one arm only")
     short = parser.parse_args().short
     found = measure(list(ARMS)[: 1 if short else None])
     names = ("RMS [µm]", "largest [µm]", "too fast", "jerk [rad/s³]", "step [µs]")
     columns = [Column("joints"), Column("program"), *(Column(name, "", ".3g") for name in names)]
     rows, verdicts = [], []
-    for (case, program), each in found.items():
+    for (case, program), each in sorted(found.items(), key=lambda item: CASES.index(item[0][0])):
         numbers = np.median(each, axis=0)
         rows.append([case, program, *numbers])
         ours = np.median(found[case, OURS], axis=0)

@@ -108,8 +108,8 @@ def last_at(feedforward: Feedforward) -> int:
 def desired_twist(sample, pose, twist_jacobian, numbers, last, out):
     """Write ξ_d, or the t that second order makes of it with the last command that left.
 
-    What is added is at most half of |ξ_d| in the measure [ℓω ; v of the hand]: near singularities u⁻ grows without
-    bounds. So where ξ_d is 0 nothing is added.
+    h J̇u⁻ is at most half of |ξ_d + h ξ̇_d| in the measure [ℓω ; v of the hand]: near singularities u⁻ grows without
+    bounds. Where ξ_d is 0 nothing is added.
     """
     for i in range(6):
         out[i] = sample[8 + i]
@@ -122,11 +122,13 @@ def _add_second_order(sample, pose, twist_jacobian, numbers, last, out):
     m = twist_jacobian.shape[1]
     given = second_order(numbers, m)
     px, py, pz = position(pose)
-    size = _square(given.length, px, py, pz, out[0], out[1], out[2], out[3], out[4], out[5])
-    if size > 0.0:
+    if _square(given.length, px, py, pz, out) > 0.0:
         late = given.lag if given.preview < 0.0 else given.preview
         ahead = given.half_period + (late if given.preview < 0.0 else 0.0)
         lead = given.half_period + late
+        for i in range(6):
+            out[i] += ahead * sample[14 + i]
+        size = _square(given.length, px, py, pz, out)
         wx, wy, wz, vx, vy, vz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0  # what moves a column: the inputs before it
         ax, ay, az, bx, by, bz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0  # J̇u
         for k in range(m):
@@ -147,22 +149,13 @@ def _add_second_order(sample, pose, twist_jacobian, numbers, last, out):
             a, b, c = v * twist_jacobian[0, j + 1], v * twist_jacobian[1, j + 1], v * twist_jacobian[2, j + 1]
             d, e, f = u * twist_jacobian[3, j], u * twist_jacobian[4, j], u * twist_jacobian[5, j]
             bx, by, bz = bx + b * f - c * e, by + c * d - a * f, bz + a * e - b * d
-        ax, ay, az = (
-            ahead * sample[14] - lead * ax,
-            ahead * sample[15] - lead * ay,
-            ahead * sample[16] - lead * az,
-        )
-        bx, by, bz = (
-            ahead * sample[17] - lead * bx,
-            ahead * sample[18] - lead * by,
-            ahead * sample[19] - lead * bz,
-        )
+        ax, ay, az, bx, by, bz = -lead * ax, -lead * ay, -lead * az, -lead * bx, -lead * by, -lead * bz
         if given.preview > 0.0:  # a twist that is led is that of the hand where it is, not where it will be
             vx, vy, vz = vx + wy * pz - wz * py, vy + wz * px - wx * pz, vz + wx * py - wy * px
             bx -= late * (wy * vz - wz * vy)
             by -= late * (wz * vx - wx * vz)
             bz -= late * (wx * vy - wy * vx)
-        added = _square(given.length, px, py, pz, ax, ay, az, bx, by, bz)
+        added = _square(given.length, px, py, pz, (ax, ay, az, bx, by, bz))
         share = 1.0
         if added > _MOST * _MOST * size:
             share = _MOST * math.sqrt(size / added)
@@ -171,7 +164,8 @@ def _add_second_order(sample, pose, twist_jacobian, numbers, last, out):
 
 
 @inline
-def _square(length, px, py, pz, a, b, c, d, e, f):
+def _square(length, px, py, pz, twist):
     """Return |[ℓω ; ṗ]|² of a twist."""
-    x, y, z = d + b * pz - c * py, e + c * px - a * pz, f + a * py - b * px
+    a, b, c = twist[0], twist[1], twist[2]
+    x, y, z = twist[3] + b * pz - c * py, twist[4] + c * px - a * pz, twist[5] + a * py - b * px
     return length * length * (a * a + b * b + c * c) + x * x + y * y + z * z
