@@ -121,7 +121,7 @@ def by_us(task: Task) -> Step:
     """Return K+FF of second order, velocities scaled to the limits."""
     reference, plant = task.reference, Servo(time_constant=LAG, delay=DELAY)
     if task.lagging:
-        reference = references.Previewed(reference, delay=DELAY, lag=LAG, step=PERIOD)
+        reference = references.Previewed(reference, delay=DELAY + PERIOD / 2, lag=LAG, step=PERIOD)
     arm = with_speeds(task.arm, task.speeds)
     law = ProportionalFeedforward(gain=GAIN).prepare(
         arm,

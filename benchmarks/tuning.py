@@ -422,7 +422,7 @@ def _identified_joints() -> None:
         servo = dqc.identify(f"{folder}/log/record.mcap", "iiwa7").plant()
     lag, delay = float(np.mean(servo.time_constant)), float(np.mean(servo.delay))
     compliance = (np.asarray(servo.sag) / np.asarray(servo.stiffness)).tolist()
-    preview = {"preview": {"delay": delay, "lag": lag}}
+    preview = {"preview": {"delay": delay + 0.5 * BASE["period"], "lag": lag}}
     second = {"kind": "proportional-feedforward", "gain": 5}
     ahead = spec | {"law": second, "reference": spec["reference"] | preview}
     runs = {

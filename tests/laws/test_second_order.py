@@ -178,8 +178,8 @@ def test_lagging_joints_are_led_with_their_jacobian(turning):
         error(robot, PANDA, LAWS["K+FF"](feedforward=kind), 0.01, reference, servo)
         for kind, reference in (
             ("printed", path),
-            ("printed", Previewed(path, delay=0.02, lag=0.05)),
-            ("second-order", Previewed(path, delay=0.02, lag=0.05)),
+            ("printed", Previewed(path, delay=0.025, lag=0.05)),
+            ("second-order", Previewed(path, delay=0.025, lag=0.05)),
         )
     )
     unled = error(robot, PANDA, LAWS["K+FF"](), 0.01, path, servo)

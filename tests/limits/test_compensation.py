@@ -18,7 +18,7 @@ SPEC = {
         "radius": 0.06,
         "duration": 4,
         "ramp": 0.5,
-        "preview": {"delay": 0.02, "lag": 0.05},
+        "preview": {"delay": 0.025, "lag": 0.05, "step": 0.01},
     },
     "law": {"kind": "proportional-feedforward", "gain": 5},
     "plant": {"kind": "servo", "time_constant": 0.05, "delay": 0.02, "sag": 1},

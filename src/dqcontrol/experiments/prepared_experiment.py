@@ -284,9 +284,10 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
 
 
 def _led(scene: PreparedRobot, lag: float, delay: float) -> PreparedRobot:
-    """Return the scene with twists that lead by the joints' lag and delay, as if its reference had that preview."""
+    """Return the scene with twists that lead by lag and delay of the joints, and by half of a period."""
     times = scene.samples[:, TIME]
-    ahead = Previewed(scene.reference, delay, lag, float(times[1] - times[0]) if lag else None)
+    period = float(times[1] - times[0])
+    ahead = Previewed(scene.reference, delay + period / 2, lag, period)
     return replace(scene, reference=ahead, samples=ahead.samples(times))
 
 

@@ -5,8 +5,8 @@ A command is held for a period T, in which both the desired twist and the Jacobi
   t = ξ_d + h (ξ̇_d − J̇(u⁻) u⁻),   h = T/2 + D + τ,
 
 u⁻ the last command that left: J(q + h u⁻) u = ξ_d + h ξ̇_d to second order. Joints with a delay D and a lag τ do later
-what they are told, so the twist and the Jacobian of that time count. A `Previewed` reference has led its twists by D
-and τ itself; of its twist rate only T/2 is left to add.
+what they are told, so the twist and the Jacobian of that time count. A `Previewed` reference has led its twists itself:
+then only the Jacobian is led, by its delay and lag.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class SecondOrder(NamedTuple):
     half_period
         T/2.
     preview
-        D + τ by which the reference leads its twists; −1 if it does not.
+        Delay and lag by which the reference leads its twists; −1 if it does not.
     lag
         D + τ of the joints.
     length
@@ -123,11 +123,10 @@ def _add_second_order(sample, pose, twist_jacobian, numbers, last, out):
     given = second_order(numbers, m)
     px, py, pz = position(pose)
     if _square(given.length, px, py, pz, out) > 0.0:
-        late = given.lag if given.preview < 0.0 else given.preview
-        ahead = given.half_period + (late if given.preview < 0.0 else 0.0)
-        lead = given.half_period + late
-        for i in range(6):
-            out[i] += ahead * sample[14 + i]
+        lead = given.preview if given.preview >= 0.0 else given.half_period + given.lag
+        if given.preview < 0.0:
+            for i in range(6):
+                out[i] += lead * sample[14 + i]
         size = _square(given.length, px, py, pz, out)
         wx, wy, wz, vx, vy, vz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0  # what moves a column: the inputs before it
         ax, ay, az, bx, by, bz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0  # J̇u
@@ -152,9 +151,9 @@ def _add_second_order(sample, pose, twist_jacobian, numbers, last, out):
         ax, ay, az, bx, by, bz = -lead * ax, -lead * ay, -lead * az, -lead * bx, -lead * by, -lead * bz
         if given.preview > 0.0:  # a twist that is led is that of the hand where it is, not where it will be
             vx, vy, vz = vx + wy * pz - wz * py, vy + wz * px - wx * pz, vz + wx * py - wy * px
-            bx -= late * (wy * vz - wz * vy)
-            by -= late * (wz * vx - wx * vz)
-            bz -= late * (wx * vy - wy * vx)
+            bx -= lead * (wy * vz - wz * vy)
+            by -= lead * (wz * vx - wx * vz)
+            bz -= lead * (wx * vy - wy * vx)
         added = _square(given.length, px, py, pz, (ax, ay, az, bx, by, bz))
         share = 1.0
         if added > _MOST * _MOST * size:
