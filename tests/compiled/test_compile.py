@@ -240,5 +240,5 @@ print(sorted(heavy & names), dqcontrol.__version__, missing)
 
 
 def test_unknown_attribute_of_the_package():
-    with pytest.raises(AttributeError, match=r"^module 'dqcontrol' has no attribute 'runn'$"):
+    with pytest.raises(AttributeError, match="No dqcontrol attribute runn"):
         _ = dqcontrol.runn

@@ -121,16 +121,6 @@ def test_a_blocked_joint_does_not_wind_it_up():
     assert passes[1][80] < 12e-3  # without mend 66 mm
 
 
-def test_the_old_bound_still_counts_and_says_so():
-    old = Proportional(gain=1.0, integral_gain=1.0, integral_limit=0.5)
-    new = Proportional(
-        gain=1.0, integral_gain=1.0, integral_position_limit=1.0, integral_orientation_limit=1.0
-    )
-    with pytest.warns(FutureWarning, match="integral_position_limit"):
-        rows = old.prepare(ARM, None, T).parameters
-    np.testing.assert_array_equal(rows, new.prepare(ARM, None, T).parameters)
-
-
 def test_compiled_and_interpreted_loops_are_equal():
     circle = dqc.references.Circle(ARM.fkm(Q0), radius=0.1, duration=1.0, plane="xz")
     law = Proportional(gain=5.0, integral_gain=4.0)

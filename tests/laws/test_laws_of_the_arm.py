@@ -247,26 +247,26 @@ def test_interpreted_and_compiled_runs_are_equal_to_the_last_bit(name):
     ("law", "message"),
     [
         (
-            PartialProportional(part="roll", gain=1.0),
-            r"part: unknown name 'roll'.*allowed: axis, position, rotation",
+            lambda: PartialProportional(part="roll", gain=1.0),
+            r"part: unknown name 'roll'.*allowed: position, rotation, axis",
         ),
-        (PartialProportional(part="axis", gain=1.0, axis=(0, 0, 0)), "axis: must not be zero"),
-        (PartialProportional(part="position", gain=-1.0), "gain: must be > 0, got -1"),
-        (Proportional(gain=1.0, null_space=Posture(gain=0.0)), "null_space.gain: must be > 0, got 0"),
+        (lambda: PartialProportional(part="axis", gain=1.0, axis=(0, 0, 0)), "axis: must not be zero"),
+        (lambda: PartialProportional(part="position", gain=-1.0), "gain: must be > 0, got -1"),
+        (lambda: Posture(gain=0.0), "null_space.gain: must be > 0, got 0"),
         (
-            Proportional(gain=1.0, null_space=Posture(gain=1.0, rest=[0.0])),
+            lambda: Proportional(gain=1.0, null_space=Posture(gain=1.0, rest=[0.0])),
             r"null_space.rest: .*got shape \(1,\)",
         ),
-        (Proportional(gain=1.0, null_space=ManipulabilityAscent(gain=-1.0)), "null_space.gain: must be > 0"),
+        (lambda: ManipulabilityAscent(gain=-1.0), "null_space.gain: must be > 0"),
         (
-            Proportional(gain=1.0, inverse=ManipulabilityInverse(threshold=0.0)),
+            lambda: ManipulabilityInverse(threshold=0.0),
             "inverse.threshold: must be > 0",
         ),
     ],
 )
-def test_bad_parameters_are_refused_when_prepared(law, message):
+def test_bad_parameters_are_refused(law, message):
     with pytest.raises(Error, match=message):
-        law.prepare(dqc.load_robot("iiwa7"), None, 0.01)
+        law().prepare(dqc.load_robot("iiwa7"), None, 0.01)
 
 
 def test_velocity_limits_need_a_robot_that_has_some():

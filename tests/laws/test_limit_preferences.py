@@ -84,13 +84,13 @@ def test_joints_without_limits_are_passed_over(null_space):
 
 
 @pytest.mark.parametrize(
-    ("null_space", "text"),
+    ("kind", "parameters", "text"),
     [
-        (JointCentring(gain=-1.0), "null_space.gain: must be > 0, got -1"),
-        (LimitAvoidance(gain=0.0), "null_space.gain: must be > 0, got 0"),
-        (LimitAvoidance(gain=1.0, fastest=0.0), "null_space.fastest: must be > 0, got 0"),
+        (JointCentring, {"gain": -1.0}, "gain: must be > 0, got -1"),
+        (LimitAvoidance, {"gain": 0.0}, "gain: must be > 0, got 0"),
+        (LimitAvoidance, {"gain": 1.0, "fastest": 0.0}, "fastest: must be > 0, got 0"),
     ],
 )
-def test_bad_parameters_are_refused_when_prepared(arm, null_space, text):
+def test_bad_parameters_are_refused(kind, parameters, text):
     with pytest.raises(Error, match=text):
-        Proportional(gain=1.0, null_space=null_space).prepare(arm, None, 0.01)
+        kind(**parameters)

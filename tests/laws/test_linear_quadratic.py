@@ -230,58 +230,66 @@ ROTATED[0, 1] = 1.0
     ("law", "message"),
     [
         (
-            LinearQuadraticDQ(error_weight=-1.0, control_weight=1.0),
+            lambda: LinearQuadraticDQ(error_weight=-1.0, control_weight=1.0),
             "error_weight: must be positive semidefinite",
         ),
         (
-            LinearQuadraticDQ(error_weight=0.0, control_weight=1.0),
+            lambda: LinearQuadraticDQ(error_weight=0.0, control_weight=1.0),
             "error_weight: must be positive definite where",
         ),
         (
-            LinearQuadraticR8(error_weight=0.0, control_weight=1.0),
+            lambda: LinearQuadraticR8(error_weight=0.0, control_weight=1.0),
             "error_weight: must be positive definite where",
         ),
         (
-            LinearQuadraticDQ(error_weight=1.0, control_weight=0.0),
+            lambda: LinearQuadraticDQ(error_weight=1.0, control_weight=0.0),
             "control_weight: must be positive definite",
         ),
         (
-            LinearQuadraticDQ(error_weight=ROTATED.tolist(), control_weight=1.0),
+            lambda: LinearQuadraticDQ(error_weight=ROTATED.tolist(), control_weight=1.0),
             "error_weight: must be symmetric",
         ),
         (
-            LinearQuadraticDQ(error_weight=[1.0] * 8, control_weight=1.0),
+            lambda: LinearQuadraticDQ(error_weight=[1.0] * 8, control_weight=1.0),
             r"error_weight: expected a number, 6 diagonal",
         ),
-        (LinearQuadraticR8(error_weight=float("nan"), control_weight=1.0), "error_weight: must be finite"),
-        (LinearQuadraticDQ(error_weight=1.0, control_weight=1.0, form="cos"), "form: unknown name 'cos'"),
         (
-            LinearQuadraticDQ(error_weight=1.0, control_weight=1.0, horizon_time=0.001),
+            lambda: LinearQuadraticR8(error_weight=float("nan"), control_weight=1.0),
+            "error_weight: must be finite",
+        ),
+        (
+            lambda: LinearQuadraticDQ(error_weight=1.0, control_weight=1.0, form="cos"),
+            "form: unknown name 'cos'",
+        ),
+        (
+            lambda: LinearQuadraticDQ(error_weight=1.0, control_weight=1.0, horizon_time=0.001),
             "horizon_time: must be at least",
         ),
         (
-            LinearQuadraticDQ(error_weight=1.0, control_weight=1.0, final_weight=-1.0),
+            lambda: LinearQuadraticDQ(error_weight=1.0, control_weight=1.0, final_weight=-1.0),
             "final_weight: must be positive semi",
         ),
         (
-            LinearQuadraticDQ(error_weight=Steps([0, 0], [1.0, 2.0]), control_weight=1.0, horizon_time=1.0),
+            lambda: LinearQuadraticDQ(
+                error_weight=Steps([0, 0], [1.0, 2.0]), control_weight=1.0, horizon_time=1.0
+            ),
             "error_weight.times: must increase",
         ),
         (
-            LinearQuadraticR8(error_weight=1.0, control_weight=1e-12, horizon_time=2.0),
+            lambda: LinearQuadraticR8(error_weight=1.0, control_weight=1e-12, horizon_time=2.0),
             r"control_weight: so fast a decay needs 40,000 steps in each period; at most 2,487",
         ),
         (
-            LinearQuadraticR8(error_weight=1.0, control_weight=1.0, horizon_time=1e9),
+            lambda: LinearQuadraticR8(error_weight=1.0, control_weight=1.0, horizon_time=1e9),
             "horizon_time: takes .* at most 10 m",
         ),
-        (LinearQuadraticR8(error_weight=1e300, control_weight=1.0), "error_weight: must be ≤ 1e"),
+        (lambda: LinearQuadraticR8(error_weight=1e300, control_weight=1.0), "error_weight: must be ≤ 1e"),
         (
-            LinearQuadraticDQ(error_weight=Steps([0, 1], [1.0, 2.0]), control_weight=1.0),
+            lambda: LinearQuadraticDQ(error_weight=Steps([0, 1], [1.0, 2.0]), control_weight=1.0),
             "must be constant where",
         ),
     ],
 )
 def test_bad_weights(arm, law, message):
     with pytest.raises(Error, match=message):
-        law.prepare(arm, None, 0.01)
+        law().prepare(arm, None, 0.01)

@@ -280,15 +280,15 @@ def test_a_spec_chooses(position):
 
 
 @pytest.mark.parametrize(
-    ("position", "text"),
+    ("tolerance", "text"),
     [
-        (ModifiedClamping(tolerance=-1e-3), "limits.position.tolerance: must be ≥ 0, got -0.001"),
-        (ModifiedClamping(tolerance=np.nan), "limits.position.tolerance: must be finite"),
+        (-1e-3, "limits.position.tolerance: must be ≥ 0, got -0.001"),
+        (np.nan, "limits.position.tolerance: must be finite, got nan"),
     ],
 )
-def test_bad_tolerances_are_refused_when_prepared(arm, position, text):
+def test_bad_tolerances_are_refused(tolerance, text):
     with pytest.raises(Error, match=re.escape(text)):
-        LAWS["K"].prepare(arm, None, T, CommandLimits(position=position))
+        ModifiedClamping(tolerance=tolerance)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -290,8 +290,6 @@ def test_bad_loads_in_a_spec_are_named(fields, words):
             KeyError,
             "plant.pushes.point: unknown name 'link 9'",
         ),
-        ({"pushes": [Push(time=0, duration=0, force=(0, 0, 1))]}, ValueRangeError, "plant.pushes.duration"),
-        ({"pushes": [Push(time=0, duration=1, force=(0, 1))]}, ShapeError, "plant.pushes.force"),
         (
             {"payload": Payload(mass=1, begin=2, until=1)},
             ValueRangeError,
@@ -307,3 +305,10 @@ def test_bad_loads_in_a_spec_are_named(fields, words):
 def test_bad_loads_are_named(fields, error, words):
     with pytest.raises(error, match=words):
         CompliantPlant(**fields).start(MEKA, Q0, T, 0, 0)
+
+
+def test_bad_loads_are_refused_as_they_are_made():
+    with pytest.raises(ValueRangeError, match=r"plant.pushes.duration: must be > 0, got 0"):
+        Push(time=0, duration=0, force=(0, 0, 1))
+    with pytest.raises(ShapeError, match=r"plant.pushes.force: expected a list of length 3"):
+        Push(time=0, duration=1, force=(0, 1))  # pyright: ignore[reportArgumentType]

@@ -187,17 +187,17 @@ BAD = [
     (
         lambda: constant(value=(1, 2, 3)),
         ShapeError,
-        r"disturbance.value: expected 6 numbers, got shape \(3,\)",
+        r"disturbance.value: expected a list of length 6, got 3",
     ),
     (
         lambda: constant(value=(*SIX[:5], NAN)),
         ValueRangeError,
-        r"disturbance.value: must be finite, got .*nan",
+        r"disturbance.value\[5\]: must be finite, got nan",
     ),
     (
         lambda: constant(value="north"),
         ShapeError,
-        "disturbance.value: expected real numbers, got 'north'",
+        "disturbance.value: expected a list, got text 'north'",
     ),
     (
         lambda: sinusoidal(amplitude=SIX, frequency=-1.0),
@@ -213,7 +213,7 @@ BAD = [
     (
         lambda: sinusoidal(amplitude=np.eye(6), frequency=1),
         ShapeError,
-        r"amplitude: expected 6 .*\(6, 6\)",
+        r"amplitude\[0\]: expected a number, got a list",
     ),
     (
         lambda: band_limited(rms=SIX, bandwidth=NAN),
@@ -240,8 +240,16 @@ BAD = [
         ValueRangeError,
         "direction: must not be zero",
     ),
-    (lambda: worst_case(level=1, direction=(1, 0, 0), gammas=(1, 0)), ValueRangeError, "gammas: must be > 0"),
-    (lambda: worst_case(level=1, direction=(1, 0, 0), gammas=(1,)), ShapeError, "gammas: expected 2 numbers"),
+    (
+        lambda: worst_case(level=1, direction=(1, 0, 0), gammas=(1, 0)),
+        ValueRangeError,
+        r"gammas\[1\]: must be > 0, got 0",
+    ),
+    (
+        lambda: worst_case(level=1, direction=(1, 0, 0), gammas=(1,)),
+        ShapeError,
+        "gammas: expected a list of length 2, got 1",
+    ),
     (Disturbance, ShapeError, "^disturbance: give 'twist', 'pose' or 'worst_case'$"),
     (
         lambda: Disturbance(

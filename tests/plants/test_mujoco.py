@@ -369,7 +369,7 @@ def test_a_flat_plate_is_allowed():
         (
             {"gravity_compensation": 1.2},
             ValueRangeError,
-            r"plant.gravity_compensation: must lie in 0 … 1, got 1\.2",
+            r"plant.gravity_compensation: must be ≤ 1, got 1\.2",
         ),
         ({"gravity": (0, 0)}, ShapeError, "plant.gravity"),
         ({"stiffness": [1.0, 0.0]}, ValueRangeError, "plant.stiffness: must be > 0"),

@@ -207,6 +207,9 @@ def test_bad_obstacles_in_a_spec_are_named(fields, words):
     ],
 )
 def test_bad_obstacles_are_named(fields, error, words):
-    obstacle = Obstacle(**({"position": (0.0, 0.0, 0.0), "radius": 0.1, "stiffness": 1e3} | fields))
-    with pytest.raises(error, match=words):
+    def start():
+        obstacle = Obstacle(**({"position": (0.0, 0.0, 0.0), "radius": 0.1, "stiffness": 1e3} | fields))
         CompliantPlant(obstacles=[obstacle]).start(MEKA, Q0, 0.008, 0, 0)
+
+    with pytest.raises(error, match=words):
+        start()

@@ -124,16 +124,3 @@ def test_bad_input():
     unlimited = dqc.WholeBody([dqc.DifferentialDrive(0.05, 0.1), dqc.load_robot("ax18")])
     with pytest.raises(ValueRangeError, match=r"robot: v of .* has no velocity limit to plan with"):
         DriveTo(unlimited, START, START + np.eye(8)[0])
-
-
-def test_the_old_name_of_the_speed_fraction_works_and_warns():
-    robot = dqc.load_robot("little-john")
-    with pytest.warns(FutureWarning, match="share is now called speed_fraction"):
-        way = DriveTo(robot, START, START, share=0.25)
-    with pytest.warns(FutureWarning, match="share is now called speed_fraction"):
-        assert way.share == way.speed_fraction == 0.25
-    with (
-        pytest.warns(FutureWarning),
-        pytest.raises(TypeError, match="share: is the old name of 'speed_fraction'"),
-    ):
-        DriveTo.pose(robot, START, robot.fkm(START), share=0.25, speed_fraction=0.5)

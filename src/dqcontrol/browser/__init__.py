@@ -1,5 +1,5 @@
 """Runs in a browser: `Track` is what there is to see of one, `Page` shows them; `RobotPage` shows a robot alone."""
 
-from dqcontrol.moved import offered
+import lazy_loader
 
-__getattr__, __dir__, __all__ = offered(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -27,7 +26,6 @@ def evaluate(
     duration: float | None = None,
     skip_initial: float | None = None,
     low_pass: float | None = None,
-    settle: Annotated[float | None, Parameter(show=False)] = None,
     out: Out = None,
     force: Force = False,
 ) -> None:
@@ -58,27 +56,15 @@ def evaluate(
         Length of the start that the settled errors leave out, s.
     low_pass
         Cut-off of the filter behind speeds and accelerations, Hz; 0 for none; default 10, none for own recordings.
-    settle
-        Old name of --skip-initial.
     out
         New folder for record, metrics, plots and report.
     force
         Replace an earlier folder of results.
     """
-    from dqcontrol.errors import ValueRangeError
     from dqcontrol.experiments.results_folder import check_new
     from dqcontrol.logs.evaluation import evaluate_log
     from dqcontrol.measures import summary_table
 
-    if settle is not None:
-        if skip_initial is not None:
-            raise ValueRangeError("--settle: is the old name of --skip-initial, which is given too")
-        warnings.warn(
-            "--settle is now called --skip-initial; the old name works for one more release",
-            FutureWarning,
-            stacklevel=2,
-        )
-        skip_initial = settle
     if out is not None:
         check_new(out, force=force)
     result = evaluate_log(

@@ -25,7 +25,6 @@ from numba.extending import overload
 from dqcontrol.compiled import kernel_cache
 from dqcontrol.compiled.numba_choice import numba_used
 from dqcontrol.errors import Error, InterpretedWarning, ShapeError, ValueRangeError
-from dqcontrol.moved import names_moved_from
 
 FAST = {"contract", "reassoc", "nsz", "arcp"}  # NaN and infinity keep their meaning
 
@@ -150,7 +149,7 @@ class Kernel:
 
     def _portable(self) -> tuple[bytes, str]:
         fastmath = False if self._strict else FAST
-        with numba_used.scalar_code():
+        with numba_used.scalar_code(), numba_used.quick_compilation():
             dispatcher = numba_used.jit(self.function, fastmath, ours=self._cached, kept=False)
             dispatcher.compile(self.signature)
             return numba_used.bitcode_of(dispatcher, self.signature)
@@ -180,7 +179,7 @@ def _compiled(
     function: Callable[..., Any], signature: Any, fastmath: set[str] | bool, cached: bool = True
 ) -> Any:
     dispatcher = numba_used.jit(function, fastmath, ours=cached)
-    with _without_collector():
+    with _without_collector(), numba_used.quick_compilation():
         dispatcher.compile(signature)
     dispatcher.disable_compile()
     return dispatcher
@@ -297,6 +296,3 @@ def _check_arguments(function: Callable[..., Any], name: str, expected: list[str
         raise ShapeError(
             f"function: {name}{taken} has to take {len(expected)} arguments: {', '.join(expected)}"
         ) from None
-
-
-__getattr__: Callable[[str], Any] = names_moved_from(__name__)

@@ -45,7 +45,7 @@ def bitcode_of(dispatcher: Any, signature: Any) -> tuple[bytes, str]:
     raise Error("export: needs Numba's internals; unset DQCONTROL_NUMBA")
 
 
-scalar_code = nullcontext
+quick_compilation = scalar_code = nullcontext
 
 
 def part_options(*, everywhere: bool, apart: bool = False, ours: bool = True) -> dict[str, Any]:

@@ -9,7 +9,6 @@ from msgspec import Meta
 
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.spec import RobotSpec
-from dqcontrol.experiments.spec.old_keys import rename_old_keys
 from dqcontrol.experiments.spec.reference_base import Part
 from dqcontrol.experiments.spec.spec_files import use_copies
 from dqcontrol.files.text_file import read_text
@@ -51,7 +50,6 @@ def saved_evaluation(spec: Path, record: Record) -> Run:
     """
     text = read_text(spec)
     data = parse_yaml(spec, text)
-    rename_old_keys(str(spec), data)
     use_copies(data, spec.parent)
     what = convert(spec, data, _SavedEvaluation).evaluation
     robot = what.robot.load()

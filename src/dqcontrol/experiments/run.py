@@ -34,7 +34,6 @@ from dqcontrol.measures.lyapunov import with_certificate
 from dqcontrol.measures.metrics import Metrics, evaluate
 from dqcontrol.measures.task_range import with_range
 from dqcontrol.measures.task_result import TaskResult, task_result
-from dqcontrol.moved import renamed_parameters
 from dqcontrol.plants import Plant
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.recording import RecordStream, export_record, save_record
@@ -43,7 +42,6 @@ from dqcontrol.robots import Robot
 Progress = Callable[[int, int], None]
 
 
-@renamed_parameters(settle="skip_initial", judged="metrics_from")
 @dataclass(frozen=True)
 class Run:
     """What came of one run.

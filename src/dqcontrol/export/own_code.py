@@ -34,7 +34,7 @@ class _OwnKernel(Kernel):
 
     def bitcode(self, *, portable: bool = False) -> tuple[bytes, str]:
         """Return LLVM's code; it has no vectors: its sums keep their order."""
-        with numba_used.scalar_code():
+        with numba_used.scalar_code(), numba_used.quick_compilation():
             dispatcher = numba_used.jit(
                 self.function, False, ours=not self._as_in_python, kept=False, located=self._as_in_python
             )

@@ -96,7 +96,7 @@ def convert(path: str | Path, data: Any, schema: type[T]) -> T:
     try:
         return msgspec.convert(data, schema)
     except msgspec.ValidationError as error:
-        raise FileFormatError(f"{path}: {_reworded(str(error), data, schema)}") from None
+        raise FileFormatError(f"{path}: {reworded(str(error), data, schema)}") from None
 
 
 class _StrictLoader(yaml.SafeLoader):
@@ -166,9 +166,23 @@ def _numbers(data: Any, field: str = "") -> Iterator[tuple[str, float]]:
         yield field, data
 
 
-def _reworded(message: str, data: Any, schema: Any) -> str:
-    """Turn msgspec's "text - at `$.a[0].b`" into "a[0].b: text, got value; did you mean …?"."""
+def reworded(message: str, data: Any, schema: Any, below: str = "") -> str:
+    """Turn msgspec's "text - at `$.a[0].b`" into "a[0].b: text, got value; did you mean …?".
+
+    Parameters
+    ----------
+    message
+        Of the error that conversion raised.
+    data
+        What was converted.
+    schema
+        To which type.
+    below
+        The key of the data that alone was converted, if not all of them were.
+    """
     text, _, place = message.partition(" - at ")
+    if below:
+        place = f"`$.{below}{place.strip('`').removeprefix('$')}`"
     text = text.replace("`", "'")
     field, kinds, around = "", [schema], []
     for key, index in re.findall(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]", place.strip("`")):
@@ -179,7 +193,7 @@ def _reworded(message: str, data: Any, schema: Any) -> str:
             kinds = [inner for kind in kinds for inner in _values(kind)]
             step = _unfit(kinds, data)
         else:
-            step, around = key, list(_structs(kinds))
+            step, around = key, list(structs_in(kinds))
             hints = [get_type_hints(struct, include_extras=True) for struct in _chosen(around, data)]
             kinds = [hint[key] for hint in hints if key in hint]
         field = f"{field}.{step}" if field else str(step)
@@ -191,7 +205,7 @@ def _reworded(message: str, data: Any, schema: Any) -> str:
     if text == "Expected 'bool', got 'str'":
         return f"{prefix}expected true or false, got {data!r:.80}"
     if match := re.fullmatch(r"Object contains unknown field '(.*)'", text):
-        allowed = _keys(_chosen(list(_structs(kinds)), data))
+        allowed = _keys(_chosen(list(structs_in(kinds)), data))
         return f"{prefix}unknown key '{match[1]}'{_instead(match[1], allowed)}"
     if match := re.fullmatch(r"Object missing required field '(.*)'", text):
         return f"{prefix}missing key '{match[1]}'{_chosen_by(match[1], kinds, data)}"
@@ -231,7 +245,7 @@ def _in_words(text: str, data: Any) -> str:
 
 def _hint(kinds: list[Any], data: Any) -> str:
     """Say how a mapping is written, to those who wrote a name or a list in its place."""
-    tags = [str(s.__struct_config__.tag) for s in _structs(kinds) if s.__struct_config__.tag]
+    tags = [str(s.__struct_config__.tag) for s in structs_in(kinds) if s.__struct_config__.tag]
     if isinstance(data, str) and data in tags:
         return f"; write {{kind: {data}}}, with its other keys in it"
     if isinstance(data, list) and any(True for kind in kinds for _ in _values(kind)):
@@ -241,7 +255,7 @@ def _hint(kinds: list[Any], data: Any) -> str:
 
 def _chosen_by(key: str, kinds: list[Any], data: Any) -> str:
     """Say what a missing key chooses between, if it is a tag, and what was written in its place."""
-    tags = [str(s.__struct_config__.tag) for s in _structs(kinds) if s.__struct_config__.tag_field == key]
+    tags = [str(s.__struct_config__.tag) for s in structs_in(kinds) if s.__struct_config__.tag_field == key]
     if not tags:
         return ""
     given = next(
@@ -321,12 +335,12 @@ def _values(kind: Any) -> Iterator[Any]:
             yield from _values(inner)
 
 
-def _structs(kinds: Any) -> Iterator[Any]:
+def structs_in(kinds: Any) -> Iterator[Any]:
     """Find all structures in types."""
     for kind in kinds:
         if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
             yield kind
-        yield from _structs(get_args(kind))
+        yield from structs_in(get_args(kind))
 
 
 def _literals(kinds: Any) -> Iterator[str]:

@@ -1,5 +1,5 @@
 """Shapes in space: their signed distances, with points, normals and Jacobians; and capsules around points."""
 
-from dqcontrol.moved import offered
+import lazy_loader
 
-__getattr__, __dir__, __all__ = offered(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

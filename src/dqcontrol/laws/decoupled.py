@@ -15,7 +15,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import Kernel, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ValueRangeError, as_array, unknown_name
-from dqcontrol.laws.gains import Schedule, gain_rows
+from dqcontrol.laws.gains import Gain, Schedule, gain_rows
 from dqcontrol.laws.integral import IntegralPoseLaw, integral_work, solve_with_integral
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters, solve, solver_work
 from dqcontrol.laws.law import LAW, Law
@@ -295,7 +295,7 @@ class PartialProportional(Law, frozen=True, kw_only=True, tag="partial-proportio
 
     gain_powers: ClassVar[Mapping[str, float]] = {"gain": 1}
     part: Literal["position", "rotation", "axis"]
-    gain: Annotated[float | Schedule, Meta(description="1/s")]
+    gain: Annotated[Gain, Meta(description="1/s")]
     axis: Annotated[tuple[float, float, float], Meta(description="in the hand's frame")] = (0.0, 0.0, 1.0)
     inverse: Inverse = FilteredInverse()
     work = partial_work

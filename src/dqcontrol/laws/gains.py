@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+from dqcontrol.named_fields import CheckedFields
 
 
-class Schedule(Struct, frozen=True, forbid_unknown_fields=True):
+class Schedule(CheckedFields, frozen=True, forbid_unknown_fields=True):
     """A gain that changes linearly between given times and is held before the first and after the last. [P16 5.9]
 
     Parameters
@@ -28,6 +29,7 @@ class Schedule(Struct, frozen=True, forbid_unknown_fields=True):
     [3.75]
     """
 
+    spec_key: ClassVar[str] = "schedule"
     times: Annotated[list[float], Meta(min_length=1, description="s, increasing")]
     values: Annotated[list[float], Meta(min_length=1, description="gain at each time")]
 
@@ -53,7 +55,8 @@ class Schedule(Struct, frozen=True, forbid_unknown_fields=True):
         return knots, values
 
 
-Gain = float | Schedule
+Positive = Annotated[float, Meta(gt=0)]
+Gain = Positive | Schedule
 
 
 def gain_rows(field: str, gain: Gain, times: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -29,7 +29,7 @@ from dqcontrol.laws.desired_twist import (
     second_order_numbers,
     signed_state,
 )
-from dqcontrol.laws.gains import Schedule, gain_rows
+from dqcontrol.laws.gains import Gain, Positive, Schedule, gain_rows
 from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twist, twist_work
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
 from dqcontrol.laws.law import LAW, Law
@@ -170,10 +170,10 @@ class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
         "orientation_gamma": -1,
         "translation_gamma": -1,
     }
-    orientation_gain: Annotated[float | Schedule | None, Meta(description="k_O, 1/s")] = None
-    translation_gain: Annotated[float | Schedule | None, Meta(description="k_T, 1/s")] = None
-    orientation_gamma: Annotated[float | None, Meta(description="γ_O, s")] = None
-    translation_gamma: Annotated[float | None, Meta(description="γ_T, s")] = None
+    orientation_gain: Annotated[Gain | None, Meta(description="k_O, 1/s")] = None
+    translation_gain: Annotated[Gain | None, Meta(description="k_T, 1/s")] = None
+    orientation_gamma: Annotated[Positive | None, Meta(description="γ_O, s")] = None
+    translation_gamma: Annotated[Positive | None, Meta(description="γ_T, s")] = None
     form: Literal["right", "left"] = "right"
     inverse: Inverse = FilteredInverse()
     hysteresis: Annotated[float, Meta(ge=0, lt=1)] = 0.2

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
@@ -143,10 +142,6 @@ class IntegralPoseLaw(PoseLaw, frozen=True, kw_only=True):
     integral_orientation_limit: Annotated[
         float, Meta(gt=0, le=1e6, description="the same about each axis, rad/s")
     ] = 2.0
-    integral_limit: Annotated[
-        float | None,
-        Meta(description="1/s; old: integral_position_limit and integral_orientation_limit are twice this"),
-    ] = None
 
     def rows(self, robot: Robot, reference: Reference | None, dt: float) -> np.ndarray:
         """Return inverse, hysteresis, gains, k_I T, T/T_t and bounds, one row a sample as long as they change."""
@@ -154,14 +149,6 @@ class IntegralPoseLaw(PoseLaw, frozen=True, kw_only=True):
         gain = as_positive("integral_gain", self.integral_gain, zero_allowed=True)
         position = as_positive("integral_position_limit", self.integral_position_limit)
         orientation = as_positive("integral_orientation_limit", self.integral_orientation_limit)
-        if self.integral_limit is not None:
-            warnings.warn(
-                "integral_limit is replaced by integral_position_limit (m/s) and integral_orientation_limit (rad/s), "
-                "twice its number, and ends with the next release",
-                FutureWarning,
-                stacklevel=3,
-            )
-            position = orientation = 2.0 * as_positive("integral_limit", self.integral_limit)
         return integral_parameters.pack(
             **pose_parameters(rows)._asdict(),
             step=gain * dt,

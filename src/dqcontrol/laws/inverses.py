@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
-from msgspec import Meta, Struct
+from msgspec import Meta
 
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve, diagonalise, inverse_trace
 from dqcontrol.arrays import Array
@@ -12,6 +12,7 @@ from dqcontrol.compiled.compile import NOT_FINITE, OK, SINGULAR, inline, shared
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import as_positive
+from dqcontrol.named_fields import CheckedFields
 
 DAMPED, FILTERED, BY_MANIPULABILITY = 0.0, 1.0, 2.0
 
@@ -56,7 +57,7 @@ solver_work: MemoryLayout[SolverWork] = MemoryLayout(SolverWork, unchecked=True)
 _Length = Annotated[float, Meta(gt=0, description="ℓ, m: as many metres count as much as a radian")]
 
 
-class DampedInverse(Struct, frozen=True, tag="damped", tag_field="kind", forbid_unknown_fields=True):
+class DampedInverse(CheckedFields, frozen=True, tag="damped", tag_field="kind", forbid_unknown_fields=True):
     """Damped least squares with a constant factor: J⁺ = Jᵀ(JJᵀ + λ²I)⁻¹. [P16 2.18, Wampler 1986]
 
     J is the Jacobian of the hand's [ℓω ; ṗ], as for `FilteredInverse`. It scales the response along each singular
@@ -64,6 +65,7 @@ class DampedInverse(Struct, frozen=True, tag="damped", tag_field="kind", forbid_
     small errors that of N is half of this λ with ℓ = 1 m.
     """
 
+    spec_key: ClassVar[str] = "inverse"
     damping: Annotated[float, Meta(gt=0, description="λ, m")]
     characteristic_length: _Length = 0.3
 
@@ -72,7 +74,9 @@ class DampedInverse(Struct, frozen=True, tag="damped", tag_field="kind", forbid_
         return DAMPED, as_positive("inverse.damping", self.damping), 0.0, _length(self)
 
 
-class FilteredInverse(Struct, frozen=True, tag="filtered", tag_field="kind", forbid_unknown_fields=True):
+class FilteredInverse(
+    CheckedFields, frozen=True, tag="filtered", tag_field="kind", forbid_unknown_fields=True
+):
     """Exact pseudoinverse away from singularities; near them only the small singular values are damped.
 
     J⁺ = Σ σᵢ/(σᵢ² + λᵢ) vᵢuᵢᵀ with λᵢ = (1 − (σᵢ/ε)²) λ² where σᵢ < ε, else 0. [Chiaverini 1997]
@@ -86,6 +90,7 @@ class FilteredInverse(Struct, frozen=True, tag="filtered", tag_field="kind", for
     λᵢ) below 1.16/ε, and above 1/ε as long as σ > ε/3: `python benchmarks/singularities.py` shows how it was chosen.
     """
 
+    spec_key: ClassVar[str] = "inverse"
     threshold: Annotated[float, Meta(gt=0, description="ε, m: singular values below it are damped")] = 0.04
     damping: Annotated[float, Meta(gt=0, description="λ, m: the damping of a vanishing singular value")] = (
         0.02
@@ -103,7 +108,7 @@ class FilteredInverse(Struct, frozen=True, tag="filtered", tag_field="kind", for
 
 
 class ManipulabilityInverse(
-    Struct, frozen=True, tag="manipulability", tag_field="kind", forbid_unknown_fields=True
+    CheckedFields, frozen=True, tag="manipulability", tag_field="kind", forbid_unknown_fields=True
 ):
     """Least squares damped where the manipulability is small: λ² = λ₀² (1 − m/m₀)² for m < m₀, else 0. [Nakamura 1986]
 
@@ -112,6 +117,7 @@ class ManipulabilityInverse(
     one.
     """
 
+    spec_key: ClassVar[str] = "inverse"
     threshold: Annotated[float, Meta(gt=0, description="m₀")] = 0.03
     damping: Annotated[float, Meta(gt=0, description="λ₀, m")] = 0.05
     characteristic_length: _Length = 0.3

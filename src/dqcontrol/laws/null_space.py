@@ -28,6 +28,7 @@ PREFERENCE = STATUS(INPUT, READ2, READ, WRITE, WRITE)
 class NullSpace(NamedFields, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
     """A preferred motion; subclasses name a kernel of signature `PREFERENCE`."""
 
+    spec_key: ClassVar[str] = "null_space"
     kernel: ClassVar[Kernel]
 
     def parameters(self, robot: Robot) -> NDArray[np.float64]:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from msgspec import Meta
 
 from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, InterpretedKernel, Kernel, compile_own
 from dqcontrol.errors import ShapeError, as_array, as_count
@@ -85,8 +86,8 @@ class OwnLaw(Law, frozen=True, kw_only=True, tag="own"):
 
     function: Any
     parameters: list[float] | dict[str, float] = []
-    memory: int = 1
-    scratch: int = 0
+    memory: Annotated[int, Meta(ge=0)] = 1
+    scratch: Annotated[int, Meta(ge=0)] = 0
 
     @property
     def kernel(self) -> Kernel | InterpretedKernel:  # type: ignore[override]

@@ -11,7 +11,7 @@ from msgspec import Meta
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ValueRangeError, as_array
-from dqcontrol.laws.gains import Schedule, gain_matrix_rows
+from dqcontrol.laws.gains import Positive, Schedule, gain_matrix_rows
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
 from dqcontrol.laws.law import Law
 from dqcontrol.laws.loop_rates import LoopRates
@@ -45,7 +45,8 @@ class PoseLaw(Law, frozen=True, kw_only=True):
 
     gain_powers: ClassVar[Mapping[str, float]] = {"gain": 1}
     gain: Annotated[
-        float | list[float] | Schedule, Meta(description="K in 1/s: k, its diagonal (8), or k over time")
+        Positive | list[Positive] | Schedule,
+        Meta(description="K in 1/s: k, its diagonal (8), or k over time"),
     ]
     inverse: Inverse = FilteredInverse()
     hysteresis: Annotated[

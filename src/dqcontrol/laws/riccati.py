@@ -6,19 +6,20 @@ import math
 from typing import Annotated, Any
 
 import numpy as np
-from msgspec import Meta, Struct
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ2, STATUS, WRITE, WRITE2, inline, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+from dqcontrol.named_fields import CheckedFields
 
 _LARGEST_WEIGHT = 1e100
 _SMALLEST_WEIGHT = 1e-100
 _LARGEST_PHASE = 0.25  # κh of a Runge–Kutta step; at 0.5 its decay factor is still right to 1e-4 of itself
 
 
-class Steps(Struct, frozen=True, forbid_unknown_fields=True):
+class Steps(CheckedFields, frozen=True, forbid_unknown_fields=True):
     """A weight that is constant between given times: ``values[i]`` holds from ``times[i]`` on, the first before too.
 
     Parameters

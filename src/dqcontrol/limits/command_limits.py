@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from msgspec import Meta
@@ -43,6 +43,7 @@ class CommandLimits(NamedFields, frozen=True, kw_only=True, forbid_unknown_field
         Sag fed forward, and a disturbance observer; not together with ``position``.
     """
 
+    spec_key: ClassVar[str] = "limits"
     velocity: Annotated[bool | None, Meta(description="scale commands to the velocity limits")] = None
     position: AnyPositionLimit | None = None
     compensation: Compensation | None = None

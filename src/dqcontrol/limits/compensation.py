@@ -186,6 +186,7 @@ class Compensation(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
     True
     """
 
+    spec_key: ClassVar[str] = "limits.compensation"
     kernel: ClassVar[Kernel] = compensate
     compliance: Annotated[Each, Meta(description="rad/(N·m) or m/N")] = 0.0
     observer: Annotated[float, Meta(gt=0, description="s")] | None = None

@@ -46,6 +46,7 @@ class PositionLimit(NamedFields, frozen=True, kw_only=True, tag_field="kind", fo
     Mobile bases have no limits and are passed over.
     """
 
+    spec_key: ClassVar[str] = "limits.position"
     kernel: ClassVar[Kernel]
 
     def parameters(

@@ -19,7 +19,6 @@ from dqcontrol.experiments.evaluation_spec import EvaluationSpec
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.spec import RobotSpec, Spec, Start, as_spec, start_configuration
 from dqcontrol.experiments.spec.key_types import kinds_of, numbers_for_quantities
-from dqcontrol.experiments.spec.old_keys import rename_old_keys
 from dqcontrol.experiments.spec.reference_spec import AnyReference, Part
 from dqcontrol.files.text_file import read_text
 from dqcontrol.files.yaml_file import convert, parse_yaml
@@ -29,7 +28,6 @@ from dqcontrol.logs.joint_messages import holds_joint_states, is_recording, read
 from dqcontrol.logs.joint_table import Angles, column_names
 from dqcontrol.logs.missing_cells import Missing
 from dqcontrol.loop import Record
-from dqcontrol.moved import renamed_parameters
 from dqcontrol.recording import load_metadata
 from dqcontrol.references import Points, Reference, SetPoint, load_points
 from dqcontrol.references.sample import TIME
@@ -55,7 +53,6 @@ class ReferenceFile(Part, frozen=True, kw_only=True):
     start: Start | None = None
 
 
-@renamed_parameters(settle="skip_initial")
 def evaluate_log(
     log: str | Path,
     robot: str | Path | None = None,
@@ -254,7 +251,6 @@ def about_log(path: Path) -> dict[str, Any]:
     data = parse_yaml(path, load_metadata(path)["spec"]) if is_own(path) else None
     if not isinstance(data, dict):
         return {}
-    rename_old_keys(str(path), data)
     data = data.get("evaluation", data)
     return data | {
         "robot": {"source": data["robot"]} if isinstance(data.get("robot"), str) else data.get("robot")
@@ -323,7 +319,6 @@ def _short_form(file: Path, data: Any) -> ReferenceFile:
 
 def _from_yaml(file: Path, robot: Robot, q0: Array) -> tuple[Reference, float | None]:
     data = parse_yaml(file, read_text(file))
-    rename_old_keys(str(file), data)
     whole = isinstance(data, dict) and not data.keys().isdisjoint({"name", "law", "laws", "plant", "plants"})
     folder = file.resolve().parent
     spec: Spec | ReferenceFile = as_spec(str(file), data, folder) if whole else _short_form(file, data)

@@ -26,7 +26,6 @@ from dqcontrol.measures.low_pass import low_passed
 from dqcontrol.measures.margins import least_margin
 from dqcontrol.measures.task_range import outside_range
 from dqcontrol.measures.task_result import task_result
-from dqcontrol.moved import renamed_parameters
 from dqcontrol.robots import Robot
 from dqcontrol.robots.limits import Limits
 
@@ -224,7 +223,6 @@ class Metrics:
         return _flatten(self.to_dict())
 
 
-@renamed_parameters(settle="skip_initial")
 def evaluate(
     record: Record,
     limits: Limits | None = None,

@@ -17,7 +17,6 @@ from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws import Law, PartialProportional
 from dqcontrol.loop.record import Record, has_failed, row_norms
 from dqcontrol.measures.task_range import inverse_of, lost_share
-from dqcontrol.moved import renamed_parameters
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
 
@@ -179,7 +178,6 @@ def _asked(record: Record) -> _Asked:
     return _Asked(*numbers.tolist())
 
 
-@renamed_parameters(settle="skip_initial")
 def task_result(
     record: Record, *, law: Law | None = None, skip_initial: float = 0.0, robot: Robot | None = None
 ) -> TaskResult:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from msgspec import Meta
@@ -39,6 +39,7 @@ class FiducialLoss(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
         s.
     """
 
+    spec_key: ClassVar[str] = "plant.camera.losses"
     time: Annotated[float, Meta(ge=0, le=1e6, description="s")]
     duration: Annotated[float, Meta(gt=0, le=1e6, description="s")]
 
@@ -117,6 +118,7 @@ class Camera(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True)
     ([0.15], [0.1])
     """
 
+    spec_key: ClassVar[str] = "plant.camera"
     rate: Annotated[float, Meta(gt=0, le=1e4, description="Hz")] = 30.0
     delay: Annotated[float, Meta(ge=0, le=100, description="s")] = 0.0
     position_noise: Annotated[float, Meta(ge=0, le=10, description="m")] = 0.0

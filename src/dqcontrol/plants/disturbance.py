@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from msgspec import Meta
@@ -24,6 +24,8 @@ _CHUNK = 4096  # times at once
 
 class DisturbanceSource(NamedFields, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
     """A twist over time."""
+
+    spec_key: ClassVar[str] = "disturbance"
 
     def values(self, times: Array, seed: list[int]) -> Array:
         """Return the twist at each time, shape (N, 6); the seed draws all chance."""
@@ -155,6 +157,7 @@ class WorstCase(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     (0.04, 0.01)
     """
 
+    spec_key: ClassVar[str] = "disturbance.worst_case"
     level: Annotated[float, Meta(gt=0, description="m/s")]
     direction: Annotated[Three, Meta(description="inertial axes")]
     gammas: Annotated[
@@ -216,6 +219,7 @@ class Disturbance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     [0.0, 0.0, 0.0, 0.01, 0.0, 0.0]
     """
 
+    spec_key: ClassVar[str] = "disturbance"
     twist: AnySource | None = None
     pose: AnySource | None = None
     worst_case: WorstCase | None = None

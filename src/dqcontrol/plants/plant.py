@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
-from msgspec import Struct
 from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
@@ -17,6 +16,7 @@ from dqcontrol.compiled.compile import READ, STATUS, WRITE, WRONG_SIZE, Interpre
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.laws.constrained.constraints import AT_ONCE, Lag
 from dqcontrol.limits.command_limits import CommandLimits
+from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.live_plant import ControllerSettings, LivePlant, MovedPlant
@@ -65,7 +65,12 @@ class MovingBox(NamedTuple):
 
 
 class Plant(
-    Struct, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True, repr_omit_defaults=True
+    NamedFields,
+    frozen=True,
+    kw_only=True,
+    tag_field="kind",
+    forbid_unknown_fields=True,
+    repr_omit_defaults=True,
 ):
     """Parameters of a plant.
 
@@ -82,6 +87,7 @@ class Plant(
         Its parameters that name files, relative to the spec.
     """
 
+    spec_key: ClassVar[str] = "plant"
     is_supervised: ClassVar[bool] = False
     has_velocity_limits: ClassVar[bool] = False
     is_ideal: ClassVar[bool] = False

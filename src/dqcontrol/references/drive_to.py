@@ -22,7 +22,6 @@ from dqcontrol.errors import (
     as_positive,
 )
 from dqcontrol.geometry import FloorMap, load_map
-from dqcontrol.moved import renamed_parameters
 from dqcontrol.references.base_ways import Piece, arcs_and_lines, rolled, turns_and_lines
 from dqcontrol.references.reference import NO_CORNERS, Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE, as_pose
@@ -77,7 +76,6 @@ class PlannedWay(Reference):
         return times - self.duration
 
 
-@renamed_parameters(share="speed_fraction")
 @dataclass(frozen=True, eq=False, repr=False)
 class DriveTo(PlannedWay):
     """The hand's motion while its robot goes from one configuration to another, as it can.
@@ -213,7 +211,6 @@ class DriveTo(PlannedWay):
         return cls.pose(robot, start, target, speed_fraction, acceleration, floor, clearance)
 
     @classmethod
-    @renamed_parameters(share="speed_fraction")
     def pose(
         cls,
         robot: Robot,

@@ -15,7 +15,6 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, NoteWarning, ShapeError, as_array, error_prefix
 from dqcontrol.experiments.spec.key_types import kinds_below, kinds_of, numbers_for_quantities
-from dqcontrol.experiments.spec.old_keys import rename_old_keys
 from dqcontrol.experiments.spec.parameter_sets import Changes, Label, Variant, variants
 from dqcontrol.experiments.spec.reference_base import Quaternion, Vector, rotation_from
 from dqcontrol.experiments.spec.reference_spec import AnyReference, Part, reference_data
@@ -432,7 +431,6 @@ def read_data(source: str | Path | dict[str, Any]) -> tuple[str, dict[str, Any],
         raise FileFormatError(
             f"{where}: is empty or no mapping; it needs name, robot, start, period, reference, law, plant{glued}"
         )
-    rename_old_keys(where, data)
     if not isinstance(source, dict):
         use_copies(data, folder)
     return where, data, folder
@@ -440,7 +438,6 @@ def read_data(source: str | Path | dict[str, Any]) -> tuple[str, dict[str, Any],
 
 def as_spec(where: str, data: dict[str, Any], folder: Path) -> Spec:
     """Return plain data as a spec; ``where`` is for the messages."""
-    rename_old_keys(where, data)
     complete_plants(data, folder)
     admit(where, data, folder)
     spec = convert(where, _with_numbers(where, data), Spec)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from msgspec import Meta
@@ -88,6 +88,7 @@ class KeepOutZones(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
     (0.45, True)
     """
 
+    spec_key: ClassVar[str] = "supervisor.keep_out"
     zones: Annotated[
         dict[
             Annotated[str, Meta(min_length=1, max_length=60)],

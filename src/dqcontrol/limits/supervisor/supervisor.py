@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import msgspec
 import numpy as np
@@ -39,6 +39,7 @@ class LinkPoint(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 class WorkspaceBox(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Where the hand may be: a box with sides along the inertial axes, m; and other points that are to stay in it."""
 
+    spec_key: ClassVar[str] = "supervisor.workspace"
     lower: tuple[float, float, float]
     upper: tuple[float, float, float]
     points: list[LinkPoint] = msgspec.field(default_factory=list)
@@ -47,6 +48,7 @@ class WorkspaceBox(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
 class DeclaredPayload(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What hangs beyond the wrench sensor, tool included: mass, kg, and its centre, m, in the hand's frame."""
 
+    spec_key: ClassVar[str] = "supervisor.payload"
     mass: Annotated[float, Meta(ge=0, le=1e4, description="kg")]
     center: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
@@ -135,6 +137,7 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
     ('velocity limit', 'acceleration limit')
     """
 
+    spec_key: ClassVar[str] = "supervisor"
     velocity: Annotated[float | list[float] | None, Meta(description="> 0, rad/s or m/s")] = None
     acceleration: Annotated[float | list[float], Meta(description="> 0, rad/s² or m/s²")] = 10.0
     jerk: Annotated[float | list[float] | None, Meta(description="> 0, rad/s³ or m/s³")] = None

@@ -1,5 +1,5 @@
 """What servos a robot has, found from logs of commands and measured positions."""
 
-from dqcontrol.moved import offered
+import lazy_loader
 
-__getattr__, __dir__, __all__ = offered(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,5 +1,5 @@
 """Arms with elastic joints and joint controllers, in MuJoCo."""
 
-from dqcontrol.moved import offered
+import lazy_loader
 
-__getattr__, __dir__, __all__ = offered(__name__, __file__)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

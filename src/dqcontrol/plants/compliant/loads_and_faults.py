@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import msgspec
 import numpy as np
@@ -29,6 +29,7 @@ class Push(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
         ``hand``: the tool's point; ``link 1`` …: that link's centre of mass.
     """
 
+    spec_key: ClassVar[str] = "plant.pushes"
     time: Seconds
     duration: Annotated[float, Meta(gt=0, le=1e6, description="s")]
     force: tuple[Newtons, Newtons, Newtons]
@@ -48,6 +49,7 @@ class Payload(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True
         s; in a file, ``from`` and ``until``. For ever if ``until`` is omitted.
     """
 
+    spec_key: ClassVar[str] = "plant.payload"
     mass: Annotated[float, Meta(gt=0, le=1e3, description="kg")]
     begin: Seconds = msgspec.field(default=0.0, name="from")
     until: Seconds | None = None
@@ -64,6 +66,7 @@ class EncoderLoss(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         Its number, from 1.
     """
 
+    spec_key: ClassVar[str] = "plant.encoder_losses"
     time: Seconds
     duration: Annotated[float, Meta(gt=0, le=1e6, description="s")]
     joint: Annotated[int, Meta(ge=1, le=1000, description="number, from 1")]
@@ -80,6 +83,7 @@ class WristFault(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         N, axes of the tool.
     """
 
+    spec_key: ClassVar[str] = "plant.wrist_fault"
     time: Seconds
     duration: Annotated[float, Meta(gt=0, le=1e6, description="s")]
     force: tuple[Newtons, Newtons, Newtons] = (0.0, 0.0, 0.0)

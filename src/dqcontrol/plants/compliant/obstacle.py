@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import msgspec
 import numpy as np
@@ -47,6 +47,7 @@ class Obstacle(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         s; in a file, ``from`` and ``until``. For ever if ``until`` is omitted.
     """
 
+    spec_key: ClassVar[str] = "plant.obstacles"
     position: tuple[Metres, Metres, Metres]
     radius: Annotated[float, Meta(gt=0, le=100, description="m")]
     stiffness: Annotated[float, Meta(gt=0, le=1e7, description="N/m")]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from msgspec import Meta
 
@@ -31,6 +31,7 @@ class PayloadCompensation(NamedFields, frozen=True, kw_only=True, forbid_unknown
         kg.
     """
 
+    spec_key: ClassVar[str] = "plant.payload_compensation"
     time_constant: Annotated[float, Meta(gt=0, le=100, description="τ, s")] = 0.5
     max_mass: Annotated[float, Meta(gt=0, le=1e3, description="kg")] = 2.0
 

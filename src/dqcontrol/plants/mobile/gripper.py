@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from msgspec import Meta
@@ -32,6 +32,7 @@ class GripperEvent(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
         True: close.
     """
 
+    spec_key: ClassVar[str] = "plant.gripper.events"
     time: Annotated[float, Meta(ge=0, le=1e6, description="s")]
     closed: bool
 
@@ -68,6 +69,7 @@ class Gripper(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True
         If a number is not positive, the axes are the same, or the schedule is out of order.
     """
 
+    spec_key: ClassVar[str] = "plant.gripper"
     force: Annotated[float, Meta(gt=0, le=1e4, description="N")] = 4.0
     speed: Annotated[float, Meta(gt=0, le=10, description="m/s")] = 0.05
     opening: Annotated[float, Meta(gt=0, le=1, description="m")] = 0.06

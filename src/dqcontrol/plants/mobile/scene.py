@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from msgspec import Meta
@@ -40,6 +40,7 @@ class Cube(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
         Height of what it lies on at the start, m.
     """
 
+    spec_key: ClassVar[str] = "plant.scene.cubes"
     position: Annotated[Place, Meta(description="m")]
     yaw: Annotated[float, Meta(ge=-10, le=10, description="rad")] = 0.0
     side: Annotated[float, Meta(gt=0, le=10, description="m")] = 0.03
@@ -69,6 +70,7 @@ class Basket(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True)
         Height of what it stands on, m.
     """
 
+    spec_key: ClassVar[str] = "plant.scene.baskets"
     position: Annotated[Place, Meta(description="m")]
     side: Annotated[float, Meta(gt=0, le=10, description="m")] = 0.16
     height: Annotated[float, Meta(gt=0, le=10, description="m")] = 0.08
@@ -101,6 +103,7 @@ class TableBlock(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         m.
     """
 
+    spec_key: ClassVar[str] = "plant.scene.tables"
     position: Annotated[Place, Meta(description="m")]
     size: Annotated[Place, Meta(description="m")]
     height: Annotated[float, Meta(gt=0, le=10, description="m")]
@@ -129,6 +132,7 @@ class Scene(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
         What they may stand on.
     """
 
+    spec_key: ClassVar[str] = "plant.scene"
     cubes: Annotated[list[Cube], Meta(max_length=100)] = []
     baskets: Annotated[list[Basket], Meta(max_length=100)] = []
     tables: Annotated[list[TableBlock], Meta(max_length=100)] = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from msgspec import Meta
@@ -86,6 +86,7 @@ class WheeledBase(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         If a number is outside of what is allowed.
     """
 
+    spec_key: ClassVar[str] = "plant.base"
     mass: Annotated[float, Meta(gt=0, le=1e4, description="kg")] | None = None
     radius: Annotated[float, Meta(gt=0, le=10, description="m")] | None = None
     height: Annotated[float, Meta(gt=0, le=10, description="m")] | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from msgspec import Meta
@@ -47,6 +47,7 @@ class CarriedBox(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         it.
     """
 
+    spec_key: ClassVar[str] = "plant.box"
     mass: Annotated[float, Meta(gt=0, description="kg")] = 1.0
     height: Annotated[float, Meta(gt=0, description="m")] = 0.2
     depth: Annotated[float, Meta(gt=0, description="m")] = 0.2

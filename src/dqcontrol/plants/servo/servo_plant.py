@@ -35,6 +35,7 @@ from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot, base_coordinates
 
 Each: TypeAlias = Annotated[float, Meta(ge=0)] | list[Annotated[float, Meta(ge=0)]]
+_EachAboveZero: TypeAlias = Annotated[float, Meta(gt=0)] | list[Annotated[float, Meta(gt=0)]]
 _HORIZON = 2.0  # s in which what matters of a joint is seen
 
 
@@ -101,7 +102,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
     friction: Annotated[Each, Meta(description="half the play, rad or m")] = 0.0
     gain: Annotated[Each, Meta(description="share of a commanded move that is made")] = 1.0
     sag: Annotated[float, Meta(ge=0, description="α, factor on the gravity sag")] = 0.0
-    stiffness: Annotated[Each, Meta(description="K, N·m/rad or N/m")] = 500.0
+    stiffness: Annotated[_EachAboveZero, Meta(description="K, N·m/rad or N/m")] = 500.0
     delay: Annotated[Each, Meta(description="s")] = 0.0
     encoder_resolution: Annotated[Each, Meta(description="rad or m")] = 0.0
     encoder_noise: Annotated[Each, Meta(description="rad or m")] = 0.0
