@@ -144,6 +144,7 @@ bench: $(PEERS)/bench
 	@mkdir -p results
 	@$(PEERS)/bin/python benchmarks/floor.py --json results/floor.json --picture results/floor.png
 	@$(PEERS)/bin/python benchmarks/laws.py
+	@$(PEERS)/bin/python benchmarks/feedforward.py
 	@$(PEERS)/bin/python benchmarks/physics.py
 	@$(PEERS)/bin/python benchmarks/pereira2016.py
 	@$(PEERS)/bin/python benchmarks/sweep.py

@@ -377,18 +377,18 @@ def _known_joints() -> None:
     known = {"lag": 0.05, "delay": 0.02}
     plain = BASE | {
         "plant": {"kind": "servo", "time_constant": 0.05, "delay": 0.02, "sag": 1},
-        "law": {"kind": "proportional-feedforward", "gain": 5},
+        "law": {"kind": "proportional-feedforward", "gain": 5, "feedforward": "printed"},
         "skip_initial": 0.5,
     }
-    ahead = plain | {"reference": CIRCLE | {"preview": {"delay": 0.025, "lag": 0.05}}}
+    ahead = plain | {"law": {"kind": "proportional-feedforward", "gain": 5}}
     sag = {"compliance": 2e-3}
     runs = {
-        "as it is": plain,
-        "with preview": ahead,
-        "with preview and sag": _compensated(ahead, **sag),
+        "as printed": plain,
+        "second order, with preview": ahead,
+        "the same and sag": _compensated(ahead, **sag),
         "sag 30 % too small": _compensated(ahead, compliance=0.7 * sag["compliance"]),
         "too large": _compensated(ahead, compliance=1.3 * sag["compliance"]),
-        "with preview and observer": _compensated(ahead, observer=0.05, **known),
+        "second order, with preview and observer": _compensated(ahead, observer=0.05, **known),
     }
     errors = {name: dqc.run(each).metrics.position.settled_rms for name, each in runs.items()}
     print("K+FF on a circle: " + ", ".join(f"{name} {error:.2g} mm" for name, error in errors.items()))
@@ -410,7 +410,7 @@ def _compensated(spec: dict[str, Any], **how: Any) -> dict[str, Any]:
 def _identified_joints() -> None:
     spec = BASE | {
         "plant": SERVO | {"sag": 1, "encoder_noise": 2e-4},
-        "law": {"kind": "proportional-feedforward", "gain": 5},
+        "law": {"kind": "proportional-feedforward", "gain": 5, "feedforward": "printed"},
         "reference": {"kind": "square", "side": 0.08, "duration": 8},
     }
     with TemporaryDirectory() as folder:
@@ -423,11 +423,12 @@ def _identified_joints() -> None:
     lag, delay = float(np.mean(servo.time_constant)), float(np.mean(servo.delay))
     compliance = (np.asarray(servo.sag) / np.asarray(servo.stiffness)).tolist()
     preview = {"preview": {"delay": delay + 0.5 * BASE["period"], "lag": lag}}
-    ahead = spec | {"reference": spec["reference"] | preview}
+    second = {"kind": "proportional-feedforward", "gain": 5}
+    ahead = spec | {"law": second, "reference": spec["reference"] | preview}
     runs = {
-        "as it is": spec,
-        "with preview": ahead,
-        "with preview and sag": _compensated(ahead, compliance=compliance),
+        "as printed": spec,
+        "second order, with preview": ahead,
+        "the same and sag": _compensated(ahead, compliance=compliance),
     }
     errors = {name: dqc.run(each).metrics.position.rms for name, each in runs.items()}
     first, *_, last = errors.values()

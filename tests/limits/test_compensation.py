@@ -18,7 +18,7 @@ SPEC = {
         "radius": 0.06,
         "duration": 4,
         "ramp": 0.5,
-        "preview": {"delay": 0.025, "lag": 0.05},
+        "preview": {"delay": 0.025, "lag": 0.05, "step": 0.01},
     },
     "law": {"kind": "proportional-feedforward", "gain": 5},
     "plant": {"kind": "servo", "time_constant": 0.05, "delay": 0.02, "sag": 1},
@@ -38,7 +38,8 @@ def compensated(**given):
 
 def test_lag_sag_and_observer_each_take_their_part_away():
     whole = {key: value for key, value in SPEC["reference"].items() if key != "preview"}
-    plain, lag = rms(reference=whole), rms()
+    plain, lag = rms(reference=whole, law=SPEC["law"] | {"feedforward": "printed"}), rms()
+    assert rms(reference=whole) == pytest.approx(lag)  # the preview that the plant's numbers make
     sag, observed = rms(**compensated(**SAG)), rms(**compensated(**OBSERVER))
     both = rms(**compensated(**SAG, **OBSERVER))
     assert plain == pytest.approx(3.06, abs=0.1)

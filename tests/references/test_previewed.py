@@ -43,7 +43,7 @@ def test_feedforward_with_the_joints_numbers_halves_the_error_and_more(kind, fac
         "robot": "iiwa7",
         "start": START,
         "period": 0.01,
-        "law": {"kind": "proportional-feedforward", "gain": 5},
+        "law": {"kind": "proportional-feedforward", "gain": 5, "feedforward": "printed"},
         "plant": {"kind": "servo", "time_constant": 0.05, "delay": 0.02},
     }
     plain, ahead = (
@@ -51,6 +51,12 @@ def test_feedforward_with_the_joints_numbers_halves_the_error_and_more(kind, fac
         for more in ({}, {"preview": {"delay": 0.025, "lag": 0.05}})
     )
     assert ahead < plain / factor
+    second = dict(spec, law={"kind": "proportional-feedforward", "gain": 5}, reference=shapes[kind])
+    by_itself, none = (
+        dqc.run(second | {"reference": shapes[kind] | more}).metrics.position.rms
+        for more in ({}, {"preview": {}})
+    )
+    assert by_itself < ahead / (4 if kind == "circle" else 0.99) < none  # a square's corners decide
 
 
 def test_corners_come_early_and_the_end_is_one():

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Collection, Iterator
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -42,7 +43,8 @@ from dqcontrol.loop.trace import FARTHEST
 from dqcontrol.measures.stability import LoopGain, loop_gains
 from dqcontrol.plants.live_plant import live_plant
 from dqcontrol.plants.plant import lagging_mode
-from dqcontrol.references import Reference
+from dqcontrol.references import Previewed, Reference
+from dqcontrol.references.sample import TIME
 from dqcontrol.robots import Robot, WholeBody
 from dqcontrol.robots.whole_body import Base
 
@@ -237,14 +239,17 @@ def prepare_spec(spec: Spec, folder: Path, known: dict[bytes, Any]) -> PreparedE
             different = {each.velocity: each for each in limits.values()}
             laws = list(_prepared_laws(spec, variants, scenes[label], different))
             compiled = _checked_plants(spec, plants, scenes[label])
+        led: dict[bytes, PreparedRobot] = {}
         for name, plant in plants.items():
             for variant, (versions, gains) in zip(variants, laws, strict=True):
                 place = Names(label, variant.label, variant.set, name)
-                law = versions[limits[name].velocity]
+                law, scene = versions[limits[name].velocity], scenes[label]
+                if variant.law.lag_at and not isinstance(scene.reference, Previewed):
+                    lag, delay = plant.lag(scene.robot).mean
+                    if lag or delay:  # the law's rows may depend on the twists: it is prepared again
+                        law, scene = None, _once(led, [lag, delay], partial(_led, scene, lag, delay))
                 cases.append(
-                    Combination(
-                        place, scenes[label], variant, plant, limits[name], compiled[name], law, gains
-                    )
+                    Combination(place, scene, variant, plant, limits[name], compiled[name], law, gains)
                 )
     return PreparedExperiment(spec, folder, scenes, tuple(cases))
 
@@ -277,6 +282,14 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
         raise ReachError(f"{error}{length_slip(spec.reference, robot)}") from None
     check_clearance(robot, start, samples)
     return PreparedRobot(robot, start, reference, samples, _tasks(spec, robot, start, folder, times))
+
+
+def _led(scene: PreparedRobot, lag: float, delay: float) -> PreparedRobot:
+    """Return the scene with twists that lead by lag and delay of the joints, and by half of a period."""
+    times = scene.samples[:, TIME]
+    period = float(times[1] - times[0])
+    ahead = Previewed(scene.reference, delay + period / 2, lag, period)
+    return replace(scene, reference=ahead, samples=ahead.samples(times))
 
 
 def _tasks(spec: Spec, robot: Robot, start: Array, folder: Path, times: Array) -> PreparedTasks | None:

@@ -50,8 +50,9 @@ class Plan(NamedTuple):
     ----------
     kinematics, preference, law, position_limit, limit, tasks, constraint
         Addresses; 0 where nothing is to be done.
-    delivered_at, sent_at
-        Where the state takes the hand's twist, and the command, that left; 0: nowhere.
+    delivered_at, last_at, sent_at
+        Where the state takes what left, of the law the hand's twist and the command, of its limits the command; 0:
+        nowhere.
     state
         Its size.
     table_rows, table_columns, rows, columns, work, inputs, preferring, position_limiting, limiting, tasking,
@@ -67,6 +68,7 @@ class Plan(NamedTuple):
     tasks: int
     constraint: int
     delivered_at: int
+    last_at: int
     sent_at: int
     state: int
     table_rows: int
@@ -217,10 +219,14 @@ def compute_command(prepared, q, sample, k, state, out):
 @inline
 def note_sent(prepared, state, command):
     """Write what left, as a twist of the hand and as a command, where the state of a law or a limit wants it."""
-    delivered, sent = prepared.plan.delivered_at, prepared.plan.sent_at
+    plan = prepared.plan
+    delivered, last, sent = plan.delivered_at, plan.last_at, plan.sent_at
     if delivered != 0:
         pose, _, twist_jacobian = split(prepared.memory.kinematics)
         note_delivered(pose, twist_jacobian, command, state[delivered : delivered + 6])
+    if last != 0:
+        for i in range(command.shape[0]):
+            state[last + i] = command[i]
     if sent != 0:
         for i in range(command.shape[0]):
             state[sent + i] = command[i]

@@ -2,16 +2,48 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import numpy as np
 
 from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, multiply
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.laws.integral import IntegralPoseLaw, integral_work, solve_with_integral
+from dqcontrol.laws.desired_twist import (
+    LAG,
+    Feedforward,
+    desired_twist,
+    second_order_numbers,
+)
+from dqcontrol.laws.integral import (
+    IntegralPoseLaw,
+    integral_parameters,
+    integral_state,
+    integral_work,
+    solve_with_integral,
+)
 from dqcontrol.laws.law import LAW
 from dqcontrol.laws.pose_error import left_error, left_error_twist
 from dqcontrol.laws.pose_law import pose_parameters
+
+if TYPE_CHECKING:
+    from dqcontrol.references import Reference
+    from dqcontrol.robots import Robot
+
+
+class FeedforwardParameters(NamedTuple):
+    """What compiled code knows of the law."""
+
+    integral: Annotated[Array, integral_parameters.size()]
+    second_order: Annotated[Array, ...]
+
+
+class FeedforwardState(NamedTuple):
+    """What it keeps: the last command that left only for feed-forward of second order."""
+
+    integral: Annotated[Array, integral_state.size()]
+    last: Annotated[Array, "m"]
 
 
 class FeedforwardWork(NamedTuple):
@@ -20,24 +52,30 @@ class FeedforwardWork(NamedTuple):
     preferred: Annotated[Array, "m"]
     error: Annotated[Array, 8]
     target: Annotated[Array, 8]
+    twist: Annotated[Array, 6]
     velocity: Annotated[Array, 8]
     half_twist: Annotated[Array, 8]
     solver: Annotated[Array, integral_work.sized("m")]
 
 
+feedforward_parameters: MemoryLayout[FeedforwardParameters] = MemoryLayout(FeedforwardParameters)
+feedforward_state: MemoryLayout[FeedforwardState] = MemoryLayout(FeedforwardState, "m", unchecked=True)
 feedforward_work: MemoryLayout[FeedforwardWork] = MemoryLayout(FeedforwardWork, "m")
 
 
 @kernel(LAW)
 def proportional_feedforward(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
-    """Write q̇ = N⁺ (K vec8(e) − vec8(x*ẋ_d)) + J⁺ k_I ∫ε dt with ẋ_d = ½ξ_d x_d."""
-    given, own = pose_parameters(parameters), feedforward_work(work, out.shape[0])
+    """Write q̇ = N⁺ (K vec8(e) − vec8(x*ẋ_d)) + J⁺ k_I ∫ε dt with ẋ_d = ½t x_d, t = ξ_d to second order."""
+    m = out.shape[0]
+    given, own = pose_parameters(parameters), feedforward_work(work, m)
     error, target, half_twist = own.error, own.target, own.half_twist
     sign = left_error(pose, sample, given.hysteresis, state, error)
+    numbers, last = feedforward_parameters(parameters).second_order, feedforward_state(state, m).last
+    desired_twist(sample, pose, twist_jacobian, numbers, last, own.twist)
     half_twist[0], half_twist[4] = 0.0, 0.0
     for i in range(3):
-        half_twist[1 + i] = 0.5 * sign * sample[8 + i]
-        half_twist[5 + i] = 0.5 * sign * sample[11 + i]
+        half_twist[1 + i] = 0.5 * sign * own.twist[i]
+        half_twist[5 + i] = 0.5 * sign * own.twist[3 + i]
     multiply(half_twist, sample, own.velocity)
     conjugate_multiply(pose, own.velocity, target)
     for i in range(8):
@@ -51,8 +89,9 @@ def proportional_feedforward(q, pose, pose_jacobian, twist_jacobian, sample, par
 class ProportionalFeedforward(IntegralPoseLaw, frozen=True, kw_only=True, tag="proportional-feedforward"):
     """K+FF: q̇ = N⁺ (K vec8(1 − x*x_d) − vec8(x*ẋ_d)). [P16 3.12]
 
-    Like `Proportional`, with the desired velocity added, so that ė = −Ke (projected) also for a moving target: ideal
-    joints follow without lag up to the period.
+    Like `Proportional`, with the desired velocity added, so that ė = −Ke (projected) also for a moving target. A
+    command is held for a period, so ẋ_d = ½tx_d has t = ξ_d + h (ξ̇_d − J̇(u⁻)u⁻) in place of ξ_d, h = T/2 and what
+    joints are late, u⁻ the last command that left: the error falls with T².
 
     Sampling limits: position and orientation have the loop gain k (the largest of K). With ideal joints kT < 2 is
     stable and kT ≤ 1 monotone, with one sample of delay kT < 1 and kT ≤ 1/4; for servos and physics ask ``dqcontrol
@@ -64,6 +103,8 @@ class ProportionalFeedforward(IntegralPoseLaw, frozen=True, kw_only=True, tag="p
     ----------
     gain, integral_gain, integral_position_limit, integral_orientation_limit, inverse, hysteresis, null_space
         As of `Proportional`.
+    feedforward
+        ``"second-order"``, or ``"printed"``: ξ_d as it is, with an error that falls with T.
 
     Examples
     --------
@@ -78,3 +119,31 @@ class ProportionalFeedforward(IntegralPoseLaw, frozen=True, kw_only=True, tag="p
 
     kernel = proportional_feedforward
     work = feedforward_work
+    feedforward: Feedforward = "second-order"
+
+    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> np.ndarray:
+        """Return the rows of `IntegralPoseLaw`, and what feed-forward of second order needs."""
+        return feedforward_parameters.pack(
+            integral=super().rows(robot, reference, dt),
+            second_order=second_order_numbers(
+                self.feedforward, robot, reference, dt, self.inverse.characteristic_length
+            ),
+        )
+
+    def state_size(self, robot: Robot) -> int:
+        """Return room for the state of `IntegralPoseLaw`, and the last command."""
+        if self.feedforward == "printed":
+            return super().state_size(robot)
+        return feedforward_state.size(robot.input_size)
+
+    @property
+    def last_at(self) -> int:
+        """Where the state takes the last command."""
+        return 0 if self.feedforward == "printed" else integral_state.size()
+
+    @property
+    def lag_at(self) -> int:
+        """Where the parameters take the joints' lag."""
+        if self.feedforward == "printed":
+            return 0
+        return integral_parameters.size() + LAG

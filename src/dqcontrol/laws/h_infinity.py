@@ -21,6 +21,14 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import Kernel, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ShapeError, as_positive, unknown_name
+from dqcontrol.laws.desired_twist import (
+    LAG,
+    Feedforward,
+    desired_twist,
+    last_at,
+    second_order_numbers,
+    signed_state,
+)
 from dqcontrol.laws.gains import Gain, Positive, Schedule, gain_rows
 from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twist, twist_work
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
@@ -35,13 +43,17 @@ if TYPE_CHECKING:
 
 
 class HInfinityParameters(NamedTuple):
-    """What compiled code knows of the law; ``tracking`` is 0 where the desired twist is not added."""
+    """What compiled code knows of the law; ``tracking`` is 0 where the desired twist is not added.
+
+    What feed-forward of second order needs comes last.
+    """
 
     inverse: Annotated[Array, inverse_parameters.size()]
     hysteresis: float
     orientation: float
     translation: float
     tracking: float
+    second_order: Annotated[Array, ...]
 
 
 class HInfinityWork(NamedTuple):
@@ -51,7 +63,8 @@ class HInfinityWork(NamedTuple):
     relative: Annotated[Array, 8]
     opposite: Annotated[Array, 8]
     twist: Annotated[Array, 6]
-    desired_twist: Annotated[Array, 6]
+    desired: Annotated[Array, 6]
+    moved: Annotated[Array, 6]
     solver: Annotated[Array, twist_work.sized("m")]
 
 
@@ -62,7 +75,8 @@ h_infinity_work: MemoryLayout[HInfinityWork] = MemoryLayout(HInfinityWork, "m", 
 @kernel(LAW)
 def h_infinity_right(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J⁺ of the inertial twist [−k_O Im r_e ; −k_T p_e] + Ad(x_e) ξ_d with x_e = x x_d*."""
-    given, own = h_infinity_parameters(parameters), h_infinity_work(work, out.shape[0])
+    m = out.shape[0]
+    given, own = h_infinity_parameters(parameters), h_infinity_work(work, m)
     relative, twist = own.relative, own.twist
     conjugate(sample, own.opposite)
     multiply(pose, own.opposite, relative)
@@ -75,9 +89,11 @@ def h_infinity_right(q, pose, pose_jacobian, twist_jacobian, sample, parameters,
     a, b, c, d, e, f = at_hand(twist, pose)
     error = a / fastest, b / fastest, c / fastest, d / fastest, e / fastest, f / fastest
     if given.tracking != 0.0:
-        adjoint_twist(relative, sample[8:14], own.desired_twist)
+        last = signed_state(state, m).last
+        desired_twist(sample, pose, twist_jacobian, given.second_order, last, own.desired)
+        adjoint_twist(relative, own.desired, own.moved)
         for i in range(6):
-            twist[i] += own.desired_twist[i]
+            twist[i] += own.moved[i]
     hand_twist = at_hand(twist, pose)
     return solve_hand_twist(
         pose, twist_jacobian, hand_twist, error, own.preferred, given.inverse, own.solver, out
@@ -87,7 +103,8 @@ def h_infinity_right(q, pose, pose_jacobian, twist_jacobian, sample, parameters,
 @kernel(LAW)
 def h_infinity_left(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J⁺ of the body twist [−k_O Im r_l ; −k_T p_b,l] + Ad(x_l*) ξ_d,b with x_l = x_d* x."""
-    given, own = h_infinity_parameters(parameters), h_infinity_work(work, out.shape[0])
+    m = out.shape[0]
+    given, own = h_infinity_parameters(parameters), h_infinity_work(work, m)
     relative, twist, tracking = own.relative, own.twist, given.tracking
     conjugate_multiply(sample, pose, relative)
     sign = short_sign(relative[0], given.hysteresis, state)
@@ -95,8 +112,19 @@ def h_infinity_left(q, pose, pose_jacobian, twist_jacobian, sample, parameters, 
     for i in range(3):
         twist[i] = -given.orientation * sign * relative[1 + i]
         twist[3 + i] *= -given.translation
+    last = signed_state(state, m).last
+    desired_twist(sample, pose, twist_jacobian, given.second_order, last, own.desired)
     return solve_left_twist(
-        twist, tracking, pose, twist_jacobian, sample, own.preferred, given.inverse, own.solver, out
+        twist,
+        tracking,
+        pose,
+        twist_jacobian,
+        sample,
+        own.desired,
+        own.preferred,
+        given.inverse,
+        own.solver,
+        out,
     )
 
 
@@ -184,6 +212,7 @@ class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
             orientation=orientation,
             translation=translation_,
             tracking=float(self._tracks()),
+            second_order=np.zeros(0),
         )
 
     def loop_rates(self, parameters: np.ndarray) -> LoopRates:
@@ -205,7 +234,8 @@ class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
 class HInfinityTracking(HInfinity, frozen=True, kw_only=True, tag="h-infinity-tracking"):
     """HIRT: `HInfinity` with the desired twist added: q̇ = J_w⁺ ([−k_O Im r_e ; −k_T p_e] + Ad(x_e) ξ_d). [P16 3.33]
 
-    Rates and bounds of `HInfinity` hold for a moving target; sampling limits, choice and parameters are those there.
+    Rates and bounds of `HInfinity` hold for a moving target; sampling limits, choice and parameters are those there;
+    ``feedforward`` as of `ProportionalFeedforward`.
 
     Examples
     --------
@@ -217,6 +247,29 @@ class HInfinityTracking(HInfinity, frozen=True, kw_only=True, tag="h-infinity-tr
     >>> np.allclose(arm.twist_jacobian(q) @ u, twist)
     True
     """
+
+    feedforward: Feedforward = "second-order"
+
+    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> np.ndarray:
+        """Return the rows of `HInfinity`, and what feed-forward of second order needs."""
+        given = h_infinity_parameters(super().rows(robot, reference, dt))
+        length = self.inverse.characteristic_length
+        numbers = second_order_numbers(self.feedforward, robot, reference, dt, length)
+        return h_infinity_parameters.pack(**given._replace(second_order=numbers)._asdict())
+
+    def state_size(self, robot: Robot) -> int:
+        """Return room for the sign of x_e, and the last command."""
+        return signed_state.size(robot.input_size) if self.last_at else 1
+
+    @property
+    def last_at(self) -> int:
+        """Where the state takes the last command."""
+        return last_at(self.feedforward)
+
+    @property
+    def lag_at(self) -> int:
+        """Where the parameters take the joints' lag."""
+        return h_infinity_parameters.place("second_order") + LAG if self.last_at else 0
 
     def _tracks(self) -> bool:
         return True

@@ -102,11 +102,13 @@ def in_inertial_axes(body_twist, pose):
 
 
 @inline
-def solve_left_twist(body_twist, tracking, pose, twist_jacobian, sample, preferred, inverse, work, out):
-    """Write out = z + J⁺ (t − J z) for a body twist, and ξ_d = Ad(x) Ad(x_l*) ξ_d,b unless ``tracking`` is 0."""
+def solve_left_twist(
+    body_twist, tracking, pose, twist_jacobian, sample, desired, preferred, inverse, work, out
+):
+    """Write out = z + J⁺ (t − J z) for a body twist, and the desired one, inertial, unless ``tracking`` is 0."""
     a, b, c, d, e, f = in_inertial_axes(body_twist, pose)
     if tracking != 0.0:
-        u, v, w, x, y, z = at_hand(sample[8:14], pose)
+        u, v, w, x, y, z = at_hand(desired, pose)
         a, b, c, d, e, f = a + u, b + v, c + w, d + x, e + y, f + z
     error = pose_error(pose, sample)
     return solve_hand_twist(pose, twist_jacobian, (a, b, c, d, e, f), error, preferred, inverse, work, out)

@@ -100,6 +100,16 @@ class Law(
         """Where the state takes the hand's twist [ω ; ṗ] that left (six numbers); 0 if the law does not ask."""
         return 0
 
+    @property
+    def last_at(self) -> int:
+        """Where the state takes the command that left, shape (m,); 0 if the law does not ask."""
+        return 0
+
+    @property
+    def lag_at(self) -> int:
+        """Where the parameters take how late the joints follow, the mean of D + τ, s; 0 if the law does not ask."""
+        return 0
+
     def initial_state(self, robot: Robot, q: Array) -> Array:
         """Return the state before the first sample, at configuration q."""
         return np.zeros(self.state_size(robot))
@@ -155,7 +165,8 @@ class Law(
         tasks
             What is to be done beside.
         lag
-            How late the joints follow such a target: constraints keep more distance by what that can take.
+            How late the joints follow such a target: constraints keep more distance by what that can take, and
+            feed-forward of second order leads by it.
 
         Raises
         ------
@@ -250,7 +261,7 @@ class PreparedLaw:
             memory = self.constraints.memory
         self._memory_size = memory
         self.state_size: int = law_memory + memory
-        self._feedback = law.delivered_at, law_memory + memory - m if memory else 0
+        self._feedback = law.delivered_at, law.last_at, law_memory + memory - m if memory else 0
         self._preference = law.null_space.kernel if law.null_space else None
         self._position_limit = position.kernel if position else None
         limit, limit_parameters = limits.prepare(robot)
@@ -296,6 +307,8 @@ class PreparedLaw:
             at = task_levels.place("growth")
             self._parts.tasking[at : at + 2] = parameters[:, _GROWTH].max(), 0.5 * (dt + lag.late)
         self.parameters: Array = self._parts.parameters
+        if law.lag_at:
+            self.parameters[:, law.lag_at] = sum(lag.mean)
         self.work, self.preferred = self._parts.work, self._parts.work[:m]
         self.pose = self._parts.kinematics[:8]
         self.report: Array = self._parts.constraint_work[: self.constraints.report if self.constraints else 0]
@@ -323,11 +336,8 @@ class PreparedLaw:
     def depends_on_mode(self) -> bool:
         """Whether plants of another command mode or lag need another one."""
         position = self._limits.position
-        return bool(
-            self.constraints
-            or self._grows
-            or (position and position.memory(self.robot, "integrated", self.dt))
-        )
+        remembers = position and position.memory(self.robot, "integrated", self.dt)
+        return bool(self.constraints or self._grows or self._law.lag_at or remembers)
 
     def in_mode(self, command_mode: CommandMode, lag: Lag = AT_ONCE) -> PreparedLaw:
         """Return this law for plants of a command mode; see `Law.prepare`."""
@@ -516,12 +526,13 @@ class PreparedLaw:
 
     def _note_sent(self, plan: object, memory: object, state: Array, command: Array) -> int:
         """Do in Python, for a law that is not compiled, what `note_sent` does."""
-        delivered, at = self._feedback
+        delivered, last, sent = self._feedback
         if delivered:
             pose, _, twist_jacobian = split(self._parts.kinematics)
             note_delivered(pose, twist_jacobian, command, state[delivered : delivered + 6])
-        if at:
-            state[at:] = command
+        for at in (last, sent):
+            if at:
+                state[at : at + len(command)] = command
         return OK
 
 

@@ -24,6 +24,14 @@ from dqcontrol.compiled.compile import Kernel, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ShapeError, ValueRangeError, as_positive, unknown_name
 from dqcontrol.laws import riccati
+from dqcontrol.laws.desired_twist import (
+    LAG,
+    Feedforward,
+    desired_twist,
+    last_at,
+    second_order_numbers,
+    signed_state,
+)
 from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twist, twist_work
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
 from dqcontrol.laws.law import LAW, Law, check_steps
@@ -55,12 +63,13 @@ class PoseFeedback(NamedTuple):
 
 
 class TwistFeedback(NamedTuple):
-    """What compiled code knows of `LinearQuadraticDQ`: R⁻¹P, and whether y has the angle, not its sine."""
+    """What compiled code knows of `LinearQuadraticDQ`: R⁻¹P, whether y has the angle or its sine; for second order."""
 
     inverse: Annotated[Array, inverse_parameters.size()]
     hysteresis: float
     gain: Annotated[Array, 6, 6]
     is_logarithm: float
+    second_order: Annotated[Array, ...]
 
 
 class LinearQuadraticWork(NamedTuple):
@@ -71,6 +80,7 @@ class LinearQuadraticWork(NamedTuple):
     opposite: Annotated[Array, 8]
     error: Annotated[Array, 8]
     target: Annotated[Array, 8]
+    desired: Annotated[Array, 6]
     solver: Annotated[Array, twist_work.sized("m")]
 
 
@@ -321,14 +331,16 @@ def _subtract_feedback(gain, error, twist):
 @kernel(LAW)
 def linear_quadratic_dq(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J⁺ (−R⁻¹P y + Ad(x_e) ξ_d), an inertial twist; y = [2 a(r_e) or 2 Im r_e ; p_e], x_e = x x_d*."""
-    given, own = twist_feedback(parameters), linear_quadratic_work(work, out.shape[0])
+    m = out.shape[0]
+    given, own = twist_feedback(parameters), linear_quadratic_work(work, m)
     relative, error, twist = own.relative, own.error, own.target
     conjugate(sample, own.opposite)
     multiply(pose, own.opposite, relative)
     sign = short_sign(relative[0], given.hysteresis, state)
     _tangent(relative, sign, given.is_logarithm != 0.0, error)
     translation(relative, error[3:6])
-    adjoint_twist(relative, sample[8:14], twist)
+    desired_twist(sample, pose, twist_jacobian, given.second_order, signed_state(state, m).last, own.desired)
+    adjoint_twist(relative, own.desired, twist)
     _subtract_feedback(given.gain, error, twist)
     hand_twist = at_hand(twist, pose)
     a, b, c, d, e, f = at_hand(error, pose)
@@ -341,8 +353,10 @@ def linear_quadratic_dq(q, pose, pose_jacobian, twist_jacobian, sample, paramete
 @kernel(LAW)
 def linear_quadratic_dq_left(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J⁺ (−R⁻¹P y + Ad(x_l*) ξ_d,b), a body twist; y as for the right error, but of x_l = x_d* x."""
-    given, own = twist_feedback(parameters), linear_quadratic_work(work, out.shape[0])
+    m = out.shape[0]
+    given, own = twist_feedback(parameters), linear_quadratic_work(work, m)
     relative, error, twist = own.relative, own.error, own.target
+    desired_twist(sample, pose, twist_jacobian, given.second_order, signed_state(state, m).last, own.desired)
     conjugate_multiply(sample, pose, relative)
     sign = short_sign(relative[0], given.hysteresis, state)
     _tangent(relative, sign, given.is_logarithm != 0.0, error)
@@ -351,7 +365,7 @@ def linear_quadratic_dq_left(q, pose, pose_jacobian, twist_jacobian, sample, par
         twist[i] = 0.0
     _subtract_feedback(given.gain, error, twist)
     return solve_left_twist(
-        twist, 1.0, pose, twist_jacobian, sample, own.preferred, given.inverse, own.solver, out
+        twist, 1.0, pose, twist_jacobian, sample, own.desired, own.preferred, given.inverse, own.solver, out
     )
 
 
@@ -388,6 +402,8 @@ class LinearQuadraticDQ(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
         ``"right"`` (as published) or ``"left"``: y and twist in the hand's axes, x_l = x_d* x. The right error's p_e
         contains the lever arm of the base's origin: with a goal whose orientation cannot be reached, the hand rests
         that much beside its position. Rates, value and bounds are the same.
+    feedforward
+        As of `ProportionalFeedforward`.
     inverse
         How J is inverted; the default is exact away from singularities.
     hysteresis
@@ -408,7 +424,29 @@ class LinearQuadraticDQ(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
 
     form: Literal["log", "sin"] = "log"
     error: Literal["right", "left"] = "right"
+    feedforward: Feedforward = "second-order"
     feedback = twist_feedback
+
+    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> Array:
+        """Return the rows of `LinearQuadratic`, and what feed-forward of second order needs."""
+        given = twist_feedback(super().rows(robot, reference, dt))
+        length = self.inverse.characteristic_length
+        numbers = second_order_numbers(self.feedforward, robot, reference, dt, length)
+        return twist_feedback.pack(**given._replace(second_order=numbers)._asdict())
+
+    def state_size(self, robot: Robot) -> int:
+        """Return room for the sign of the error, and the last command."""
+        return signed_state.size(robot.input_size) if self.last_at else 1
+
+    @property
+    def last_at(self) -> int:
+        """Where the state takes the last command."""
+        return last_at(self.feedforward)
+
+    @property
+    def lag_at(self) -> int:
+        """Where the parameters take the joints' lag."""
+        return twist_feedback.place("second_order") + LAG if self.last_at else 0
 
     @property
     def kernel(self) -> Kernel:  # type: ignore[override]
@@ -423,7 +461,7 @@ class LinearQuadraticDQ(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
     def _own_parameters(self, gains: Array, offsets: Array) -> dict[str, Any]:
         if self.form not in ("log", "sin"):
             raise unknown_name("form", str(self.form), ("log", "sin"))
-        return {"gain": gains, "is_logarithm": float(self.form == "log")}
+        return {"gain": gains, "is_logarithm": float(self.form == "log"), "second_order": np.zeros(0)}
 
     def _solve(self, weights, controls, final, times, end, reference):
         solution = riccati.piecewise_solution(weights, controls, final, np.minimum(times, end), end)

@@ -83,14 +83,20 @@ class Previewed(Reference):
         if share:
             before = ahead - self._behind  # type: ignore[attr-defined]
             moving = (moving - share * self._moving(before) * (before >= 0)[:, None]) / (1 - share)
-        turning, speed = moving[:, :3], moving[:, 3:]
-        out[:, TWIST.start : TWIST.start + 3] = turning
-        out[:, TWIST.start + 3 : TWIST.stop] = speed + np.cross(translation(out[:, POSE]), turning)
-        out[:, TWIST_RATE] = 0.0
+        turning, speed, turning_rate, speed_rate = moving.reshape(-1, 4, 3).swapaxes(0, 1)
+        position = translation(out[:, POSE])
+        present = out[:, TWIST][:, 3:] - np.cross(position, out[:, TWIST][:, :3])
+        carried = np.cross(present, turning) + np.cross(position, turning_rate)
+        out[:, TWIST] = np.hstack([turning, speed + np.cross(position, turning)])
+        out[:, TWIST_RATE] = np.hstack([turning_rate, speed_rate + carried])
         return out
 
     def _moving(self, times: Array) -> Array:
-        """Return [ω; ṗ] of the reference, at rest before and after it."""
+        """Return [ω; ṗ] of the reference and its rate, shape (N, 12), at rest before and after it."""
         samples = self.reference.samples(np.maximum(times, 0.0))
+        position = translation(samples[:, POSE])
         turning, dual = samples[:, TWIST][:, :3], samples[:, TWIST][:, 3:]
-        return np.hstack([turning, dual - np.cross(translation(samples[:, POSE]), turning)])
+        turning_rate, dual_rate = samples[:, TWIST_RATE][:, :3], samples[:, TWIST_RATE][:, 3:]
+        speed = dual - np.cross(position, turning)
+        speed_rate = dual_rate - np.cross(speed, turning) - np.cross(position, turning_rate)
+        return np.hstack([turning, speed, turning_rate, speed_rate])

@@ -90,6 +90,14 @@ class Robot(InverseKinematics):
         """The bases that cannot move sideways, in the order of ``drives``."""
         return ()
 
+    @property
+    def columns_outwards(self) -> list[int]:
+        """Columns of the twist Jacobian in the order in which joints carry each other: each is moved by those before.
+
+        Empty where columns are no single screws, as of what lies between two hands, or of joints that move together.
+        """
+        return list(range(self.input_size))
+
     def in_form(self, form: Form) -> Robot:
         """Return the same robot with constrained or unconstrained inputs; see `WholeBody`."""
         return self

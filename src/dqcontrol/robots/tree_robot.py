@@ -25,7 +25,7 @@ from dqcontrol.robots.inverse_kinematics import (
     as_whole_number,
     prepare_inverse,
 )
-from dqcontrol.robots.kinematics_kernels import PRISMATIC
+from dqcontrol.robots.kinematics_kernels import HEADING, PRISMATIC
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.pose_task_kernels import (
     CENTER_OF_MASS,
@@ -268,6 +268,25 @@ class TreeRobot(Robot):
     def row_coordinates(self) -> NDArray[np.intp]:
         """Index of the coordinate that moves each joint, in the order of the rows of ``chain``."""
         return self.joints.coordinate
+
+    @property
+    def columns_outwards(self) -> list[int]:
+        """Columns of the task's twist Jacobian as joints carry each other; see `Robot`."""
+        task = self.table
+        middle = 1 + int(task[0, FIRST_ROWS])
+        first, second = task[1 : middle - 1], task[middle:-1]
+        if task[0, KIND] == FRAME:
+            path = first
+        elif (
+            task[0, KIND] == RELATIVE
+        ):  # from the second frame back along its arm, then out along the first's
+            path = np.vstack([second[::-1], first])
+            if (path[:, 7] == HEADING).any():  # a heading does not turn with its own base as seen from there
+                return []
+        else:
+            return []
+        columns = path[path[:, INPUT_COLUMN] >= 0, INPUT_COLUMN].astype(int).tolist()
+        return columns if len(set(columns)) == len(columns) else []
 
     @property
     def ends(self) -> tuple[int, ...]:

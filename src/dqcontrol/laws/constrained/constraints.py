@@ -341,6 +341,12 @@ class Lag(NamedTuple):
         """The longest of time constant and delay together, s."""
         return max((a + b for a, b in zip(self.times, self.delays, strict=True)), default=0.0)
 
+    @property
+    def mean(self) -> tuple[float, float]:
+        """The means of time constants and delays, s."""
+        n = max(len(self.times), 1)
+        return sum(self.times) / n, sum(self.delays) / n
+
 
 AT_ONCE = Lag()
 

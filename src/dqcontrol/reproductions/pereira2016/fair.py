@@ -22,11 +22,25 @@ from dqcontrol.tuning import Tuning, learn, tune
 _GAIN = 20.0  # 1/s, that the search begins at; what it is does not matter
 _LAWS: dict[str, dict[str, Any]] = {
     "K": {"kind": "proportional", "gain": _GAIN},
-    "K+FF": {"kind": "proportional-feedforward", "gain": _GAIN},
-    "LQR-R8": {"kind": "linear-quadratic-r8", "error_weight": _GAIN**2, "control_weight": 1.0},
-    "LQR-DQ": {"kind": "linear-quadratic-dq", "error_weight": _GAIN**2, "control_weight": 1.0},
+    "K+FF": {"kind": "proportional-feedforward", "feedforward": "printed", "gain": _GAIN},
+    "LQR-R8": {
+        "kind": "linear-quadratic-r8",
+        "error_weight": _GAIN**2,
+        "control_weight": 1.0,
+    },
+    "LQR-DQ": {
+        "kind": "linear-quadratic-dq",
+        "feedforward": "printed",
+        "error_weight": _GAIN**2,
+        "control_weight": 1.0,
+    },
     "HIR": {"kind": "h-infinity", "orientation_gain": 2 * _GAIN, "translation_gain": _GAIN},
-    "HIRT": {"kind": "h-infinity-tracking", "orientation_gain": 2 * _GAIN, "translation_gain": _GAIN},
+    "HIRT": {
+        "kind": "h-infinity-tracking",
+        "feedforward": "printed",
+        "orientation_gain": 2 * _GAIN,
+        "translation_gain": _GAIN,
+    },
 }
 _ROBUST, _LINEAR_QUADRATIC, _PROPORTIONAL = ("HIR", "HIRT"), ("LQR-R8", "LQR-DQ"), ("K", "K+FF")
 _BUDGET = {SERVO: 24}

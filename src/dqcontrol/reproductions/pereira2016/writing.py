@@ -38,7 +38,7 @@ def reproduce_writing(conditions: Conditions) -> Reproduced:
     data = writing_spec(plant)
     kinds = {
         "K": {"kind": "proportional", "gain": _GAIN},
-        "K+FF": {"kind": "proportional-feedforward", "gain": _GAIN},
+        "K+FF": {"kind": "proportional-feedforward", "feedforward": "printed", "gain": _GAIN},
     }
     tuned = tune(
         data | {"laws": kinds},
