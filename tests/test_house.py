@@ -11,15 +11,14 @@ FILES = sorted(ROOT.rglob("*.py"))
 MOST = 0.15  # of all lines, in one package
 
 
-def test_no_two_files_or_classes_have_one_name():
-    files = Counter(path.name for path in FILES if path.name != "__init__.py")
+def test_no_two_classes_have_one_name():
     classes = Counter(
         node.name
         for path in FILES
         for node in ast.parse(path.read_text(encoding="utf-8")).body
         if isinstance(node, ast.ClassDef)
     )
-    assert [name for name, count in (files + classes).items() if count > 1] == []
+    assert [name for name, count in classes.items() if count > 1] == []
 
 
 def test_no_package_is_too_large():
