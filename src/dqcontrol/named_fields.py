@@ -79,8 +79,8 @@ def check_fields(cls: Any, values: Mapping[str, Any]) -> None:
     """
     hints = _hints(cls)
     for name, value in values.items():
-        if hints.get(name) in (None, type(None)):
-            continue  # who prepares it says why it takes none
+        if value is msgspec.UNSET or hints.get(name) in (None, type(None)):
+            continue  # as copies in other processes have it; who prepares it says why it takes none
         plain = _plain(value)
         for place, number in _numbers(plain):
             if not math.isfinite(number):
