@@ -10,7 +10,7 @@ import functools
 import math
 import re
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, get_type_hints
+from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 
 import msgspec
 import numpy as np
@@ -79,8 +79,10 @@ def check_fields(cls: Any, values: Mapping[str, Any]) -> None:
     """
     hints = _hints(cls)
     for name, value in values.items():
-        if value is msgspec.UNSET or hints.get(name) in (None, type(None)):
-            continue  # as copies in other processes have it; who prepares it says why it takes none
+        if hints.get(name) in (None, type(None)):
+            continue  # who prepares it says why it takes none
+        if value is msgspec.UNSET and msgspec.UnsetType in get_args(hints[name]):
+            continue  # a default, which a copy in another process is made of; msgspec itself reads it from no value
         plain = _plain(value)
         for place, number in _numbers(plain):
             if not math.isfinite(number):

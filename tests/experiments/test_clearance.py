@@ -49,6 +49,26 @@ def test_a_goal_above_is_not():
     assert done.metrics.hand_clearance > 0.1
 
 
+def test_a_hand_that_rests_on_the_floor_goes_through_nothing():
+    scara = dqc.SerialArm.from_dh(
+        theta=[0, 0, 0], d=[0.2, 0, 0.1], a=[0.4, 0.3, 0], alpha=[0, np.pi, 0],
+        joint_types=["revolute", "revolute", "prismatic"], name="scara",
+    )  # fmt: skip
+    still = {
+        "name": "still",
+        "robot": scara,
+        "start": [0.3, 0.4, 0.1],
+        "period": 0.01,
+        "reference": {"kind": "set-point", "duration": 0.2},
+        "law": {"kind": "partial-proportional", "part": "position", "gain": 4.0},
+        "plant": {"kind": "servo"},
+    }
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", CollisionWarning)
+        done = run(still)
+    assert -1e-9 < done.record.position[:, 2].min() < 0
+
+
 def test_the_chassis_counts_and_arms_have_no_floor():
     robot = dqc.load_robot("little-john")
     points = np.array([[0.0, 0, 0.05], [0.0, 0, 0.1], [0.2, 0, 0.05], [0.3, 0, -0.01]])

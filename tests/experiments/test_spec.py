@@ -1,6 +1,7 @@
 """Specs: what they say of bad input, before anything moves."""
 
 import copy
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ BASE = {
 }
 LQR = {"kind": "linear-quadratic-dq", "error_weight": 1, "control_weight": 0.01}
 GONE = object()
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def changed(**changes):
@@ -304,6 +306,12 @@ def test_numpy_and_laws_as_values_of_a_dictionary():
         )
     )
     assert spec == read_spec(changed(seed=4))[0]
+
+
+@pytest.mark.parametrize("name", ["circle", "repeats", "mobile", "compliant", "keep-out", "lines-apart"])
+def test_a_spec_is_the_same_in_another_process(name):
+    spec, _ = read_spec(EXAMPLES / f"{name}.yaml")
+    assert pickle.loads(pickle.dumps(spec)) == copy.deepcopy(spec) == spec
 
 
 def test_resolved_text_has_all_defaults_and_absolute_files(tmp_path):

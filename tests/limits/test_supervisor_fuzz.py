@@ -155,7 +155,7 @@ class Episode:
         """Step through events, and look at all that leaves."""
         m, count = self.m, len(wanted)
         out = np.zeros((count, 3 * m + 3))
-        moments = layout.moment_layout.pack(age=ages, elapsed=elapsed, request=requests, known=0.0)
+        moments = layout.moment_layout.pack(age=ages, elapsed=elapsed, request=requests, known=0.0, still=0.0)
         status = drive(
             supervise.pointer, kernels.twist_kinematics.pointer, self.supervisor.memory, self.q, self.moved,
             self.state, np.ascontiguousarray(wanted), moments, measured, noise, out,

@@ -4,8 +4,8 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.cli.compare_command import compare
+from dqcontrol.experiments.run_comparison import unit_of_way
 from dqcontrol.reports import saved_figures
-from dqcontrol.reports.compared_runs import unit_of_way
 
 SPEC = {
     "name": "units",

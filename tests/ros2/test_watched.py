@@ -158,6 +158,7 @@ def test_efforts_and_the_wrench_are_supervised_where_they_are_bounded_and_each_s
 
     monkeypatch.setattr(Run, "write", lambda run, folder, **_: run.write_data(folder))  # without pictures
     bounds = {"effort": 50.0, "contact_force": 20.0, **{k.partition(".")[2]: v for k, v in UNHURRIED.items()}}
+    bounds["jump"] = bounds["tracking_error"] = "1000 rad"  # more than a turn, which needs its unit
     bounds["payload"] = {"mass": 3.0, "center": [0.0, 0.0, 0.1]}
     path, out = spec(supervisor=bounds), tmp_path / "out"
     controller = ControllerNode(path, source="twist", out=out)

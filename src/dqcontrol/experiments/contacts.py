@@ -48,6 +48,7 @@ _SHOULDER = 0.03  # m above the base frame; of an arm whose base frame lies in i
 _BELOW = (
     -0.01
 )  # m: links of the file so far below the base frame say that it does not stand on anything there
+_TOUCH = 1e-6  # m: what stands on the floor or rests against a wall is that near by rounding, and goes through nothing
 _FIRST_LOOK = 17  # samples; between them only what may have touched is looked at
 
 
@@ -219,7 +220,7 @@ class Contacts:
         found = [
             Contact(each.words, float(depth), float(record.time[k]))
             for each, depth, k in zip(self._watched, depths, samples, strict=True)
-            if depth > 0
+            if depth > _TOUCH
         ]
         return sorted(found, key=lambda contact: -contact.depth)
 

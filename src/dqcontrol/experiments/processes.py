@@ -7,7 +7,6 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from typing import TypeVar, cast
 
@@ -42,6 +41,7 @@ def in_processes(function: Callable[[T], R], items: Iterable[T], jobs: int) -> I
         If a process dies.
     """
     from joblib import Parallel, delayed
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
 
     pool = Parallel(
         n_jobs=jobs,
@@ -53,7 +53,7 @@ def in_processes(function: Callable[[T], R], items: Iterable[T], jobs: int) -> I
     work = function if jobs == 1 else partial(_in_folder, os.getcwd(), function)
     try:
         yield from cast(Iterator[R], pool(delayed(work)(item) for item in items))
-    except BrokenProcessPool:
+    except TerminatedWorkerError:
         raise Error(
             "a process of the study was killed, possibly out of memory; try fewer jobs (--jobs)"
         ) from None
