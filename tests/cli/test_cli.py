@@ -185,7 +185,7 @@ def test_robots(here, capsys):
             {"law": {"kind": "proportional", "gian": 1}},
             r"spec.yaml: law: unknown key 'gian'; did you mean 'gain'",
         ),
-        ({"law": {"kind": "proportional", "gain": 0}}, r"gain: must be > 0"),
+        ({"law": {"kind": "proportional", "gain": 0}}, r"law.gain: expected a number > 0"),
         ({"law": {"kind": "proportional", "gain": float("nan")}}, r"spec.yaml: law.gain: must be finite"),
         ({"start": [0, 1]}, r"start: expected shape \(…, 7\), got shape \(2,\)"),
         ({"start": [0, 9, 0, 0, 0, 0, 0]}, r"start: joint_2 is 9, outside its limits"),
