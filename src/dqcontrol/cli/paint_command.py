@@ -43,8 +43,10 @@ def paint(
         Of the lamp, m/s.
     plane
         xy, xz or yz: how the paper lies.
-    law, plant
-        As in a spec, "{kind: proportional, gain: 5}", or the kind alone; default: lqr-dq with q/r = 100, servo.
+    law
+        As in a spec, "{kind: proportional, gain: 5}", or the kind alone; default: lqr-dq with q/r = 100.
+    plant
+        The same; default: servo.
     """
     import yaml
 
