@@ -312,7 +312,7 @@ def test_the_sag_in_the_specs_is_the_one_that_fits():
 
 def test_a_few_repeats_of_the_spiral_predict_the_other_gains():
     """Each number was printed for the robot; one cell, K with the best gain, is what the sag was fitted on."""
-    setting = prepare(spec_path("spiral"))
+    setting = prepare(published_spec("spiral"))
     printed = {(c.law, c.set): c.mean for c in pereira2016.published_cells("spiral") if c.metric == "error"}
     ratios = {}
     for case in setting.cases:

@@ -16,7 +16,7 @@ def small_problem():
         "robot": "iiwa7",
         "start": START,
         "period": 0.01,
-        "reference": {"kind": "circle", "radius": 0.03, "duration": 1.5, "ramp": 0.3},
+        "reference": {"kind": "circle", "radius": 0.03, "duration": 1.5, "corner_stops": 0.3},
         "laws": {
             "K": {"kind": "proportional", "gain": 5},
             "K+FF+I": {"kind": "proportional-feedforward", "gain": 5, "integral_gain": 2},

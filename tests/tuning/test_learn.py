@@ -64,8 +64,12 @@ def test_without_noise_it_goes_below_a_hundredth_of_a_millimetre():
 
 
 @pytest.mark.slow
-def test_the_learnt_motion_runs_elsewhere_with_the_same_error(tmp_path):
-    found = learn_to(spec(), tmp_path / "out", repeats=2)
+@pytest.mark.parametrize("preview", [None, {"delay": 0.01, "lag": 0.03}])
+@pytest.mark.parametrize("kind", ["proportional", "proportional-feedforward"])
+def test_the_learnt_motion_runs_elsewhere_with_the_same_error(tmp_path, kind, preview):
+    """With the preview of the spec, or that which its plant asks for."""
+    reference = SPEC["reference"] | ({} if preview is None else {"preview": preview})
+    found = learn_to(spec(kind, reference=reference), tmp_path / "out", repeats=2)
     for name in ("learnt.csv", "learnt.yaml", "learning.json", "learning.png", "report.html", "learning.md"):
         assert (tmp_path / "out" / name).is_file(), name
     run = dqc.run(tmp_path / "out" / "learnt.yaml")
@@ -120,7 +124,8 @@ def test_the_loop_answers_a_shift_as_its_model_says(kind):
     setting = prepare(data)
     (case,) = setting.cases
     law = case.prepare_law(setting.spec)
-    shape = loop_shape(case.scene.robot, law, case.gains, START)
+    reference = case.scene.reference
+    shape = loop_shape(case.scene.robot, law, case.gains, START, reference)
     assert shape.feedforward == (0.0 if kind == "proportional" else 1.0)
     time, amplitude = 0.01 * np.arange(1200), 1e-3
     rest = np.zeros((1200, 21))
@@ -128,7 +133,10 @@ def test_the_loop_answers_a_shift_as_its_model_says(kind):
     for frequency in (0.5, 2.0, 5.0):
         shift = np.zeros((1200, 6))
         shift[:, 4] = amplitude * np.sin(2 * np.pi * frequency * time)
-        samples = motion_of(rest, shift).samples(time)
+        motion = motion_of(rest, shift)
+        if isinstance(reference, dqc.references.Previewed):
+            motion = dqc.references.Previewed(motion, reference.delay, reference.lag, reference.step)
+        samples = motion.samples(time)
         plant = case.plant.start(case.scene.robot, START, 0.01, 1200, 0)
         poses = case.scene.robot.fkm(dqc.loop.close_loop(law, plant, samples).q)
         moved = -hand_error(rest[:, :8], poses)[800:, 4]
@@ -156,7 +164,8 @@ def test_what_grows_with_another_plant_is_said_before_and_seen_after():
 def test_the_condition_is_that_of_the_operator():
     robot, setting = dqc.load_robot("iiwa7"), prepare(spec())
     (case,) = setting.cases
-    shape: LoopShape = loop_shape(robot, case.prepare_law(setting.spec), case.gains, START)
+    law, reference = case.prepare_law(setting.spec), case.scene.reference
+    shape: LoopShape = loop_shape(robot, law, case.gains, START, reference)
     model = SERVO.linear_model(robot, START, 0.01)
     sure = Convergence(shape, (model,), 0.4, 6.0)
     assert sure.breaks_at is None

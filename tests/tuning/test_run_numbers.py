@@ -25,7 +25,7 @@ def test_they_are_the_metrics_of_the_same_run_to_the_last_bit(name, away):
     law = dqc.laws.ProportionalFeedforward(gain=5.0)
     record = dqc.simulate(arm, circle, law, plant, start, 0.01, seed=3)
     loop = RepeatedLoop(arm, plant, start, 0.01, circle.samples(0.01 * np.arange(201)), seed=3)
-    ready = law.prepare(arm, circle, 0.01, CommandLimits(velocity=True), "integrated")
+    ready = law.prepare(arm, circle, 0.01, CommandLimits(velocity=True), "integrated", lag=plant.lag(arm))
     loop.run(ready)
     seen = loop.run(ready)  # begins as the first
     assert not seen.failed
@@ -50,7 +50,7 @@ def test_a_run_that_diverges_is_said_to_have_failed():
     samples = dqc.references.SetPoint(arm.fkm(START + 0.1)).samples(0.01 * np.arange(2000))
     plant = dqc.plants.Servo(rate_limit=False, position_limit=False, delay=0.05)
     loop = RepeatedLoop(arm, plant, START, 0.01, samples, seed=0)
-    law = dqc.laws.Proportional(gain=1e5)
+    law = dqc.laws.Proportional(gain=1e5, inverse=dqc.laws.FilteredInverse(growth=0.0))
     assert loop.run(law.prepare(arm, None, 0.01, CommandLimits(velocity=False), "integrated")).failed
 
 

@@ -34,7 +34,8 @@ from dqcontrol.experiments.spec import (
 )
 from dqcontrol.experiments.spec.parameter_sets import Variant
 from dqcontrol.extensions import user_code
-from dqcontrol.laws import PreparedLaw, PreparedTasks
+from dqcontrol.laws import Law, PreparedLaw, PreparedTasks
+from dqcontrol.laws.constrained.constraints import Lag
 from dqcontrol.laws.null_space import Posture
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.closed_loop import check_disturbed
@@ -64,6 +65,22 @@ class PreparedRobot:
     reference: Reference
     samples: Array
     tasks: PreparedTasks | None = None
+
+    def as_followed(self, law: Law, lag: Lag) -> PreparedRobot:
+        """Return it as a law is given it to follow with joints that are late.
+
+        Twists lead by lag and delay of the joints, and by half of a period, if the law feeds forward to second order
+        and the spec does not say itself by how much they do.
+        """
+        times, delays = lag.mean
+        if not law.lag_at or not times + delays or isinstance(self.reference, Previewed):
+            return self
+        period = float(self.samples[1, TIME] - self.samples[0, TIME])
+        return self.along(Previewed(self.reference, delays + period / 2, times, period))
+
+    def along(self, reference: Reference) -> PreparedRobot:
+        """Return the same with another reference, at the same times."""
+        return replace(self, reference=reference, samples=reference.samples(self.samples[:, TIME]))
 
 
 class Names(NamedTuple):
@@ -243,11 +260,11 @@ def prepare_spec(spec: Spec, folder: Path, known: dict[bytes, Any]) -> PreparedE
         for name, plant in plants.items():
             for variant, (versions, gains) in zip(variants, laws, strict=True):
                 place = Names(label, variant.label, variant.set, name)
-                law, scene = versions[limits[name].velocity], scenes[label]
-                if variant.law.lag_at and not isinstance(scene.reference, Previewed):
-                    lag, delay = plant.lag(scene.robot).mean
-                    if lag or delay:  # the law's rows may depend on the twists: it is prepared again
-                        law, scene = None, _once(led, [lag, delay], partial(_led, scene, lag, delay))
+                law, lag = versions[limits[name].velocity], plant.lag(scenes[label].robot)
+                follow = partial(scenes[label].as_followed, variant.law, lag)
+                scene = _once(led, [bool(variant.law.lag_at), lag.mean], follow)
+                if scene is not scenes[label]:  # the law's rows may depend on the twists: it is prepared again
+                    law = None
                 cases.append(
                     Combination(place, scene, variant, plant, limits[name], compiled[name], law, gains)
                 )
@@ -282,14 +299,6 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
         raise ReachError(f"{error}{length_slip(spec.reference, robot)}") from None
     check_clearance(robot, start, samples)
     return PreparedRobot(robot, start, reference, samples, _tasks(spec, robot, start, folder, times))
-
-
-def _led(scene: PreparedRobot, lag: float, delay: float) -> PreparedRobot:
-    """Return the scene with twists that lead by lag and delay of the joints, and by half of a period."""
-    times = scene.samples[:, TIME]
-    period = float(times[1] - times[0])
-    ahead = Previewed(scene.reference, delay + period / 2, lag, period)
-    return replace(scene, reference=ahead, samples=ahead.samples(times))
 
 
 def _tasks(spec: Spec, robot: Robot, start: Array, folder: Path, times: Array) -> PreparedTasks | None:

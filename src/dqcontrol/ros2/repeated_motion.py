@@ -85,7 +85,7 @@ class RobotBehindTopics:
         data = dict(problem.data)
         if motion is not None:
             write_motion(folder / "motion.csv", motion, ())
-            data["reference"] = {"kind": "points", "file": str(folder / "motion.csv")}
+            data["reference"] = problem.points(folder / "motion.csv")
         spec = folder / "spec.yaml"
         spec.write_text(yaml_text(data), encoding="utf-8")
         tracked = problem.block.measured_by == "tracker"

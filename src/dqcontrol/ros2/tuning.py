@@ -101,7 +101,7 @@ def retune(
         raise Error("the supervisor may be changed only while the controller is inactive")
     if active and law is not loaded.law and law.horizon(loaded.case.scene.reference) > 0:
         raise Error("this law depends on time; it may be changed only while the controller is inactive")
-    prepared = law.prepare(loaded.robot, loaded.case.scene.reference, loaded.period)
+    prepared = loaded.prepared_law("spec", law)
     unjudged = ""
     if not allow_unstable and (law is not loaded.law or not active):
         unjudged = check_stable(loaded, law, prepared, supervisor, moves=active)

@@ -19,7 +19,7 @@ from dqcontrol.laws import Law, PreparedLaw
 from dqcontrol.loop.repeated_loop import RepeatedLoop, share_records
 from dqcontrol.measures.margins import AT_LIMIT
 from dqcontrol.measures.run_numbers import NUMBERS, RunMeasure, of_all_runs
-from dqcontrol.plants.plant import CommandMode, command_mode, lagging_mode
+from dqcontrol.plants.plant import CommandMode, Plant, command_mode, lagging_mode
 from dqcontrol.robots import TreeRobot
 from dqcontrol.tuning.plant_family import PlantFamily
 from dqcontrol.tuning.stability_slack import Slack, StabilityJudge
@@ -86,7 +86,7 @@ class LawEvaluation:
     ) -> None:
         spec = problem.spec
         self._block, self._spec, self._judge = problem.block, spec, judge
-        self._scenes, self._family = list(scenes), family
+        self._scenes, self._family, self._seeds = list(scenes), family, list(seeds)
         robot, plant = scenes[0].robot, family.plants[0]
         self._limits = spec.limits_of(plant, robot)
         self._mode: CommandMode = lagging_mode(plant)
@@ -99,44 +99,50 @@ class LawEvaluation:
         self._objectives = np.array([NUMBERS.index(name) for name in self._block.objectives])
         self._weights = np.array(list(self._block.objectives.values()))
         self._bounds = [(NUMBERS.index(name), each) for name, each in self._block.constraints.items()]
-        self._loops = [
-            [
-                RepeatedLoop(
-                    robot,
-                    each,
-                    scene.start,
-                    spec.period,
-                    scene.samples,
-                    seed=seed,
-                    supervisor=spec.supervisor_of(each),
-                    disturbance=spec.disturbance,
-                )
-                for seed in seeds
-                for scene in self._scenes
-            ]
-            for each in family.plants
-        ]
-        share_records([loop for loops in self._loops for loop in loops])
+        self._followed: dict[bool, tuple[list[PreparedRobot], list[list[RepeatedLoop]]]] = {}
         self._last: tuple[Law, list[PreparedLaw]] | None = None
 
-    @property
-    def runs(self) -> int:
-        """How many runs an evaluation takes."""
-        return sum(map(len, self._loops))
+    def _as_followed(self, law: Law) -> tuple[list[PreparedRobot], list[list[RepeatedLoop]]]:
+        """Return the scenes as a law follows them, and for each plant its loops with them; made once."""
+        leads = bool(law.lag_at)
+        if leads not in self._followed:
+            scenes = [scene.as_followed(law, self._lag) for scene in self._scenes]
+            loops = [
+                [self._loop(scene, plant, seed) for seed in self._seeds for scene in scenes]
+                for plant in self._family.plants
+            ]
+            share_records([loop for of_plant in loops for loop in of_plant])
+            self._followed[leads] = scenes, loops
+        return self._followed[leads]
+
+    def _loop(self, scene: PreparedRobot, plant: Plant, seed: int) -> RepeatedLoop:
+        spec = self._spec
+        return RepeatedLoop(
+            self._scenes[0].robot,
+            plant,
+            scene.start,
+            spec.period,
+            scene.samples,
+            seed=seed,
+            supervisor=spec.supervisor_of(plant),
+            disturbance=spec.disturbance,
+        )
 
     @property
     def steps(self) -> int:
         """How many steps an evaluation takes."""
-        return sum(len(loop.samples) for loops in self._loops for loop in loops)
+        runs = len(self._family.plants) * len(self._seeds)
+        return runs * sum(len(scene.samples) for scene in self._scenes)
 
     def prepared(self, law: Law) -> list[PreparedLaw]:
         """Return a law made ready for each scene; once for all, if it asks for no horizon and nothing for the start."""
         if self._last is not None and self._last[0] is law:  # judged a moment ago
             return self._last[1]
-        first, *others = self._scenes
+        scenes, _ = self._as_followed(law)
+        first, *others = scenes
         depends = law.horizon(first.reference) > 0.0 or isinstance(first.robot, TreeRobot)
         made = [self._prepared(law, scene) for scene in (first, *(others if depends else ()))]
-        self._last = law, made if depends else made * len(self._scenes)
+        self._last = law, made if depends else made * len(scenes)
         return self._last[1]
 
     def _prepared(self, law: Law, scene: PreparedRobot) -> PreparedLaw:
@@ -169,7 +175,7 @@ class LawEvaluation:
             if share < 1 - _NEARLY:
                 return Evaluated(math.inf, _UNSTABLE * (2 - share), nothing)
         worst, violation = Evaluated(-math.inf, 0.0, nothing), 0.0
-        for loops in self._loops:
+        for loops in self._as_followed(law)[1]:
             rows = np.empty((len(loops), len(NUMBERS)))
             for i, loop in enumerate(loops):
                 scene = i % len(self._scenes)

@@ -28,7 +28,8 @@ class Convergence:
 
     w⁺ = w + Q L Q e with L = T̄*/(|T̄|² + ρ mean|T̄|²), T̄ from a shift of the reference to the hand, the mean over the
     joints, and the low pass Q = 1/(1 + (f/f_c)⁴). With another plant's T the error of a frequency is multiplied by
-    I − Q²LT: it shrinks where all eigenvalues lie inside the unit circle.
+    I − Q²LT: it shrinks where all eigenvalues lie inside the unit circle. The mean over frequencies is that without
+    preview, with which all of them pass, and learning would be slower for nothing.
 
     Attributes
     ----------
@@ -63,13 +64,17 @@ class Convergence:
         return np.asarray(np.conj(mean) / (np.abs(mean) ** 2 + self.caution * self._power), np.complex128)
 
     def _mean(self, frequencies: Array) -> NDArray[np.complex128]:
-        responses = self.shape.response(self.models[0], frequencies)
+        return self._mean_of(self.shape, frequencies)
+
+    def _mean_of(self, shape: LoopShape, frequencies: Array) -> NDArray[np.complex128]:
+        responses = shape.response(self.models[0], frequencies)
         return np.diagonal(responses, axis1=1, axis2=2).mean(axis=1)
 
     @property
     def _power(self) -> float:
-        """Mean of |T̄|² over all frequencies up to half a sample rate."""
-        return self._once("power", lambda: float(np.mean(np.abs(self._mean(self._even)) ** 2)))
+        """Mean of |T̄|² over all frequencies up to half a sample rate, without preview."""
+        shape = replace(self.shape, ahead=0, share=0.0)
+        return self._once("power", lambda: float(np.mean(np.abs(self._mean_of(shape, self._even)) ** 2)))
 
     @property
     def _even(self) -> Array:

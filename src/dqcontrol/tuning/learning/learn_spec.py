@@ -82,6 +82,12 @@ class _WithLearn(msgspec.Struct):
 class LearnProblem(SpecWithBlock[LearnBlock]):
     """A spec with its block ``learn``."""
 
+    def points(self, file: str | Path) -> dict[str, Any]:
+        """Return the reference of a spec that runs a motion from a file, with the preview that this spec has."""
+        preview = self.spec.reference.preview
+        more = {} if preview is None else {"preview": msgspec.to_builtins(preview)}
+        return {"kind": "points", "file": str(file), **more}
+
 
 def read_learn(source: str | Path | dict[str, Any], **changes: Any) -> LearnProblem:
     """Return what a spec with the key ``learn`` asks for; without it, learning with all defaults.

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from dqcontrol.errors import ShapeError
 from dqcontrol.laws import PreparedLaw
 from dqcontrol.measures.stability import LoopGain
 from dqcontrol.plants.linear_model import LinearModel
+from dqcontrol.references import Previewed, Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST
 from dqcontrol.robots import Robot
 
@@ -21,7 +23,7 @@ _LEAST_ANGLE = 1e-9  # where the loop is at rest, z = 1
 
 @dataclass(frozen=True)
 class LoopShape:
-    """A law as one loop of a direction of the hand: u = C(z) (w − y) + κ (z − 1) w/T.
+    """A law as one loop of a direction of the hand: u = C(z) (w − y) + κ F(z) (z − 1) w/T.
 
     Attributes
     ----------
@@ -31,11 +33,15 @@ class LoopShape:
         κ: 1 for laws with feed-forward of the desired twist, 0 for others.
     period
         T, s.
+    ahead, share
+        Steps n by which twists come early, and a, of F(z) = zⁿ (1 − a/z)/(1 − a), see `Previewed`; 0 without preview.
     """
 
     gain: LoopGain
     feedforward: float
     period: float
+    ahead: int = 0
+    share: float = 0.0
 
     def response(self, model: LinearModel, frequencies: Array) -> NDArray[np.complex128]:
         """Return from shift to measured joints, shape (frequencies, m, m); frequencies in Hz."""
@@ -52,14 +58,19 @@ class LoopShape:
         if self.gain.lag:
             share = min(self.gain.lag * self.period, 1.0)
             control = control * share * z / (z - 1 + share)
-        shifted = plant @ (unit * (control + self.feedforward * (z - 1) / self.period))
+        led = z**self.ahead * (1 - self.share / z) / (1 - self.share)
+        shifted = plant @ (unit * (control + self.feedforward * led * (z - 1) / self.period))
         return np.asarray(np.linalg.solve(unit + control * plant, shifted), dtype=np.complex128)
 
 
 def loop_shape(
-    robot: Robot, prepared: PreparedLaw, gains: tuple[LoopGain, ...] | None, start: Array
+    robot: Robot,
+    prepared: PreparedLaw,
+    gains: tuple[LoopGain, ...] | None,
+    start: Array,
+    reference: Reference,
 ) -> LoopShape:
-    """Return a prepared law as a loop.
+    """Return a prepared law as a loop that follows shifts of a reference with the reference's preview, if it has one.
 
     Raises
     ------
@@ -71,7 +82,12 @@ def loop_shape(
         why = "are unknown" if gains is None else "are 0"
         raise ShapeError(f"law: its loop gains {why}; learning needs a law that corrects errors of the pose")
     slowest = min(moving, key=lambda gain: abs(gain.value))
-    return LoopShape(slowest, _feedforward(robot, prepared, start), prepared.dt)
+    shape = LoopShape(slowest, _feedforward(robot, prepared, start), prepared.dt)
+    if not isinstance(reference, Previewed):
+        return shape
+    ahead = math.floor(reference.delay / prepared.dt + 1e-9)  # twists of points are constant in between
+    share = math.exp(-prepared.dt / reference.lag) if reference.lag else 0.0
+    return replace(shape, ahead=ahead, share=share)
 
 
 def _feedforward(robot: Robot, prepared: PreparedLaw, start: Array) -> float:

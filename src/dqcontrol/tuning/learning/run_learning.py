@@ -36,7 +36,7 @@ from dqcontrol.measures.tables import Table
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import Plant
 from dqcontrol.recording import load_record, save_record
-from dqcontrol.references import Points
+from dqcontrol.references import Points, Previewed
 from dqcontrol.references.sample import POSE, TIME, TWIST
 from dqcontrol.tuning.learning.convergence import HIGHEST, Convergence, widest
 from dqcontrol.tuning.learning.learn_spec import LearnProblem, read_learn
@@ -208,7 +208,7 @@ class Learning:
 
     def spec(self, file: str | Path = LEARNT) -> dict[str, Any]:
         """Return the spec of a run of the learnt motion, as plain data."""
-        return self.problem.data | {"reference": {"kind": "points", "file": str(file)}}
+        return self.problem.data | {"reference": self.problem.points(file)}
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
         """Write the learnt motion, a spec that runs it, the table, figures and a report into a new folder.
@@ -336,7 +336,7 @@ class _Session:
         self.problem, self.real_time, self._runner = problem, real_time, runner
         self.setting: PreparedExperiment = prepare_spec(problem.spec, problem.folder, {})
         (self.case,) = self.setting.cases
-        self.samples = self.case.scene.samples
+        self.samples = self.setting.scene.samples
         self.time = self.samples[:, TIME]
         self.notes: list[str] = []
         self.weights = start_weights(self.time, problem.block.skip)
@@ -344,7 +344,7 @@ class _Session:
         models, uncertain = self._models()
         scene = self.case.scene
         self._law = self.case.prepare_law(problem.spec)
-        shape = loop_shape(scene.robot, self._law, self.case.gains, scene.start)
+        shape = loop_shape(scene.robot, self._law, self.case.gains, scene.start, scene.reference)
         self.margin = self._margin(models, uncertain)
         self.convergence = self._convergence(shape, models, uncertain)
         self._warn_near_limit(uncertain)
@@ -372,7 +372,7 @@ class _Session:
                 f"{where}: reference: begins at {1e3 * speed:.3g} mm/s and {math.degrees(turning):.2f} °/s, and the "
                 "jump would be learnt; let it begin at rest (reference.ramp), or give learn.skip"
             )
-        demand = path_demand(self.case.scene)
+        demand = path_demand(self.setting.scene)
         if demand is not None and demand.peak_share > 1:
             raise ReachError(
                 f"{where}: reference: asks {demand.joint} for {demand.peak_share:.3g} × its largest speed at "
@@ -501,13 +501,16 @@ class _Session:
         )
 
     def _sampled(self, motion: Points) -> Array:
-        samples = motion.samples(np.minimum(self.time - self.time[0], motion.duration))
-        samples[:, TIME] = self.time
-        return samples
+        """Return a motion as the law is given it to follow: with twists that lead as those of the spec's do."""
+        asked = self.case.scene.reference
+        led = isinstance(asked, Previewed)
+        return self.case.scene.along(
+            Previewed(motion, asked.delay, asked.lag, asked.step) if led else motion
+        ).samples
 
     def _execute(self, motion: Points | None, number: int) -> Record:
         """Run a motion, or that of the spec; or give the record of the run that an earlier call has kept."""
-        samples = self.samples if motion is None else self._sampled(motion)
+        samples = self.case.scene.samples if motion is None else self._sampled(motion)
         if self._runner is not None:
             return self._aligned(self._runner(self.problem, motion, number), samples)
         file = self.kept.recordings / str(number) / "record.mcap" if self.kept else None
