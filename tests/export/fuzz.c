@@ -1,4 +1,6 @@
-/* fuzz STEPS SEED: whatever comes in, what leaves keeps the supervisor's limits, and nothing is NaN. */
+/* fuzz STEPS SEED: whatever comes in, what leaves keeps the supervisor's limits, and nothing is NaN. Of a base that drives,
+ * VELOCITY and ACCELERATION hold the limits of all inputs and LEVER what turning adds to its fastest rim (m): it moves as
+ * the plant of the spec, and its middle stays before x = WALL. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -6,6 +8,22 @@
 
 #include "dqc_controller.h"
 #include "test_vector.h"
+#ifdef LEVER
+#include "dqc_plant.h"
+static dqc_plant plant;
+#endif
+
+/* Where the robot is after a command, or at its start for none. */
+static void move(double *q, const double *u) {
+#ifdef LEVER
+  if (u) dqc_plant_step(&plant, u, 0);
+  else dqc_plant_init(&plant);
+  memcpy(q, plant.q, DQC_COORDINATES * sizeof *q);
+#else
+  if (!u) memcpy(q, vector[0] + 5, DQC_COORDINATES * sizeof *q);
+  for (int i = 0; u && i < DQC_INPUTS; i++) q[i] += DQC_PERIOD * u[i];
+#endif
+}
 
 static uint64_t state;
 
@@ -22,13 +40,29 @@ static double odd(void) {
 }
 
 static double bound(const char *kind, int i) {
+#ifdef LEVER
+  static const double velocity[] = VELOCITY, acceleration[] = ACCELERATION;
+  return strstr(kind, "velocity") ? velocity[i] : acceleration[i];
+#else
   for (const dqc_parameter *p = dqc_parameters; p->name; p++)
     if (strstr(p->name, kind) && i-- == 0) return p->value;
   exit(2);
+#endif
+}
+
+/* What else is wrong with a command u to a base that is at q. */
+static int breaks_base(const double *q, const double *u) {
+#ifdef LEVER
+  return !(q[0] <= WALL) || !(fabs(u[0]) + LEVER * fabs(u[1]) <= bound("velocity", 0) * (1 + 1e-9));
+#else
+  (void)q, (void)u;
+  return 0;
+#endif
 }
 
 int main(int count, char **words) {
   long steps = count > 1 ? atol(words[1]) : 1000, stopped = 0, starts = 0, bad = 0;
+  double nearest = -INFINITY;
   static dqc_controller controller;
   double q[DQC_COORDINATES], u[DQC_INPUTS], last[DQC_INPUTS] = {0}, time = 0.0, effort[DQC_INPUTS], wrench[6];
   double velocity[DQC_INPUTS], acceleration[DQC_INPUTS];
@@ -36,7 +70,7 @@ int main(int count, char **words) {
   printf("seed %llu\n", (unsigned long long)state);
   for (int i = 0; i < DQC_INPUTS; i++) velocity[i] = bound("supervisor.velocity", i), acceleration[i] = bound("supervisor.acceleration", i);
   dqc_init(&controller, 0);
-  memcpy(q, vector[0] + 5, sizeof q);
+  move(q, 0);
   for (long k = 0; k < steps; k++) {
     dqc_measured measured = {q, chance(0.02) ? odd() : 0.0, chance(0.02) ? odd() : 0.0, 0, 0};
     double sent[DQC_COORDINATES], now;
@@ -63,13 +97,16 @@ int main(int count, char **words) {
     if (status == DQC_STOPPED || status == DQC_ENDED || status < 0) {
       stopped += status == DQC_STOPPED;
       if (!dqc_reset(&controller) && ++starts) {
-        memcpy(q, vector[0] + 5, sizeof q);
+        if (chance(0.5)) move(q, 0);
         memset(last, 0, sizeof last);
         restarted = 1;
       }
     }
-    for (int i = 0; !restarted && i < DQC_INPUTS; i++) q[i] += DQC_PERIOD * u[i];
+    if (!restarted) move(q, u);
+    if (breaks_base(q, u) && bad++ < 5) printf("step %ld: base at x = %g, v %g, omega %g\n", k, q[0], u[0], u[1]);
+    nearest = fmax(nearest, q[0]);
   }
+  printf("largest x %g\n", nearest);
   printf("%ld steps, %ld stops, %ld starts, %ld outside the limits or not finite\n", steps, stopped, starts, bad);
   return bad != 0;
 }

@@ -26,10 +26,10 @@ K = {"kind": "proportional", "gain": 4}
 WIDE = {  # bounds that P16's runs keep, which leave the robot's limits: u also holds the arm against gravity
     "velocity": 100.0,
     "acceleration": 1e4,
-    "tracking_error": 100.0,
+    "tracking_error": "100 rad",
     "overspeed": 100.0,
     "jump": 2.0,
-    "measured_tolerance": 100.0,
+    "measured_tolerance": "100 rad",
     "slow_below": 0.0,
     "hold_below": 0.0,
     "ramp": 0.0,

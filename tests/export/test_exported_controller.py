@@ -17,6 +17,7 @@ from dqcontrol.export.expected_answers import vector_rows
 from dqcontrol.limits.supervisor.interventions import KEEP_OUT
 from dqcontrol.loop.control import Control
 from dqcontrol.loop.targets import PoseTarget, Speeds, TwistTarget
+from dqcontrol.robots.driving import RIM_LEVER
 
 START = np.array(SPEC["start"])
 WALL = {"kind": "polygon", "corners": [[0.5, -2], [0.7, -2], [0.7, 2], [0.5, 2]]}
@@ -33,6 +34,12 @@ WALLED = {
 }
 OUTSIDE_LIMITS = -5
 POSE, TWIST = 1, 2  # sources of targets, as dqc_controller.h has them
+
+
+@pytest.fixture(scope="module")
+def walled_folder(tmp_path_factory):
+    """What the spec of a base before a wall was exported to."""
+    return export_controller(WALLED, tmp_path_factory.mktemp("walled") / "c").folder
 
 
 @needs_c
@@ -153,15 +160,14 @@ def test_a_clock_that_stands_still_stops_with_a_name(exported_folder, stuck_at):
 
 @pytest.mark.slow
 @needs_c
-def test_a_base_keeps_out_of_zones_in_c_and_starts_in_none(tmp_path):
+def test_a_base_keeps_out_of_zones_in_c_and_starts_in_none(walled_folder):
     """It brakes before a wall as in Python; a start in the wall is refused by both, and one beside it is not."""
     parts = controller_parts(WALLED)
     rows = list(vector_rows(parts))
     assert any(row.interventions & KEEP_OUT for row in rows)
-    folder = export_controller(WALLED, tmp_path / "c").folder
-    assert "largest difference to Python 0 (bits compared)" in make(folder, "test")
+    assert "largest difference to Python 0 (bits compared)" in make(walled_folder, "test")
     assert parts.supervisor
-    library, supervisor = LibraryController(folder), parts.supervisor[1]
+    library, supervisor = LibraryController(walled_folder), parts.supervisor[1]
     for x in (0.36, 0.6):  # the wall begins at 0.5 m, the footprint is 0.15 m
         inside = np.array([x, *WALLED["start"][1:]])
         u = library.step(inside, 0.0)
@@ -220,6 +226,24 @@ def test_whatever_comes_in_the_limits_are_kept(exported_folder, tmp_path, steps)
         "cc", "-std=gnu99", f"-I{exported_folder}", HERE / "fuzz.c", library, "-lm", "-o", tmp_path / "fuzz"
     )
     assert " 0 outside the limits or not finite" in shell(tmp_path / "fuzz", steps, 20261122)
+
+
+@needs_c
+@pytest.mark.slow
+def test_whatever_comes_in_a_base_keeps_its_limits_its_rims_and_out_of_its_zone(walled_folder, tmp_path):
+    """Bad measurements of the base do not bring its footprint (0.15 m) into the wall at 0.5 m."""
+    make(walled_folder, "all", "dqc_plant.o")
+    supervisor = controller_parts(WALLED).supervisor
+    assert supervisor
+    bounds = supervisor[1].bounds
+    rows = {"VELOCITY": bounds.velocity, "ACCELERATION": bounds.acceleration}
+    flags = [f"-D{name}={{{','.join(map(repr, row.tolist()))}}}" for name, row in rows.items()]
+    flags += [f"-DLEVER={bounds.drives[0, RIM_LEVER]}", f"-DWALL={0.5 - 0.15 + 1e-6}", f"-I{walled_folder}"]
+    sources = HERE / "fuzz.c", *walled_folder.glob("dqc_plant*.o"), walled_folder / "libdqc_controller.a"
+    shell("cc", "-std=gnu99", *flags, *sources, "-lm", "-o", tmp_path / "fuzz")
+    said = shell(tmp_path / "fuzz", 200_000, 20261124)
+    print(said)  # the seed
+    assert " 0 outside the limits or not finite" in said
 
 
 @needs_c

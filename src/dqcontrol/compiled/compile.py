@@ -24,7 +24,7 @@ from numba.extending import overload
 
 from dqcontrol.compiled import kernel_cache
 from dqcontrol.compiled.numba_choice import numba_used
-from dqcontrol.errors import Error, InterpretedWarning, ShapeError, ValueRangeError
+from dqcontrol.errors import DivergedError, Error, InterpretedWarning, ShapeError
 
 FAST = {"contract", "reassoc", "nsz", "arcp"}  # NaN and infinity keep their meaning
 
@@ -223,7 +223,7 @@ class InterpretedKernel:
 
         Raises
         ------
-        ValueRangeError
+        DivergedError
             If one that a spec named raises.
         """
         try:
@@ -233,7 +233,7 @@ class InterpretedKernel:
                 raise
             last = extract_tb(error.__traceback__)[-1]
             place = f"{Path(last.filename).name}, line {last.lineno}"
-            raise ValueRangeError(
+            raise DivergedError(
                 f"function: {self.__name__} raised {type(error).__name__}: {error} ({place})"
             ) from error
 

@@ -447,11 +447,7 @@ class PreparedLaw:
         plain = self.kernel.plain if isinstance(self.kernel, Kernel) else None
         if status != LAW_FAILED + RAISED or plain is None:
             return
-        asked = self._asked(q, sample, k, state.copy())
-        try:
-            plain(*asked, np.zeros(self.robot.input_size))
-        except ValueRangeError as error:
-            raise DivergedError(str(error)) from error
+        plain(*self._asked(q, sample, k, state.copy()), np.zeros(self.robot.input_size))
 
     def _asked(self, q: Array, sample: Array, k: int, state: Array) -> tuple[Array, ...]:
         """Return what the law is handed for a sample, once kinematics are found."""

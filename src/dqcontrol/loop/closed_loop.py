@@ -24,7 +24,7 @@ from dqcontrol.loop.supervision import Senses, Supervision, most_steps_to_rest
 from dqcontrol.loop.trace import Stop, Trace, empty_records, ended
 from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance
 from dqcontrol.plants.live_plant import LivePlant, MovedPlant, live_plant
-from dqcontrol.plants.plant import CompiledPlant, failure_text
+from dqcontrol.plants.plant import CompiledPlant
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE
 
 _PROGRESS_EVERY = 50  # steps
@@ -176,8 +176,9 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
     if status == compiled.HALTED:
         halted, steps.rests = _SUPERVISOR, True
     elif status >= compiled.PLANT_FAILED:
-        failure = failure_text(status - compiled.PLANT_FAILED)
         steps.done -= 1
+        command = steps.records[2][steps.done]
+        failure = plant.failure(status - compiled.PLANT_FAILED, command, steps.done)
     elif status >= compiled.LAW_FAILED:
         failure = steps.law_failure(steps.done, status)
     elif status:

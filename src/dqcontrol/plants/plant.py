@@ -281,15 +281,6 @@ def _periods(field: str, seconds: float, dt: float) -> float:
     return periods
 
 
-def failure_text(status: int) -> str:
-    """Say why a compiled plant did not step."""
-    return (
-        "the plant's function raised an exception"
-        if status == RAISED
-        else "the plant produced NaN or infinity"
-    )
-
-
 class CompiledPlant(LivePlant):
     """A plant whose step is a compiled function of signature ``PLANT``.
 
@@ -328,8 +319,21 @@ class CompiledPlant(LivePlant):
         if status == WRONG_SIZE:
             raise ShapeError(f"command: does not fit the robot, got shape {np.shape(command)}")
         if status:
-            raise DivergedError(failure_text(status))
+            raise DivergedError(self.failure(status, command, self._step))
         self._step += 1
+
+    def failure(self, status: int, command: Array, k: int) -> str:
+        """Say why step number k failed: a user's function whose compiled code raised is called in Python."""
+        if status != RAISED:
+            return "the plant produced NaN or infinity"
+        plain = self.kernel.plain if isinstance(self.kernel, Kernel) else None
+        if plain is not None:
+            moved = self.state.copy(), self.q.copy(), self.measured.copy()
+            try:
+                plain(command, self.parameters, self.noise[k], *moved)
+            except DivergedError as error:
+                return str(error)
+        return "the plant's function raised an exception"
 
     def rewind(self) -> None:
         """Use the noise again from its start; see `LivePlant.rewind`."""
