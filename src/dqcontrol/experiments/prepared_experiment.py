@@ -269,7 +269,7 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
     start = _start(chosen.start, robot)
     robot = robot.from_start(start)
     reference = spec.reference.build(robot.fkm(start), folder)
-    reference = spec.reference.of_robot(reference, robot, start)
+    reference = spec.reference.of_robot(reference, _widest(spec, robot), start)
     times = spec.period * np.arange(step_count(reference, spec.period, spec.duration), dtype=np.float64)
     samples = reference.samples(times)
     if spec.skip_initial > samples[-1, -1]:
@@ -282,6 +282,13 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
         raise ReachError(f"{error}{length_slip(spec.reference, robot)}") from None
     check_clearance(robot, start, samples)
     return PreparedRobot(robot, start, reference, samples, _tasks(spec, robot, start, folder, times))
+
+
+def _widest(spec: Spec, robot: Robot) -> Robot:
+    """Return a robot with the widest of its own base and those on which its plants put it."""
+    for plant in spec.plant_by_label.values():
+        robot = plant.body_of(robot)
+    return robot
 
 
 def _led(scene: PreparedRobot, lag: float, delay: float) -> PreparedRobot:
