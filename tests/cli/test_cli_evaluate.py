@@ -50,22 +50,31 @@ def call(line, monkeypatch, capsys):
 def test_evaluate_prints_the_metrics_and_writes_the_results(run, here, monkeypatch, capsys):
     line = "dqcontrol evaluate log.csv --robot iiwa7 --reference circle.yaml --out found"
     code, out, err = call(line, monkeypatch, capsys)
-    assert (code, err) == (0, "")
+    assert (code, err) == (1, "")  # the law lags: it is measured, and said
+    assert out.splitlines()[0] == run.verdict.words
     assert re.search(rf"Position error RMS +│ {run.metrics.position.rms:.4g} +│ mm", out)
     assert "results: found" in out
     assert {"record.mcap", "report.html", "errors.png", "metrics.json"} <= {
         p.name for p in (here / "found").iterdir()
     }
     assert call(line, monkeypatch, capsys)[0] == 2  # nothing is overwritten unasked
-    assert call(f"{line} --force", monkeypatch, capsys)[0] == 0
+    assert call(f"{line} --force", monkeypatch, capsys)[0] == 1
     code, out, _ = call("dqcontrol compare run found", monkeypatch, capsys)
     assert code == 0
     assert "end of the log" in out
 
 
+def test_evaluate_says_first_what_failed_and_ends_with_1(here, monkeypatch, capsys):
+    code, out, _ = call("dqcontrol evaluate run", monkeypatch, capsys)
+    assert code == 1
+    assert re.match(r"too late: .* mm behind; not followed: errs by \d+", out)
+    code, out, _ = call("dqcontrol evaluate log.csv --robot iiwa7 --reference log.csv", monkeypatch, capsys)
+    assert (code, out.splitlines()[0]) == (0, "followed")
+
+
 def test_evaluate_writes_nothing_unasked(here, monkeypatch, capsys):
     before = sorted(here.rglob("*"))
-    assert call("dqcontrol evaluate run", monkeypatch, capsys)[0] == 0
+    assert call("dqcontrol evaluate run", monkeypatch, capsys)[0] == 1
     assert sorted(here.rglob("*")) == before
 
 

@@ -178,13 +178,15 @@ def test_a_base_of_unknown_width_is_not_planned_for():
     floor = dqc.geometry.FloorMap([[[1, 0.5], [1.4, 0.5], [1.4, 0.9], [1, 0.9]]])
     bare = dqc.WholeBody([dqc.DifferentialDrive(0.05, 0.1, rim_speed=0.4), dqc.load_robot("ax18")])
     start, goal = np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0]), bare.fkm([0.5, 0, 0, 0, -0.9, 0.9, 0.9, 0])
-    with pytest.raises(ShapeError, match=r"map: nothing says how wide the base of .* is; give it a chassis"):
+    with pytest.raises(
+        ShapeError, match=r"map: nothing says how wide the base of .* is: .*give its drive a chassis"
+    ):
         DriveTo.pose(bare, start, goal, floor=floor)
     chassis = dqc.load_robot("little-john").parts[0].chassis
     wide = dqc.WholeBody(
         [dqc.DifferentialDrive(0.05, 0.1, rim_speed=0.4, chassis=chassis), dqc.load_robot("ax18")]
     )
     body = body_points(wide, start)
-    assert set(body.radius[~body.carried]) == {chassis.radius}
+    assert set(body.radius[~body.carried]) == {chassis.radius, 0.0}  # of the wheels, too
     assert across(wide, start) >= chassis.radius
     assert DriveTo.pose(wide, start, goal, floor=floor).duration > 0

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
 from dqcontrol.cli.options import DEFAULT_LOG_OPTIONS, SECONDS, Force, LogOptions, Out, Seconds, in_unit
-from dqcontrol.cli.screen import print_table
+from dqcontrol.cli.screen import FAILED, print_table
 
 
 def evaluate(
@@ -30,6 +31,9 @@ def evaluate(
     force: Force = False,
 ) -> None:
     """Measure your own joint log against a reference: table, and plots and report if --out is given.
+
+    The first line is its verdict. Exit status: 0 if the hand did what was asked, 1 if it did not, 2 if nothing was
+    measured, because something is wrong.
 
     Parameters
     ----------
@@ -86,6 +90,9 @@ def evaluate(
     filtered = ""
     if result.low_pass is not None:
         filtered = f"; speeds, accelerations and joint steps low-passed at {result.low_pass:g} Hz"
+    print(result.verdict.words)
     print_table(summary_table(result.metrics, f"{result.label}{filtered}"))
     if out is not None:
         print(f"results: {out}")
+    if result.verdict.failure:
+        sys.exit(FAILED)

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from dqcontrol.cli.options import Force, Out
-from dqcontrol.cli.screen import print_table, progress_bar
+from dqcontrol.cli.screen import FAILED, print_table, progress_bar
 
 if TYPE_CHECKING:
     from dqcontrol.experiments import Study
 
 RealTime = Annotated[bool, Parameter(negative=())]
 Compiled = Annotated[bool, Parameter(negative=())]
-FAILED = 1  # a run did not do what was asked, or broke what it was to keep
 Over = Literal["udp", "shared-memory"]
 
 

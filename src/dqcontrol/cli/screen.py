@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from dqcontrol.measures.tables import Table
 
 
+FAILED = 1  # exit status: a run did not do what was asked, or broke what it was to keep
 _UNWATCHED = 200  # letters a line, when nobody watches
 
 

@@ -37,6 +37,7 @@ from dqcontrol.plants import CompliantPlant, MobilePlant, Plant
 from dqcontrol.plants.mobile.scene import TableBlock
 from dqcontrol.robots import Robot, SerialArm, TwoArms, WholeBody
 from dqcontrol.robots.bases import DifferentialDrive
+from dqcontrol.robots.collision_shapes import known_shapes
 from dqcontrol.robots.link_shapes import LinkShape, moved_rows
 from dqcontrol.robots.robot import base_coordinates
 from dqcontrol.robots.urdf import UrdfTree
@@ -186,12 +187,13 @@ class Contacts:
         plant: Plant | None = None,
         walls: FloorMap | None = None,
     ) -> None:
+        robot = robot if plant is None else plant.body_of(robot)
         self._robot = robot
         base = np.flatnonzero(base_coordinates(robot))
         self._first = (
             int(base[-1]) + 2 if len(base) and base[0] == 0 else 1
         )  # frame that something on the base has
-        self._bodies = _bodies(robot, self._first)
+        self._bodies = _bodies(robot, self._first, fitted=walls is not None)
         self._moving = [each for each in self._bodies if each.frame > 0]
         self._carried = [
             each
@@ -361,9 +363,13 @@ def _core(link: LinkShape) -> LinkShape:
     )
 
 
-def _bodies(robot: Robot, first: int) -> list[LinkShape]:
-    """Return the shapes of a robot's links, those that are not known as points, and its end effectors as points."""
-    known = [] if robot.shapes is None else list(robot.shapes.shapes)
+def _bodies(robot: Robot, first: int, *, fitted: bool) -> list[LinkShape]:
+    """Return the shapes of a robot's links, those that are not known as points, and its end effectors as points.
+
+    Shapes are fitted to a mobile robot's file, which takes seconds, only where a map was planned with them.
+    """
+    own = () if robot.shapes is None else robot.shapes.shapes
+    known = list(known_shapes(robot) if fitted else own)
     if not any(each.frame >= first for each in known):
         rows = range(first - 1, len(robot.row_names))
         known += [LinkShape(robot.row_names[k], k + 1, Sphere(np.zeros(3), 0.0)) for k in rows]

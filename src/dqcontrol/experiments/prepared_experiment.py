@@ -263,7 +263,9 @@ def prepare_spec(spec: Spec, folder: Path, known: dict[bytes, Any]) -> PreparedE
                 law, lag = versions[limits[name].velocity], plant.lag(scenes[label].robot)
                 follow = partial(scenes[label].as_followed, variant.law, lag)
                 scene = _once(led, [bool(variant.law.lag_at), lag.mean], follow)
-                if scene is not scenes[label]:  # the law's rows may depend on the twists: it is prepared again
+                if (
+                    scene is not scenes[label]
+                ):  # the law's rows may depend on the twists: it is prepared again
                     law = None
                 cases.append(
                     Combination(place, scene, variant, plant, limits[name], compiled[name], law, gains)
@@ -286,7 +288,7 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
     start = _start(chosen.start, robot)
     robot = robot.from_start(start)
     reference = spec.reference.build(robot.fkm(start), folder)
-    reference = spec.reference.of_robot(reference, robot, start)
+    reference = spec.reference.of_robot(reference, _widest(spec, robot), start)
     times = spec.period * np.arange(step_count(reference, spec.period, spec.duration), dtype=np.float64)
     samples = reference.samples(times)
     if spec.skip_initial > samples[-1, -1]:
@@ -299,6 +301,13 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
         raise ReachError(f"{error}{length_slip(spec.reference, robot)}") from None
     check_clearance(robot, start, samples)
     return PreparedRobot(robot, start, reference, samples, _tasks(spec, robot, start, folder, times))
+
+
+def _widest(spec: Spec, robot: Robot) -> Robot:
+    """Return a robot with the widest of its own base and those on which its plants put it."""
+    for plant in spec.plant_by_label.values():
+        robot = plant.body_of(robot)
+    return robot
 
 
 def _tasks(spec: Spec, robot: Robot, start: Array, folder: Path, times: Array) -> PreparedTasks | None:

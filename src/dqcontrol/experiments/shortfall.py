@@ -19,7 +19,7 @@ from dqcontrol.laws import (
     Proportional,
 )
 from dqcontrol.laws.null_space import BestHeading
-from dqcontrol.measures.margins import AT_LIMIT
+from dqcontrol.measures.margins import AT_LIMIT, UNSEEN
 
 Trials = Sequence[Mapping[str, Any]]  # metrics of the repeats of one case
 
@@ -58,7 +58,7 @@ def warn_of_shortfalls(cases: Sequence[tuple[Combination, Trials]], *, stackleve
 
 def beyond_limits(label: str, trials: Trials) -> str:
     """Say how far repeats of one case went beyond the joint limits; nothing if none did."""
-    crossed = [trial for trial in trials if (trial["limit_margin"] or 0.0) < 0]
+    crossed = [trial for trial in trials if (trial["limit_margin"] or 0.0) < -UNSEEN]
     if not crossed:
         return ""
     worst = min(crossed, key=lambda trial: trial["limit_margin"])

@@ -24,7 +24,7 @@ from dqcontrol.limits.supervisor.keep_out_zones import CircularZone, KeepOutZone
 from dqcontrol.loop.kept_signals import DISTANCE, PRESSURE, ROOM
 from dqcontrol.loop.record import Record, has_failed, row_norms
 from dqcontrol.measures.deadlock import deadlocks
-from dqcontrol.measures.margins import AT_LIMIT, joint_margins
+from dqcontrol.measures.margins import AT_LIMIT, UNSEEN, joint_margins
 from dqcontrol.measures.metrics import Metrics
 from dqcontrol.measures.task_result import TaskResult, task_result
 from dqcontrol.plants import MobilePlant, Plant
@@ -45,6 +45,7 @@ _BEHIND = (
     0.7  # cosine of 45° between an error and the way: beyond it the hand is late rather than beside its way
 )
 _ENDED = 0.1  # s before the end of a run
+_TURNS_BACK = 0.1  # s; servos, which lag by less, still move away after a constraint has ceased to press
 _SAID = 2  # causes in one line
 _SHAPES = ("circle", "spiral", "square", "drawing")
 
@@ -234,7 +235,7 @@ class Judge:
             yield f"in its own base: {HAND} {_length(inside)}"
 
     def _limits(self, record: Record, metrics: Metrics) -> Iterator[str]:
-        if metrics.limit_margin < -_CROSSED:
+        if metrics.limit_margin < -UNSEEN:
             i = record.joint_names.index(metrics.limit_joint)
             k = int(joint_margins(record, self.robot.limits)[i].argmin())
             turns = self.robot.joint_types[i] == "revolute"
@@ -345,7 +346,8 @@ class Judge:
     def _kept_hand(self, record: Record) -> bool:
         """Return whether the hand was farthest from its reference while a constraint pressed, or just after."""
         pressed = np.flatnonzero((record.readings[PRESSURE].values > 0).any(axis=1))
-        return bool(len(pressed)) and bool(np.abs(pressed - int(record.error.argmax())).min() <= 1)
+        farthest = record.time[int(record.error.argmax())]
+        return bool(len(pressed)) and bool(np.abs(record.time[pressed] - farthest).min() <= _TURNS_BACK)
 
     def _causes(self, record: Record, metrics: Metrics, result: TaskResult) -> Iterator[str]:
         """Yield what held the hand, what is most to the point first."""
@@ -353,6 +355,10 @@ class Judge:
             yield f"held by {' and '.join(held[-1].names[:2])} since {held[-1].begin:.3g} s"
         elif PRESSURE in record.readings and (pressed := record.readings[PRESSURE]).values[-2:].any():
             yield f"held by {pressed.parts[int(pressed.values[-2:].sum(axis=0).argmax())]} at the end"
+        elif PRESSURE in record.readings and self._kept_hand(record):
+            shares = (record.readings[PRESSURE].values > 0).mean(axis=0)
+            name = record.readings[PRESSURE].parts[int(shares.argmax())]
+            yield f"pushed aside by {name} for {100 * shares.max():.2g} % of the time"
         if "contact" in record.readings and metrics.peak_contact > 0:
             at = int(row_norms(record.readings["contact"].values).argmax())
             yield f"touched: {metrics.peak_contact:.3g} N{_at(record, at)}"

@@ -13,6 +13,7 @@ from dqcontrol.loop.record import Record
 from dqcontrol.robots.limits import Limits
 
 AT_LIMIT = 1e-3  # rad or m: a joint so near its limit is at it
+UNSEEN = 1e-6  # rad or m beyond a limit: no encoder tells it, and stops in physics give way by less
 
 
 def joint_margins(record: Record, limits: Limits) -> NDArray[np.float64]:

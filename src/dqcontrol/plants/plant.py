@@ -138,6 +138,10 @@ class Plant(
         """Return how its encoders err."""
         return EncoderErrors(0.0, 0.0)
 
+    def body_of(self, robot: Robot) -> Robot:
+        """Return a robot with the body of its base here, if that is wider than it says itself; by default as it is."""
+        return robot
+
     def base_errors(self) -> tuple[float, float]:
         """Return the standard deviations of where a mobile base is measured, m, and of its heading, rad."""
         return 0.0, 0.0

@@ -14,6 +14,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.geometry import Box, Capsule, FloorMap, Sphere
 from dqcontrol.robots import Robot
+from dqcontrol.robots.collision_shapes import known_shapes
 from dqcontrol.robots.robot import base_coordinates
 
 _CELL = 0.05  # m
@@ -23,6 +24,7 @@ _POSTURES, _LOOKED_AT = 2000, 100  # that are tried, and of these looked at clos
 _WORTH = 0.01  # m; of room, to move the arm for
 _LINK = 0.04  # m; half the width of links whose shapes are not known
 _SPACED = 0.02  # m; between points of such links
+_BALL = 0.06  # m; edge of the cubes in which a box is cut, which stand out of it by 22 mm
 _ABOVE = 0.03  # m; of a folded arm above its base
 _APART = (
     0.02  # m; of shapes from each other: twice what constraints keep, which keep more the longer a period is
@@ -166,7 +168,7 @@ def body_points(robot: Robot, q: Array) -> Body:
         radii.extend([radius] * len(places))
         carried.extend([moves] * len(places))
 
-    known = () if robot.shapes is None else robot.shapes.shapes
+    known = known_shapes(robot)
     for each in known:
         if not each.frame:
             continue
@@ -176,13 +178,33 @@ def body_points(robot: Robot, q: Array) -> Body:
         elif isinstance(shape, Sphere):
             add(shape.center[None], shape.radius, each.frame > last)
         elif isinstance(shape, Box):
-            half = 0.5 * float(np.linalg.norm(np.asarray(shape.size)))
-            add(algebra.translation(np.asarray(shape.pose))[None], half, each.frame > last)
+            add(*_balls(shape), each.frame > last)
+    if known and not all(carried):  # a body on wheels: they may stand out of it
+        for _, _, radius, half_track, *_ in robot.drives[:1]:
+            hubs = np.array(
+                [[end, side * half_track, radius] for side in (-1, 1) for end in (-radius, radius)]
+            )
+            hubs = _moved(frames[last - 1], hubs)
+            add(np.vstack([_between(*hubs[:2]), _between(*hubs[2:])]), 0.0, False)
     if not any(carried):
         places = algebra.translation(frames[last:])
         for a, b in pairwise(places):
             add(_between(a, b), _LINK, True)
     return Body(np.array(points).reshape(-1, 3), np.array(radii), np.array(carried, dtype=bool))
+
+
+def _balls(box: Box) -> tuple[Array, float]:
+    """Return the middles of balls that cover a box, (N, 3), and their radius, m."""
+    size = np.asarray(box.size)
+    counts = np.ceil(size / _BALL).astype(int)
+    axes = [edge * ((np.arange(count) + 0.5) / count - 0.5) for edge, count in zip(size, counts, strict=True)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    return _moved(np.asarray(box.pose), grid), 0.5 * float(np.linalg.norm(size / counts))
+
+
+def _moved(pose: Array, points: Array) -> Array:
+    matrix = algebra.matrix_from_pose(pose)
+    return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def _between(a: Array, b: Array) -> Array:

@@ -15,6 +15,7 @@ from dqcontrol.loop import Record, Timing
 from dqcontrol.loop.kept_signals import DISTANCE, ROOM, SLACK
 from dqcontrol.measures.deadlock import deadlocks
 from dqcontrol.measures.lyapunov import Certificate
+from dqcontrol.measures.margins import UNSEEN
 from dqcontrol.measures.table_cells import Cell, VerdictCell
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.measures.task_range import RANGE, TaskRange
@@ -101,7 +102,7 @@ def _joint_limits(run: Run) -> Iterator[Row]:
         where = f"{joint}: {abs(margin):.3g} {unit} {'left' if margin >= 0 else 'beyond'}"
         yield [
             "Joint limits",
-            VerdictCell(*(("kept", True) if margin >= -_CROSSED else ("exceeded", False))),
+            VerdictCell(*(("kept", True) if margin >= -UNSEEN else ("exceeded", False))),
             where,
         ]
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,7 @@ import numpy as np
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.errors import FileFormatError, ShapeError
+from dqcontrol.errors import FileFormatError, NoteWarning, ShapeError
 from dqcontrol.geometry import Box, Capsule, Sphere, bounding_capsule, distance_kernels as kernels
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes, moved_rows
 from dqcontrol.robots.mesh_files import mesh_file, missing_note
@@ -102,6 +104,22 @@ def collision_shapes(robot: Robot) -> list[FittedShape]:
         file = robot.urdf[0] if isinstance(robot, SerialArm) and robot.urdf else robot.placed_links.path  # type: ignore[union-attr]
         raise FileFormatError(f"{file}: its links have no collision shapes")
     return found
+
+
+@lru_cache(maxsize=8)
+def known_shapes(robot: Robot) -> tuple[LinkShape, ...]:
+    """Return the shapes of a robot's links: its own, else of a mobile robot those fitted to its file, empty without.
+
+    A `NoteWarning` says why a file gives none.
+    """
+    if robot.shapes is not None:
+        return robot.shapes.shapes
+    if len(robot.bases) and robot.placed_links is not None:
+        try:
+            return tuple(each.shape for each in collision_shapes(robot))
+        except FileFormatError as error:
+            warnings.warn(str(error), NoteWarning, stacklevel=2)
+    return ()
 
 
 def _parts_of_urdf_arm(arm: SerialArm, path: Path, base_link: str) -> Iterator[list[FittedShape]]:

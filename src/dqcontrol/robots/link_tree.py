@@ -232,18 +232,32 @@ class LinkTree:
             joint_names=[joint.name for joint in moving],
             name=self.name,
         )
-        _, at, parts = self._placed(self.joints, moving, self.root, offsets_after=True)
+        _, _, parts = self._placed(self.joints, moving, self.root, offsets_after=True)
         arm.inertia = _lumped(parts, len(moving))
-        stand = inverse7(at[start][1])
-        arm.placed_links = PlacedLinks(
+        arm.placed_links = self.placed_links(arm.joint_names, start)
+        arm.links = (start, *(joint.child for joint in path))
+        return arm
+
+    def placed_links(self, moving: Sequence[str], base: str) -> PlacedLinks:
+        """Return where all links stand, as index of the joint of a chain that carries each, and the pose in its frame.
+
+        Parameters
+        ----------
+        moving
+            Names of the chain's joints.
+        base
+            The link in whose frame those stand that no joint of the chain carries (index −1).
+        """
+        chain = [joint for joint in self.joints if joint.name in moving]
+        _, at, _ = self._placed(self.joints, chain, self.root, offsets_after=True)
+        stand = inverse7(at[base][1])
+        return PlacedLinks(
             Path(self.where),
             {
                 link: NamedFrame(row, pose if row >= 0 else compose(stand, pose))
                 for link, (row, pose) in at.items()
             },
         )
-        arm.links = (start, *(joint.child for joint in path))
-        return arm
 
     def default_tip(self, base: str) -> str:
         """Return the end of the chain with most joints, without its gripper."""

@@ -11,11 +11,13 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import UnknownNameError
 from dqcontrol.robots.default_tip import longest_arms, shared, ways_down
+from dqcontrol.robots.dh import compose
 from dqcontrol.robots.found_base import DriveKind, FoundBase, RoundLink, find_base, is_named_wheel
 from dqcontrol.robots.link_tree import LinkTree, moves_alone
 from dqcontrol.robots.mesh_files import mesh_file
 from dqcontrol.robots.mjcf import mjcf_round_links, mjcf_tree
 from dqcontrol.robots.poses import inverse7
+from dqcontrol.robots.robot import NamedFrame, PlacedLinks
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.suffixes import MJCF
 from dqcontrol.robots.urdf import UrdfTree, load_urdf, origin_matrix, urdf_tree
@@ -34,12 +36,20 @@ def mobile_robot_from(
 ) -> WholeBody:
     """Return the whole body of a URDF, xacro or MJCF file with wheels; see `load_mobile`."""
     tree, found = base_of_file(path, drive, wheel_radius, track, steering_limit)
-    parts: list[object] = [found.base, _pose8(inverse7(found.place))]
+    stand = inverse7(found.place)
+    parts: list[object] = [found.base, _pose8(stand)]
     tip = tip_link or _hand(tree, found)
     if tip is not None:
-        arm = _arm(path, tree, found.root, tip)
-        parts.append(arm)
-    return WholeBody(parts, tree.name)  # pyright: ignore[reportArgumentType]
+        parts.append(_arm(path, tree, found.root, tip))
+    body = WholeBody(parts, tree.name)  # pyright: ignore[reportArgumentType]
+    heading = found.base.configuration_size - 1  # the row that carries what stands on the base
+    links = tree.placed_links(body.joint_names[heading + 1 :], found.root)
+    frames = {
+        link: NamedFrame(heading, compose(stand, pose)) if row < 0 else NamedFrame(heading + 1 + row, pose)
+        for link, (row, pose) in links.frames.items()
+    }
+    body.placed_links = PlacedLinks(Path(path), frames)
+    return body
 
 
 def base_of_file(

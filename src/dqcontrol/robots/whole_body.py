@@ -18,7 +18,7 @@ from dqcontrol.robots.kinematics_kernels import HEADING, SIDEWAYS
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes, carried_shapes, shapes_in_a_row
 from dqcontrol.robots.poses import unit_poses
-from dqcontrol.robots.robot import Form, Robot, paired_rows
+from dqcontrol.robots.robot import Form, NamedFrame, PlacedLinks, Robot, paired_rows
 from dqcontrol.robots.roller_bases import RollerBase
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.steered_bases import CarLikeBase, SteeredTricycle
@@ -111,6 +111,7 @@ class WholeBody(Robot):
         self.limits: Limits = Limits(limits.lower, limits.upper, limits.velocity[kept], limits.effort[kept])
         self.inertia: Inertia | None = whole.inertia
         self.shapes: LinkShapes | None = whole_body_shapes(self.parts, self.chain)
+        self.placed_links = _placed_links(parts)
 
     def __repr__(self) -> str:
         return f"WholeBody({self.name!r}, {self.configuration_size} coordinates, {self.input_size} inputs)"
@@ -142,7 +143,9 @@ class WholeBody(Robot):
 
     def in_form(self, form: Form) -> WholeBody:
         """Return the same robot with constrained or unconstrained inputs."""
-        return WholeBody(self.parts, self.name, form)
+        other = WholeBody(self.parts, self.name, form)
+        other.placed_links = self.placed_links
+        return other
 
     def feasible_inputs(self, q: ArrayLike, rates: ArrayLike) -> Array:
         """Return the inputs of the constrained form that follow rates of the configuration as far as the drives can.
@@ -319,6 +322,22 @@ def _flatten_parts(parts: Sequence[Part]) -> Iterator[Mover | ArrayLike]:
             raise ShapeError(
                 f"parts[{i}]: expected a base, an arm, a whole body or a pose of shape (8,), got {part!r:.80}"
             )
+
+
+def _placed_links(parts: Sequence[Part]) -> PlacedLinks | None:
+    """Return the links of the file of the only whole body among parts that was read from one."""
+    found, first = [], 0
+    for part in parts:
+        if isinstance(part, WholeBody) and part.placed_links is not None:
+            found.append((first, part.placed_links))
+        first += part.configuration_size if isinstance(part, WholeBody | Mover) else 0
+    if len(found) != 1:
+        return None
+    first, links = found[0]
+    frames = {
+        link: NamedFrame(first + row if row >= 0 else row, pose) for link, (row, pose) in links.frames.items()
+    }
+    return PlacedLinks(links.path, frames)
 
 
 def _shape(part: ArrayLike) -> tuple[int, ...] | None:

@@ -107,6 +107,10 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             raise ValueRangeError(f"plant.link_mass: must be > 0, got {self.link_mass}")
         as_positive("plant.link_radius", self.link_radius)
 
+    def body_of(self, robot: Robot) -> Robot:
+        """Return the robot with the chassis of this plant."""
+        return self.base.body_of(robot)
+
     def base_errors(self) -> tuple[float, float]:
         """Return the camera's standard deviations, m and rad."""
         camera = self.camera if self.location in SEEN else None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
@@ -15,15 +15,16 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
-from dqcontrol.robots.bases import CLEARANCE
+from dqcontrol.robots.bases import CLEARANCE, Chassis, DifferentialDrive
 from dqcontrol.robots.limits import Inertia
 from dqcontrol.robots.roller_bases import RollerBase
 from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.whole_body import WholeBody
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from dqcontrol.robots.bases import DifferentialDrive
+    from dqcontrol.robots.robot import Robot
 
 FLOOR, THINGS = 1, 2  # what touches what: wheels only the floor, things all but wheels
 WHEELS = ("right", "left")
@@ -117,6 +118,17 @@ class WheeledBase(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
             as_array("plant.base.centre_ahead", self.centre_ahead, ())
         for field in _NOT_NEGATIVE:
             as_positive(f"plant.base.{field}", getattr(self, field), zero_allowed=True)
+
+    def body_of(self, robot: Robot) -> Robot:
+        """Return a robot whose drive has this base as its chassis, if that is wider than its own or it has none."""
+        drive = robot.parts[0] if isinstance(robot, WholeBody) else None
+        own = getattr(drive, "chassis", None)
+        if not isinstance(drive, DifferentialDrive) or (self.radius or 0.0) <= (own.radius if own else 0.0):
+            return robot
+        assert isinstance(robot, WholeBody)
+        solid = self.under(drive, robot.name)
+        chassis = Chassis(**{field: getattr(solid, field) for field in _OF_THE_ROBOT})
+        return WholeBody([replace(drive, chassis=chassis), *robot.parts[1:]], robot.name, robot.form)
 
     def under(self, drive: DifferentialDrive | RollerBase, name: str) -> SolidBase:
         """Return this base with all its numbers, those that are missing from the drive's own chassis.
