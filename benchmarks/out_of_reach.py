@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import msgspec
 import numpy as np
@@ -18,13 +18,15 @@ from scipy.optimize import minimize
 import dqcontrol as dqc
 from dqcontrol import algebra, laws
 from dqcontrol.arrays import Array
-from dqcontrol.laws.constrained.constraints import Lag
+from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import close_loop
-from dqcontrol.plants import Integrator
+from dqcontrol.plants import Integrator, Servo
 
 SEED = 38
 TURNING = 0.01  # rad/s: slower joints are at rest
-HONEST = 12.0  # rad/s²: between two periods a joint that turns back honestly may change its speed by so much times T
+HONEST = (
+    12.0  # rad/s², what joints of arms do: slower than that times T, one that turns back may do so honestly
+)
 STARTS = {
     "panda": [0, -0.3, 0, -2.0, 0, 1.7, 0.7],
     "ur5": [0, -1.2, 1.5, -1.8, -1.5, 0.3],
@@ -99,39 +101,26 @@ def resting_targets(robot: dqc.Robot, q: Array) -> dict[str, Array]:
 
 
 def follow(
-    prepared: laws.PreparedLaw,
-    q: Array,
-    samples: Callable[[int], dqc.Sample],
-    steps: int,
-    servo: tuple[float, float] = (0.0, 0.0),
-    *,
-    integrated: bool = False,
+    prepared: laws.PreparedLaw, q: Array, samples: Callable[[int], dqc.Sample], steps: int
 ) -> tuple[Array, Array]:
-    """Let a law drive a robot in a loop of one's own, scaled to the velocity limits; return commands, configurations.
-
-    Joints follow with a lag and a delay (s); ``integrated``: the law is told where their targets are.
-    """
+    """Let a law drive ideal joints in a loop of one's own, scaled to the velocity limits; return commands, joints."""
     robot, period = prepared.robot, prepared.dt
-    state, wanted, joints = prepared.initial_state(q), q.copy(), q.copy()
-    late = [q.copy()] * (round(servo[1] / period) + 1)
-    share = 1.0 if servo[0] == 0.0 else 1.0 - np.exp(-period / servo[0])
+    state, joints = prepared.initial_state(q), q.copy()
     sent, gone = np.empty((steps, robot.input_size)), np.empty((steps, q.size))
     for k in range(steps):
-        u = prepared.command(wanted if integrated else joints, samples(k), state)
+        u = prepared.command(joints, samples(k), state)
         u = u / max(1.0, np.max(np.abs(u) / robot.limits.velocity))
         prepared.sent(state, u)
-        wanted = robot.integrate(wanted, u, period)
-        late = [*late[1:], wanted]
-        joints = joints + share * (late[0] - joints)
+        joints = robot.integrate(joints, u, period)
         sent[k], gone[k] = u, joints
     return sent, gone
 
 
-def reversing(sent: Array, jump: float = 2 * TURNING) -> float:
-    """Return the share of periods in which some joint turns back, both ways at speed, by more than a jump, rad/s."""
+def reversing(sent: Array, least: float = TURNING) -> float:
+    """Return the share of periods in which some joint turns back, faster than ``least`` before and after, rad/s."""
     before, after = sent[:-1], sent[1:]
-    moving = np.minimum(np.abs(before), np.abs(after)) > TURNING
-    return float(((before * after < 0) & moving & (np.abs(after - before) > jump)).any(axis=1).mean())
+    turning = (before * after < 0) & (np.minimum(np.abs(before), np.abs(after)) > least)
+    return float(turning.any(axis=1).mean())
 
 
 def worst_at_rest(
@@ -153,76 +142,122 @@ def worst_at_rest(
     return worst, where
 
 
-def streams(
-    robot: dqc.Robot, q: Array, period: float, seconds: float
-) -> Iterator[tuple[str, list[dqc.Sample]]]:
-    """Yield hostile streams of targets: 3 s of calm, then what people and cameras do, then calm again."""
-    rng = np.random.default_rng(SEED)
-    home, steps = robot.fkm(q), round(seconds / period)
-    reach = float(np.linalg.norm(algebra.translation(furthest(robot, q, np.array([1.0, 0, 0])))))
-    held = max(round(1 / 30 / period), 1)  # a camera's frames
-    turns = [algebra.exp_screw(np.array([*(0.5 * np.pi * axis), 0, 0, 0])) for axis in np.eye(3)]
+def streams(robot: dqc.Robot, q: Array, period: float) -> dict[str, Array]:
+    """Return hostile streams of targets: 10 s of what people, cameras and networks do, between 3 s and 5 s of calm."""
+    rng, axes = np.random.default_rng(SEED), np.eye(3)
+    home, times = robot.fkm(q), period * np.arange(round(10.0 / period))
+    here, whole = algebra.translation(home), np.concatenate([home[:4], np.zeros(4)])
+    reach = float(np.linalg.norm(algebra.translation(furthest(robot, q, here / np.linalg.norm(here)))))
+    out = here / np.linalg.norm(here)
+    ball, noise = rng.normal(size=(400, 3)), rng.normal(size=(400, 6))
+    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
+    far = rng.uniform(0.2, 2.0, (400, 1))
+    turns = [algebra.exp_screw(np.array([*(0.5 * np.pi * axis), 0, 0, 0])) for axis in axes]
 
     def at(position: Array, turn: Array | None = None) -> Array:
-        pose = placed(home, position)
-        return pose if turn is None else algebra.multiply(pose, turn)
+        return placed(home if turn is None else algebra.multiply(whole, turn), position)
 
-    here = algebra.translation(home)
-    ball = rng.normal(size=(2000, 3))
-    ball *= (reach * rng.uniform(0.2, 1.6, (2000, 1))) / np.linalg.norm(ball, axis=1, keepdims=True)
+    def turned(axis: Array, angle: float) -> Array:
+        return algebra.exp_screw(np.array([*(0.5 * angle * axis), 0, 0, 0]))
 
     def circle(time: float, radius: float, rate: float) -> Array:
         return radius * np.array([np.cos(rate * time), np.sin(rate * time), 0.3])
 
-    def made(wanted: Callable[[int], Array]) -> list[dqc.Sample]:
-        calm = round(3.0 / period)
-        rest = [dqc.Sample(home)] * calm
-        return [*rest, *(dqc.Sample(wanted(k)) for k in range(steps)), *rest]
+    def frame(time: float, rate: float) -> int:
+        return int(time * rate + 1e-9)
 
-    second = round(1.0 / period)  # seldom enough that turns which a jump of the target asks for count little
-    yield "teleports", made(lambda k: at(ball[k // second]))
-    yield "circle outside at 30 Hz", made(lambda k: at(circle((k // held) * held * period, 1.3 * reach, 1.0)))
-    yield "circle at the edge", made(lambda k: at(circle(k * period, 1.02 * reach, 0.5)))
-    yield "through the base", made(lambda k: at((1 - 2 * ((k * period / 4) % 1)) * here))
-    yield "in and out", made(lambda k: at((1 + 0.6 * np.sin(1.5 * k * period)) * here * reach / 0.8))
-    yield "half turns", made(lambda k: at(here, turns[(k // second) % 3]))
-    yield "jitter outside", made(lambda k: at(1.5 * reach * here + 0.003 * ball[k // held]))
-    yield "gaps outside", made(lambda k: at(circle((k // (9 * held)) * 9 * held * period, 1.2 * reach, 1.0)))
+    def held(time: float, rate: float) -> float:
+        return frame(time, rate) / rate
+
+    def jittered(time: float, position: Array, size: float) -> Array:
+        """Return a target with noise of a camera at 30 Hz: three times as large in rad as in dm."""
+        shaken = noise[frame(time, 30.0) % 400] * size
+        return at(position + shaken[:3], algebra.exp_screw(np.array([*(1.5 * shaken[3:]), 0, 0, 0])))
+
+    def gapped(time: float) -> float:
+        """Return when the last frame came where frames of 30 Hz come in bursts, with gaps of up to 1 s."""
+        return held(time, 30.0) if (time % 2.5) < 1.5 else 2.5 * (time // 2.5) + 1.5
+
+    wrist = axes[1]
+    wanted: dict[str, Callable[[float], Array]] = {
+        "teleports, 0.5 s": lambda t: at(ball[frame(t, 2)] * reach * far[frame(t, 2)]),
+        "teleports, 1 s": lambda t: at(ball[frame(t, 1)] * reach * far[frame(t, 1)]),
+        "teleports, 2 s": lambda t: at(ball[frame(t, 0.5)] * reach * far[frame(t, 0.5)]),
+        "teleports outside, 1 s": lambda t: at(ball[50 + frame(t, 1)] * 1.5 * reach),
+        "teleports and turns, 1 s": lambda t: at(ball[70 + frame(t, 1)] * reach, turns[frame(t, 1) % 3]),
+        "there and 10 m away, 1 s": lambda t: at(here if frame(t, 1) % 2 else 10.0 * out),
+        "steps, 1.3 reach, 0.5 rad/s": lambda t: at(circle(held(t, 30), 1.3 * reach, 0.5)),
+        "steps, 1.3 reach, 1.5 rad/s": lambda t: at(circle(held(t, 30), 1.3 * reach, 1.5)),
+        "steps, 2 reaches, 1 rad/s": lambda t: at(circle(held(t, 30), 2.0 * reach, 1.0)),
+        "steps at the edge": lambda t: at(circle(held(t, 30), 0.98 * reach, 0.5)),
+        "steps, in and out": lambda t: at((1 + 0.5 * np.sin(1.5 * held(t, 30))) * out * reach),
+        "through the base, 4 s": lambda t: at((1 - 2 * ((t / 4) % 1)) * here),
+        "through the base, 2 s": lambda t: at(np.cos(np.pi * t) * here),
+        "beside the base": lambda t: at(np.cos(0.5 * np.pi * t) * here + 0.05 * axes[1]),
+        "down the base's axis": lambda t: at(np.array([0.02, 0.0, reach * (1.3 * np.cos(0.5 * t) - 0.3)])),
+        "wrist swings": lambda t: at(here, turned(wrist, 1.5 * np.sin(1.5 * t))),
+        "wrist swings, stretched": lambda t: at(0.99 * reach * out, turned(wrist, 1.0 * np.sin(t))),
+        "wrist swings, outside": lambda t: at(1.3 * reach * out, turned(wrist, 1.5 * np.sin(1.5 * t))),
+        "half turns, 1 s": lambda t: at(here, turned(axes[frame(t, 1) % 3], np.pi * (frame(t, 1) % 2))),
+        "half turns, 2 s": lambda t: at(here, turned(axes[frame(t, 0.5) % 3], np.pi * (frame(t, 0.5) % 2))),
+        "half turns, outside": lambda t: at(1.3 * reach * out, turned(axes[0], np.pi * (frame(t, 1) % 2))),
+        "round and round": lambda t: at(here, turned(axes[0], 1.5 * held(t, 30))),
+        "gaps, circle outside": lambda t: at(circle(gapped(t), 1.2 * reach, 1.0)),
+        "gaps, line in and out": lambda t: at((1 + 0.5 * np.sin(1.5 * gapped(t))) * out * reach),
+        "gaps of 0.3 s": lambda t: at(circle(held(t, 3.0), 1.2 * reach, 0.5)),
+        "jitter of 1 mm, outside": lambda t: jittered(t, 1.2 * reach * out, 0.001),
+        "jitter of 3 mm, outside": lambda t: jittered(t, 1.5 * reach * out, 0.003),
+        "jitter of 3 mm, at the edge": lambda t: jittered(t, 1.01 * reach * out, 0.003),
+    }
+
+    before, after = (np.repeat(dqc.Sample(home).numbers[None], round(s / period), axis=0) for s in (3.0, 5.0))
+    return {
+        name: np.concatenate([before, [dqc.Sample(pose(t)).numbers for t in times], after])
+        for name, pose in wanted.items()
+    }
 
 
-def stream_table(growth: float | None, seconds: float = 6.0) -> None:
+def stream_table() -> None:
     """Print shares of reversing periods of streams, over robots, servos and ways to close the loop."""
     print(
-        "\nhostile streams: reversing periods, %, mean and worst (goal 0.5 and 5); greatest step / (limit · T) (goal 1)"
+        "\n28 hostile streams × 5 servos, decoupled law, k = min(10, 0.3/(lag + delay + T)): reversing periods, %, mean "
+        "\n(goal 0.5) and worst (goal 5); without growth; greatest step / (limit · T) (goal 1); where most"
     )
+    everything: dict[str, float] = {}
     for period in (0.01, 0.033):
-        for name in ("panda", "ur5", "iiwa7"):
+        for name in ("panda", "ur5", "iiwa7", "youbot-arm"):
             robot, q = dqc.load_robot(name), np.array(STARTS[name], dtype=float)
-            given = list(streams(robot, q, period, seconds))
-            shares, places, most = [], [], 0.0
-            for servo in SERVOS:
-                for integrated in (False, True):
-                    if integrated and servo not in ((0.1, 0.02), (0.3, 0.05)):
-                        continue
-                    late = sum(servo) if not integrated else 0.0
-                    k = min(10.0, 0.3 / (late + period))
-                    lag = Lag((servo[0],) * q.size, (servo[1],) * q.size) if late else Lag()
-                    law = with_growth(laws.DecoupledProportional(gain=k), growth)
-                    prepared = law.prepare(robot, None, period, lag=lag)
-                    for stream, samples in given:
-                        sent, gone = follow(
-                            prepared, q, samples.__getitem__, len(samples), servo, integrated=integrated
-                        )
-                        shares.append(reversing(sent, HONEST * period))
-                        places.append(f"{stream}, lag {servo[0]:g} delay {servo[1]:g} s")
-                        limit = robot.limits.velocity * period
-                        most = max(most, float((np.abs(np.diff(gone, axis=0)) / limit).max()))
-            worst = int(np.argmax(shares))
+            given, limit = streams(robot, q, period), robot.limits.velocity * period
+            hostile = slice(round(3.0 / period), round(13.0 / period))
+            shares: dict[str, float] = {}
+            without, most = [], 0.0
+            for lag, delay in SERVOS:
+                servo = Servo(time_constant=lag, delay=delay, position_limit=False)
+                law = laws.DecoupledProportional(gain=min(10.0, 0.3 / (lag + delay + period)))
+                for growth in (None, 0.0):
+                    prepared = with_growth(law, growth).prepare(
+                        robot, None, period, CommandLimits(velocity=True), lag=servo.lag(robot)
+                    )
+                    for stream, samples in given.items():
+                        plant = servo.start(robot, q, period, len(samples), SEED)
+                        trace = close_loop(prepared, plant, samples)
+                        share = reversing(trace.command[hostile], HONEST * period)
+                        if growth == 0.0:
+                            without.append(share)
+                            continue
+                        shares[f"{stream}; {1e3 * lag:g} + {1e3 * delay:g} ms"] = share
+                        most = max(most, float((np.abs(np.diff(trace.q, axis=0)) / limit).max()))
+            worst = sorted(shares, key=lambda place: -shares[place])[:3]
+            everything |= {f"{place}, {name}, {period}": share for place, share in shares.items()}
+            found = 100 * np.array(list(shares.values()))
             print(
-                f"  {name:12} {period * 1e3:4.0f} ms  {100 * np.mean(shares):6.2f}  {100 * shares[worst]:6.2f}"
-                f"  {most:.3f}  ({places[worst]})",
+                f"  {name:10} {1e3 * period:3.0f} ms  {found.mean():5.2f} {found.max():6.2f}"
+                f"   {100 * np.mean(without):5.1f} {100 * max(without):6.1f}   {most:.3f}   "
+                + ", ".join(f"{100 * shares[place]:.1f} {place}" for place in worst),
                 flush=True,
             )
+    found = 100 * np.array(list(everything.values()))
+    print(f"  all {len(found)}: {found.mean():.2f} in the mean, {found.max():.2f} at worst")
 
 
 def rest_table(growth: float | None) -> None:
@@ -327,7 +362,7 @@ def main() -> None:
         "reach": reach_table,
         "steps": step_table,
         "rest": lambda: rest_table(asked.growth),
-        "streams": lambda: stream_table(asked.growth),
+        "streams": stream_table,
     }
     for name in asked.tables.split(","):
         tables[name]()
