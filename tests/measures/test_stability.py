@@ -297,9 +297,7 @@ def test_no_lag_at_all():
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
-@pytest.mark.parametrize(
-    ("gain", "integral"), [(1e-308, 1e-300), (1e-300, 0.0), (1e-15, 0.0), (1e300, 1e6)]
-)
+@pytest.mark.parametrize(("gain", "integral"), [(1e-308, 1e-300), (1e-300, 0.0), (1e-15, 0.0), (1e300, 1e6)])
 def test_extreme_gains_are_judged_without_a_warning(gain, integral):
     """So small ones leave a pole at 1 but for rounding, where the damping ratio is 0/0."""
     arm, law = dqc.load_robot("iiwa7"), Proportional(gain=gain, integral_gain=integral)

@@ -263,7 +263,9 @@ def prepare_spec(spec: Spec, folder: Path, known: dict[bytes, Any]) -> PreparedE
                 law, lag = versions[limits[name].velocity], plant.lag(scenes[label].robot)
                 follow = partial(scenes[label].as_followed, variant.law, lag)
                 scene = _once(led, [bool(variant.law.lag_at), lag.mean], follow)
-                if scene is not scenes[label]:  # the law's rows may depend on the twists: it is prepared again
+                if (
+                    scene is not scenes[label]
+                ):  # the law's rows may depend on the twists: it is prepared again
                     law = None
                 cases.append(
                     Combination(place, scene, variant, plant, limits[name], compiled[name], law, gains)

@@ -116,9 +116,7 @@ class Loaded:
         """Return the law, or another one in its place, ready to run."""
         reference = self.case.scene.reference if source == "spec" else None
         mode, lag = lagging_mode(self.case.plant), self.case.plant.lag(self.robot)
-        return (law or self.law).prepare(
-            self.robot, reference, self.period, self.case.limits, mode, lag=lag
-        )
+        return (law or self.law).prepare(self.robot, reference, self.period, self.case.limits, mode, lag=lag)
 
     def prepared_supervisor(self, interface: str) -> PreparedSupervisor:
         """Return the supervisor ready to run, for a robot that takes velocities or positions."""
