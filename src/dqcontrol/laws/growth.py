@@ -54,7 +54,7 @@ def pose_error(pose, desired):
 def beyond_driving(error, driven):
     """Return what is left of [θ ; p_d − p] where a base has driven: height and tilt; all of it without a base."""
     kept = 1.0 - driven
-    return error[0], error[1], kept * error[2], kept * error[3], kept * error[4], error[5]
+    return kept * error[0], kept * error[1], kept * error[2], kept * error[3], kept * error[4], error[5]
 
 
 @inline
