@@ -162,7 +162,7 @@ class DecoupledProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="dec
     >>> import numpy as np, dqcontrol as dqc
     >>> arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
     >>> law = dqc.laws.DecoupledProportional(gain=[1, 4, 4, 4, 2, 2, 2, 2])
-    >>> here, there = arm.fkm(q), arm.fkm(q + 0.1)
+    >>> here, there = arm.fkm(q), arm.fkm(q + 0.02)
     >>> u = law.command(arm, q, dqc.Sample(there), dt=0.01)
     >>> way = dqc.algebra.translation(there) - dqc.algebra.translation(here)
     >>> np.allclose(arm.translation_jacobian(q) @ u, 4 * way)

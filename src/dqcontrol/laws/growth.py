@@ -7,8 +7,8 @@ every period. With λ² ≥ c‖C‖ it is k/c at most. In chain order, with ω 
 
 C_ij = e_p · (ω_i × a_j) + ½ℓ² θ · (ω_i × ω_j) = ω_i · b_j, i ≤ j, b_j = a_j × e_p + ½ℓ² ω_j × θ.
 
-On a base that drives, no x, y or heading is out of reach: at rest these errors vanish. C is then formed with what is
-left of e where the base has driven, height and tilt, so that distant targets do not slow the arm.
+On a base that drives, no x, y or heading is out of reach: where it rests these errors have been driven away. Tilt costs
+a wrist no reach. C is then formed with the error of height alone, so that distant targets do not slow the robot.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def pose_error(pose, desired):
 
 @inline
 def beyond_driving(error, driven):
-    """Return what is left of [θ ; p_d − p] where a base has driven: height and tilt; all of it without a base."""
+    """Return what of [θ ; p_d − p] may be out of reach: with a base that drives, height; without, all of it."""
     kept = 1.0 - driven
     return kept * error[0], kept * error[1], kept * error[2], kept * error[3], kept * error[4], error[5]
 

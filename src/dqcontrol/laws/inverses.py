@@ -35,7 +35,7 @@ class InverseParameters(NamedTuple):
     growth
         c of the filtered inverse.
     driven
-        1 where a base takes the hand to every x, y and heading, so that these errors add no damping; else 0.
+        1 where a base takes the hand to every x, y and heading, so that damping grows with errors of height alone; else 0.
     """
 
     kind: float
@@ -100,8 +100,8 @@ class FilteredInverse(
     Where the target is out of reach, damping grows with the curvature C of the task that J leaves out
     (`laws/growth.py`): g = (c‖C‖ − 1/tr G⁻¹)₊ is added to all σ², G = JJᵀ, and λ² − g takes the place of λ², not less
     than 0. C vanishes with the error, so where that is small or σ large nothing is added, to the last bit; elsewhere
-    the loop gain stays below k/c, and the robot comes to rest. Errors of x, y and heading count in C only where no base
-    drives them away.
+    the loop gain stays below k/c, and the robot comes to rest. On a base that drives, C is formed with
+    the error of height alone: no x, y or heading is out of reach there.
     """
 
     spec_key: ClassVar[str] = "inverse"
