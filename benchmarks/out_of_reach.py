@@ -47,6 +47,7 @@ def all_laws(k: float) -> dict[str, laws.Law]:
         "HIR, right": laws.HInfinity(orientation_gain=2 * k, translation_gain=k),
         "HIRT, left": laws.HInfinityTracking(orientation_gain=2 * k, translation_gain=k, form="left"),
         "LQR-R8": laws.LinearQuadraticR8(error_weight=k * k, control_weight=1.0),
+        "LQR-DQ, right": laws.LinearQuadraticDQ(error_weight=k * k, control_weight=1.0),
         "LQR-DQ, left": laws.LinearQuadraticDQ(error_weight=k * k, control_weight=1.0, error="left"),
         "feedback linearisation": laws.FeedbackLinearization(
             stiffness=16 * k * k, damping=4 * k, null_space=None
@@ -220,7 +221,7 @@ def streams(robot: dqc.Robot, q: Array, period: float) -> dict[str, Array]:
 def stream_table() -> None:
     """Print shares of reversing periods of streams, over robots, servos and ways to close the loop."""
     print(
-        "\n28 hostile streams × 5 servos, decoupled law, k = min(10, 0.3/(lag + delay + T)): reversing periods, %, mean "
+        "\n28 hostile streams × 5 servos, decoupled law, k = min(10, 0.3/(lag + delay + T)): reversing periods, %, mean"
         "\n(goal 0.5) and worst (goal 5); without growth; greatest step / (limit · T) (goal 1); where most"
     )
     everything: dict[str, float] = {}

@@ -34,7 +34,7 @@ from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twis
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
 from dqcontrol.laws.law import LAW, Law
 from dqcontrol.laws.loop_rates import LoopRates
-from dqcontrol.laws.pose_error import short_sign
+from dqcontrol.laws.pose_error import LEVER_CURVES, short_sign, shorten_lever
 from dqcontrol.laws.pose_law import checked_hysteresis
 
 if TYPE_CHECKING:
@@ -81,13 +81,16 @@ def h_infinity_right(q, pose, pose_jacobian, twist_jacobian, sample, parameters,
     conjugate(sample, own.opposite)
     multiply(pose, own.opposite, relative)
     sign = short_sign(relative[0], given.hysteresis, state)
-    translation(relative, twist[3:6])
     for i in range(3):
-        twist[i] = -given.orientation * sign * relative[1 + i]
+        twist[i] = 2.0 * sign * relative[1 + i]
+    translation(relative, twist[3:6])
+    shorten_lever(twist, pose, sample, given.inverse)
+    for i in range(3):
+        twist[i] *= -0.5 * given.orientation
         twist[3 + i] *= -given.translation
-    fastest = max(0.5 * given.orientation, given.translation)
+    share = LEVER_CURVES / max(0.5 * given.orientation, given.translation)
     a, b, c, d, e, f = at_hand(twist, pose)
-    error = a / fastest, b / fastest, c / fastest, d / fastest, e / fastest, f / fastest
+    error = share * a, share * b, share * c, share * d, share * e, share * f
     if given.tracking != 0.0:
         last = signed_state(state, m).last
         desired_twist(sample, pose, twist_jacobian, given.second_order, last, own.desired)

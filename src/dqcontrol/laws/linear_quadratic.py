@@ -36,7 +36,7 @@ from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twis
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
 from dqcontrol.laws.law import LAW, Law, check_steps
 from dqcontrol.laws.loop_rates import LoopRates, largest_rates
-from dqcontrol.laws.pose_error import left_error, short_sign, solve_left_error
+from dqcontrol.laws.pose_error import LEVER_CURVES, left_error, short_sign, shorten_lever, solve_left_error
 from dqcontrol.laws.pose_law import checked_hysteresis
 from dqcontrol.laws.riccati import Steps
 from dqcontrol.references.sample import POSE, TWIST
@@ -339,12 +339,14 @@ def linear_quadratic_dq(q, pose, pose_jacobian, twist_jacobian, sample, paramete
     sign = short_sign(relative[0], given.hysteresis, state)
     _tangent(relative, sign, given.is_logarithm != 0.0, error)
     translation(relative, error[3:6])
+    shorten_lever(error, pose, sample, given.inverse)
     desired_twist(sample, pose, twist_jacobian, given.second_order, signed_state(state, m).last, own.desired)
     adjoint_twist(relative, own.desired, twist)
     _subtract_feedback(given.gain, error, twist)
     hand_twist = at_hand(twist, pose)
     a, b, c, d, e, f = at_hand(error, pose)
-    missing = -a, -b, -c, -d, -e, -f
+    s = -LEVER_CURVES
+    missing = s * a, s * b, s * c, s * d, s * e, s * f
     return solve_hand_twist(
         pose, twist_jacobian, hand_twist, missing, own.preferred, given.inverse, own.solver, out
     )

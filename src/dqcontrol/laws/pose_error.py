@@ -1,12 +1,20 @@
-"""The left-invariant pose error 1 − x*x_d and the twist that N⁺ makes of its rate, shared by the laws that use them."""
+"""What laws share of pose errors: the sign, the left one and the twist that N⁺ makes of it, the right one's lever."""
 
 from __future__ import annotations
 
-from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, rotated
+import math
+
+from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, position, rotated
 from dqcontrol.compiled.compile import inline
 from dqcontrol.laws.growth import pose_error
-from dqcontrol.laws.hand_twist import solve_hand_twist
+from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist
+from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.laws.nearest_twist import nearest_twist
+
+LEVER_CURVES = 2.0  # of right errors: the turning lever changes with q as much again as C says
+_LONGEST_LEVER = (
+    3.0  # ℓ: so long only half a metre away and turned by far; `python benchmarks/out_of_reach.py`
+)
 
 
 @inline
@@ -17,6 +25,27 @@ def short_sign(real_part, hysteresis, sign):
     elif sign[0] * real_part < -hysteresis:
         sign[0] = -sign[0]
     return sign[0]
+
+
+@inline
+def shorten_lever(error, pose, desired, inverse_numbers):
+    """Bound the lever arm in a right error y = [θ ; p_e], p_e + θ × p − (p − p_d) ≈ θ × (p_d − p), if damping grows.
+
+    Where neither vanishes, the hand would circle for ever at the speed that its joints have, whatever the damping.
+    """
+    inverse = inverse_parameters(inverse_numbers)
+    if inverse.growth == 0.0:
+        return
+    px, py, pz = position(pose)
+    dx, dy, dz = position(desired)
+    _, _, _, x, y, z = at_hand(error, pose)
+    x, y, z = x - px + dx, y - py + dy, z - pz + dz
+    lever, longest = math.sqrt(x * x + y * y + z * z), _LONGEST_LEVER * inverse.length
+    if lever > longest:
+        beyond = 1.0 - longest / lever
+        error[3] -= beyond * x
+        error[4] -= beyond * y
+        error[5] -= beyond * z
 
 
 @inline
