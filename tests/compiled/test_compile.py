@@ -154,6 +154,15 @@ def test_without_a_writable_cache_it_works_and_warns_once(tmp_path, where):
     assert file.read_text() == "in the way"
 
 
+def test_it_counts_what_is_compiled(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(kernel_cache, "root", lambda: tmp_path)
+    monkeypatch.setattr(kernel_cache, "_announced", 0)
+    monkeypatch.setattr(kernel_cache, "is_kept", lambda function: function is None)
+    for function in (call, None, call, call, call, None, call):
+        kernel_cache.announce(function)
+    assert capsys.readouterr().err == ANNOUNCED + "dqcontrol: compiling: 5 kernels so far …\n"
+
+
 def test_a_kernel_that_a_full_disk_cannot_keep_is_no_failure(monkeypatch):
     def save(*_):
         raise OSError(errno.ENOSPC, "No space left on device")

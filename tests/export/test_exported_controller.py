@@ -296,6 +296,13 @@ def with_arrays(q, pose, pose_jacobian, twist_jacobian, sample, parameters, stat
     for i in range(out.shape[0]):
         out[i] = error[1]
 """
+RAISING_LAW = """
+
+def raising(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    out[:] = 0.1
+    if sample[20] > 0.5:
+        raise ValueError("stop")
+"""
 OWN = SPEC | {
     "law": {"kind": "own", "function": "laws.py:transpose", "parameters": [2.0], "scratch": 16},
     "supervisor": False,
@@ -319,6 +326,16 @@ def test_own_laws_are_exported(own_laws, tmp_path):
 def test_own_laws_that_need_python_are_refused_with_the_line(own_laws, tmp_path):
     spec = OWN | {"law": OWN["law"] | {"function": "laws.py:with_arrays"}}
     message = r"laws.py:13: 'error = np.zeros\(8\)' needs NRT_\w+, which only Python has: write loops"
+    with pytest.raises(Error, match=message):
+        export_controller(spec, tmp_path / "c")
+    assert not (tmp_path / "c").exists()
+
+
+def test_own_laws_that_raise_are_refused_with_the_line(own_laws, tmp_path):
+    """C knows no exceptions: such a law would drive on with what it wrote before."""
+    (tmp_path / "laws.py").write_text(RAISING_LAW, encoding="utf-8")
+    spec = OWN | {"law": OWN["law"] | {"function": "laws.py:raising"}}
+    message = r"laws.py:6: 'raise ValueError\(\"stop\"\)' raises, which C does not; write NaN into 'out'"
     with pytest.raises(Error, match=message):
         export_controller(spec, tmp_path / "c")
     assert not (tmp_path / "c").exists()

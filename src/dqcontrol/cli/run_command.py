@@ -55,7 +55,7 @@ def run(
     over
         With --compiled: law and supervisor in a process, the plant in another one, which it reaches over this.
     """
-    from dqcontrol.errors import ShapeError
+    from dqcontrol.errors import DivergedError, ShapeError
     from dqcontrol.experiments import read_spec, run_study_to
     from dqcontrol.experiments.working_folder import working_folder
 
@@ -80,6 +80,9 @@ def run(
                 computed=_show,
                 drawing=lambda done, total: progress(done, total, "reports"),
             )
+    except DivergedError as error:  # in the first period: there is nothing to keep
+        print(error)
+        sys.exit(FAILED)
     except KeyboardInterrupt:
         kept = (
             "; finished trials are kept: rerun the same command to resume" * working_folder(folder).exists()

@@ -30,6 +30,7 @@ from dqcontrol.files.whole_file import whole_file
 
 _PACKAGE = Path(__file__).parent.parent
 _KEPT = 8  # versions of a module's kernels
+_SAID_EVERY = 5  # kernels: every few seconds
 _OF_ALL_KERNELS = "dqcontrol.compiled.numba_internals"  # imported by name
 _IMPORT = r"from +(dqcontrol[\w.]*) +import +(\([^)]*\)|[^\n]*)|import +(dqcontrol[\w.]*)"
 _AT_IMPORT = re.compile(f"^(?:{_IMPORT})", re.MULTILINE)
@@ -219,15 +220,19 @@ def _bitcode_file(function: Callable[..., Any]) -> Path:
 
 
 def announce(function: Callable[..., Any]) -> None:
-    """Say, once in a process, that a kernel is compiled, or that the cache cannot keep it."""
+    """Say that kernels are compiled, how many so far as they become more, or that the cache cannot keep them."""
     global _announced
     if root() is None:
         warn_unwritable()
-    elif not _announced and not is_kept(function):
-        _announced = True
-        print(
-            "dqcontrol: compiling kernels for their first use (up to a minute) …", file=sys.stderr, flush=True
-        )
+    elif not is_kept(function):
+        _announced += 1
+        if _announced == 1:
+            what = "compiling kernels for their first use (up to a minute) …"
+        elif _announced % _SAID_EVERY == 0:
+            what = f"compiling: {_announced} kernels so far …"
+        else:
+            return
+        print(f"dqcontrol: {what}", file=sys.stderr, flush=True)
 
 
 def warn_unwritable() -> None:
@@ -244,4 +249,4 @@ def warn_unwritable() -> None:
 
 
 _warned = False
-_announced = False
+_announced = 0  # kernels compiled

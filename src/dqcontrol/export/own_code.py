@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 import linecache
 import re
+import textwrap
 import warnings
 from collections.abc import Callable
 from typing import Any
@@ -48,9 +50,10 @@ def own_law_kernel(law: OwnLaw) -> Kernel:
     Raises
     ------
     Error
-        If it needs what only Python has; it says what, and which line.
+        If it raises, or needs what only Python has; it says what, and which line.
     """
     function = function_at("function", law.function)
+    _check_raises_nothing(function)
     native = target_named("native")
     try:
         kernel = _OwnKernel(function)
@@ -72,6 +75,19 @@ def own_law_kernel(law: OwnLaw) -> Kernel:
     ]
     where, symbol = _line_of(code, symbols or foreign, function)
     raise Error(f"law: {where} needs {symbol}, which only Python has: {_ADVICE}")
+
+
+def _check_raises_nothing(function: Callable[..., Any]) -> None:
+    """Raise an `Error` at a statement that raises: C would go on with what the law wrote before it."""
+    file = inspect.getsourcefile(function) or ""
+    lines, first = inspect.getsourcelines(function)
+    for node in ast.walk(ast.parse(textwrap.dedent("".join(lines)))):
+        if isinstance(node, ast.Raise | ast.Assert):
+            line = first + node.lineno - 1
+            raise Error(
+                f"law: {file}:{line}: '{linecache.getline(file, line).strip()}' raises, which C does not; "
+                "write NaN into 'out' there: the controller then says so, and its supervisor stops"
+            )
 
 
 def _line_of(code: bytes, symbols: list[str], function: Callable[..., Any]) -> tuple[str, str]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, InterpretedKernel, Kernel, compile_own
-from dqcontrol.errors import as_array, as_count, as_positive
+from dqcontrol.errors import DivergedError, as_array, as_count, as_positive
 from dqcontrol.extensions.user_code import function_at, numbers_in
 from dqcontrol.plants.linear_model import LinearModel, smooth_slopes
 from dqcontrol.plants.plant import PLANT, CompiledPlant, Plant, start_configuration
@@ -113,9 +113,11 @@ class OwnPlant(Plant, frozen=True, kw_only=True, tag="own"):
 
         def step(change: Array) -> Array:
             measured, q, state = (part.copy() for part in np.split(rest + change[: rest.size], sizes))
-            if live.kernel(change[rest.size :], live.parameters, quiet, state, q, measured):
-                return np.full_like(rest, np.nan)
-            return np.concatenate([measured, q, state])
+            try:
+                failed = live.kernel(change[rest.size :], live.parameters, quiet, state, q, measured)
+            except DivergedError:  # one that is not compiled says so itself
+                failed = RAISED
+            return np.full_like(rest, np.nan) if failed else np.concatenate([measured, q, state])
 
         for _ in range(_PERIODS):
             rest = step(np.zeros(rest.size + robot.input_size))
