@@ -33,8 +33,8 @@ def test_an_example_keeps_what_it_asks_for_and_says_what_became_of_its_task(name
     spec = yaml.safe_load(text)
     spec.pop("constraints")
     free = dqc.run(spec).record
-    (case,) = prepare(EXAMPLES / f"{name}.yaml").cases
-    kept = case.prepare_law(run.spec).constraints
+    prepared = prepare(EXAMPLES / f"{name}.yaml")
+    kept = prepared.cases[0].prepare_law(prepared.spec).constraints
     assert kept is not None
     values = kept.values(free.q, free.time)
     assert (values - kept.asked).min() < -1e-3  # the law alone crosses

@@ -9,7 +9,7 @@ from numba import njit
 import dqcontrol as dqc
 from dqcontrol import algebra, laws
 from dqcontrol.laws.constrained.constraints import Lag
-from dqcontrol.laws.growth import curvature, growth_for, pose_error, square_bound
+from dqcontrol.laws.growth import beyond_driving, curvature, growth_for, is_driven, pose_error, square_bound
 from dqcontrol.laws.loop_rates import LoopRates
 
 SEED, LENGTH = 38, 0.3
@@ -193,6 +193,52 @@ def test_further_tasks_leave_them_calm():
         sent[k] = u / max(1.0, np.max(np.abs(u) / robot.limits.velocity))
         at = at + 0.01 * sent[k]
     assert turning_back(sent[-150:]) == 0
+
+
+DRIVEN = {
+    "little-john": lambda: dqc.load_robot("little-john"),
+    "holonomic": lambda: dqc.WholeBody([dqc.HolonomicBase(), dqc.load_robot("ur5")]),
+    "without sideways": lambda: dqc.load_robot("little-john").in_form("unconstrained"),
+}
+
+
+@pytest.mark.parametrize("name", DRIVEN)
+def test_bases_that_drive_are_recognised(name):
+    assert is_driven(DRIVEN[name]())
+    assert not is_driven(dqc.load_robot("ur5"))
+
+
+def test_of_a_driven_hand_s_error_height_is_left():
+    error = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
+    assert beyond_driving(error, 0.0) == error
+    assert beyond_driving(error, 1.0) == (0.0, 0.0, 0.0, 0.0, 0.0, 0.6)
+
+
+@pytest.mark.parametrize("law", ["K", "decoupled", "feedback linearisation"])
+def test_growth_does_not_slow_a_robot_that_drives_to_far_goals(law):
+    """Times to the last error above 1 cm, at the goal that 40 s suffice for with growth and without."""
+    robot, rng, ratios = dqc.load_robot("little-john"), np.random.default_rng(SEED), []
+    home = np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0])
+    limits = dqc.limits.CommandLimits(position=dqc.limits.ModifiedClamping())
+    for _ in range(20):
+        away = np.r_[rng.uniform(-3, 3, 3), rng.uniform(-0.5, 0.5, 5)]
+        goal = dqc.references.SetPoint(robot.fkm(home + away))
+        times = []
+        for growth in (0.0, None):
+            chosen = with_growth(all_laws(0.25 if law == "feedback linearisation" else 1.0)[law], growth)
+            if law == "feedback linearisation":
+                chosen = msgspec.structs.replace(
+                    chosen, null_space=laws.FeedbackLinearization(stiffness=1.0, damping=1.0).null_space
+                )
+            record = dqc.simulate(
+                robot, goal, chosen, dqc.plants.Integrator(), home, 0.05, 40.0, limits=limits
+            )
+            times.append(record.time[record.position_error > 0.01].max())
+        if max(times) < 39.0:
+            ratios.append(times[1] / times[0])
+    print(f"{len(ratios)} arrived, times over those without growth {np.round(ratios, 3)}")
+    assert len(ratios) >= 3
+    assert np.median(ratios) < 1.02
 
 
 @pytest.mark.parametrize("name", STARTS)

@@ -45,6 +45,7 @@ def settled(robot, law, goals, seconds=100.0):
     return sum(run.stopped == "settled" for run in runs)
 
 
+@pytest.mark.usefixtures("without_growth")
 def test_classic_command_is_the_definition(robot):
     """u_f = F N⁺ K vec8(1 − x*x_d) with the holonomic Jacobian. [S17 4.46]"""
     rng, free = np.random.default_rng(SEED), robot.in_form("unconstrained")

@@ -67,6 +67,7 @@ def test_it_is_the_same_compiled_and_interpreted():
     assert np.array_equal(runs[0].command, runs[1].command)
 
 
+@pytest.mark.usefixtures("without_growth")
 def test_an_observer_takes_a_constant_push_off_which_a_law_without_integral_keeps():
     rest = {"kind": "set-point", "duration": 3}
     loaded = SPEC["plant"] | {"sag": 2}  # twice the sag that is fed forward

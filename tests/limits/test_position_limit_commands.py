@@ -53,6 +53,7 @@ def situation(arm, law_name, q):
     return law, sample, weight @ hand_jacobian(arm, q), weight @ twist
 
 
+@pytest.mark.usefixtures("without_growth")
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.parametrize("kind", CLAMPINGS)
 def test_blocked_columns_leave_the_least_squares_of_the_others(arm, kind, name):
@@ -68,6 +69,7 @@ def test_blocked_columns_leave_the_least_squares_of_the_others(arm, kind, name):
     np.testing.assert_allclose(u, np.linalg.pinv(matrix, 1e-9) @ y, atol=1e-10)
 
 
+@pytest.mark.usefixtures("without_growth")
 def test_a_joint_pushed_out_by_the_second_answer_is_blocked_too():
     """A planar arm of three joints whose middle joint is at its limit: without it the last one would cross."""
     inf = np.full(3, np.inf)
@@ -112,6 +114,7 @@ def dear_joints(arm, q, gradient, matrix, y, z):
         weights = wanted
 
 
+@pytest.mark.usefixtures("without_growth")
 @pytest.mark.parametrize("posture", [False, True])
 @pytest.mark.parametrize("name", LAWS)
 def test_weighted_least_norm(arm, name, posture):
@@ -164,6 +167,7 @@ def test_weighted_least_norm_ends_where_a_joint_is_off_its_centre_by_rounding(ar
     np.testing.assert_allclose(u, centred, atol=1e-9)
 
 
+@pytest.mark.usefixtures("without_growth")
 def test_weighted_least_norm_keeps_the_task_and_spares_what_is_near_a_limit(arm):
     q = Q0.copy()
     for limit in (arm.limits.upper[2] - 0.05, arm.limits.lower[2] + 0.05):

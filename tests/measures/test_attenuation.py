@@ -14,6 +14,10 @@ from dqcontrol.measures.attenuation import Attenuation, Gammas, PremiseError, at
 from dqcontrol.measures.attenuation_cases import verify_attenuation
 from dqcontrol.plants import ConstantTwist, Disturbance, SinusoidalTwist, WorstCase
 
+pytestmark = pytest.mark.usefixtures(
+    "without_growth"
+)  # the guarantee is that of the law with the exact inverse
+
 SEED = 20261107
 START = np.array([0.1, 0.6, 0.2, 1.6, -0.1, 0.6, 0.3])
 LEVELS = Gammas(orientation=(0.4, 0.25), translation=(0.5, 0.3))

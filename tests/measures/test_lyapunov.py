@@ -15,6 +15,10 @@ from dqcontrol.measures.lyapunov import LYAPUNOV
 from dqcontrol.plants import Integrator
 from dqcontrol.recording import export_record, load_record, save_record
 
+pytestmark = pytest.mark.usefixtures(
+    "without_growth"
+)  # V falls as proven where the exact inverse gives the command
+
 HOME = np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0])
 ARM_START = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
 

@@ -208,6 +208,7 @@ def test_a_law_of_accelerations_on_ideal_joints(damping):
         assert limits.recommended / T == pytest.approx(damping / (4 * 0.7**2), rel=0.02)
 
 
+@pytest.mark.usefixtures("without_growth")
 @pytest.mark.parametrize("plant", ["ideal", "integrated 0", "integrated 2", "measured 1"])
 @pytest.mark.parametrize("damping", [2.0, 40.0])
 def test_feedback_linearisation_settles_below_the_limit_and_not_above(arm, plant, damping):
@@ -255,6 +256,7 @@ def test_a_supervisor_s_smoothing_is_in_the_loop(arm, mode, tau, delay, window):
         assert last < 0.1 * error[0] if stable else last > 20 * error[0], (share, error[0], last)
 
 
+@pytest.mark.usefixtures("without_growth")
 @pytest.mark.parametrize(("tau", "delay"), [(0.05, 0.0), (0.05, 0.02), (0.02, 0.02)])
 def test_large_errors_oscillate_for_ever_at_a_limit_of_acceleration(arm, tau, delay):
     """Harmonic balance says from which gain on; loops do so within half as much again, and not below."""
@@ -297,9 +299,7 @@ def test_no_lag_at_all():
 
 
 @pytest.mark.filterwarnings("error::RuntimeWarning")
-@pytest.mark.parametrize(
-    ("gain", "integral"), [(1e-308, 1e-300), (1e-300, 0.0), (1e-15, 0.0), (1e300, 1e300)]
-)
+@pytest.mark.parametrize(("gain", "integral"), [(1e-308, 1e-300), (1e-300, 0.0), (1e-15, 0.0), (1e300, 1e6)])
 def test_extreme_gains_are_judged_without_a_warning(gain, integral):
     """So small ones leave a pole at 1 but for rounding, where the damping ratio is 0/0."""
     arm, law = dqc.load_robot("iiwa7"), Proportional(gain=gain, integral_gain=integral)

@@ -201,6 +201,7 @@ def test_gravity_points_where_it_is_told(make_arm):
         assert live.q == pytest.approx(q0 - sag * (1 - np.exp(-T / 0.05)), abs=1e-14)
 
 
+@pytest.mark.usefixtures("without_growth")
 @pytest.mark.parametrize("gain", [10.0, 30.0])
 def test_sag_law_of_measured_commands(make_arm, gain):
     """Where the joints rest T u holds the sag: T u = s(q), so |N N⁺ e| = |N s|/(kT)."""

@@ -16,7 +16,7 @@ from dqcontrol.compiled.compile import Kernel, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ValueRangeError, as_array, unknown_name
 from dqcontrol.laws.gains import Gain, Schedule, gain_rows
-from dqcontrol.laws.growth import curvature, pose_error
+from dqcontrol.laws.growth import beyond_driving, curvature, pose_error
 from dqcontrol.laws.integral import IntegralPoseLaw, integral_work, solve_with_integral
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters, solve, solver_work
 from dqcontrol.laws.law import LAW, Law
@@ -162,7 +162,7 @@ class DecoupledProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="dec
     >>> import numpy as np, dqcontrol as dqc
     >>> arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
     >>> law = dqc.laws.DecoupledProportional(gain=[1, 4, 4, 4, 2, 2, 2, 2])
-    >>> here, there = arm.fkm(q), arm.fkm(q + 0.1)
+    >>> here, there = arm.fkm(q), arm.fkm(q + 0.02)
     >>> u = law.command(arm, q, dqc.Sample(there), dt=0.01)
     >>> way = dqc.algebra.translation(there) - dqc.algebra.translation(here)
     >>> np.allclose(arm.translation_jacobian(q) @ u, 4 * way)
@@ -188,7 +188,9 @@ def position_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parame
     for i in range(3):
         target[i] = given.gain * (there[i] - here[i])
     error = pose_error(pose, sample)
-    error = 0.0, 0.0, 0.0, error[3], error[4], error[5]
+    error = beyond_driving(
+        (0.0, 0.0, 0.0, error[3], error[4], error[5]), inverse_parameters(given.inverse).driven
+    )
     curved = curvature(twist_jacobian, here[0], here[1], here[2], error, 1.0)
     _velocity_rows(here, twist_jacobian, own.matrix)
     return solve(own.matrix, target, own.preferred, curved, given.inverse, own.solver, out)
@@ -212,7 +214,9 @@ def rotation_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parame
     for i in range(3):
         omega[i] *= length
     error = pose_error(pose, sample)
-    error = error[0], error[1], error[2], 0.0, 0.0, 0.0
+    error = beyond_driving(
+        (error[0], error[1], error[2], 0.0, 0.0, 0.0), inverse_parameters(given.inverse).driven
+    )
     curved = curvature(twist_jacobian, 0.0, 0.0, 0.0, error, length * length)
     return solve(matrix, omega, own.preferred, curved, given.inverse, own.solver, out)
 

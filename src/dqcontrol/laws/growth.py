@@ -6,6 +6,9 @@ stays and σ → 0: the gain of the loop is then k C/(σ² + λ²), as large as 
 every period. With λ² ≥ c‖C‖ it is k/c at most. In chain order, with ω and a the columns of angular and hand velocity,
 
 C_ij = e_p · (ω_i × a_j) + ½ℓ² θ · (ω_i × ω_j) = ω_i · b_j, i ≤ j, b_j = a_j × e_p + ½ℓ² ω_j × θ.
+
+On a base that drives, no x, y or heading is out of reach: where it rests these errors have been driven away. Tilt costs
+a wrist no reach. C is then formed with the error of height alone, so that distant targets do not slow the robot.
 """
 
 from __future__ import annotations
@@ -21,6 +24,7 @@ from dqcontrol.compiled.compile import apart, inline
 
 if TYPE_CHECKING:
     from dqcontrol.laws.loop_rates import LoopRates
+    from dqcontrol.robots.robot import Robot
 
 NO_ERROR = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # of what is moved without feedback
 
@@ -44,6 +48,13 @@ def pose_error(pose, desired):
         dy - py,
         dz - pz,
     )
+
+
+@inline
+def beyond_driving(error, driven):
+    """Return what of [θ ; p_d − p] may be out of reach: with a base that drives, height; without, all of it."""
+    kept = 1.0 - driven
+    return kept * error[0], kept * error[1], kept * error[2], kept * error[3], kept * error[4], error[5]
 
 
 @inline
@@ -80,6 +91,18 @@ def curvature(twist_jacobian, px, py, pz, error, square_length):
         xx, yy, zz = xx + x * x, yy + y * y, zz + z * z
         xy, xz, yz = xy + x * y, xz + x * z, yz + y * z
     return math.sqrt(max(2.0 * total, 0.0))
+
+
+def is_driven(robot: Robot) -> bool:
+    """Return whether a base takes the hand to every x, y and heading: it turns about z in all configurations."""
+    for first, _ in robot.bases:
+        turn = np.searchsorted(robot.input_coordinates, first + 2)
+        axes = [
+            robot.twist_jacobian(np.full(robot.configuration_size, each))[:3, turn] for each in (0.0, 1.0)
+        ]
+        if np.isinf(robot.limits.upper[first : first + 2]).all() and np.allclose(axes, [0.0, 0.0, 1.0]):
+            return True
+    return False
 
 
 def growth_for(rates: LoopRates | None, late: float, period: float) -> Array:

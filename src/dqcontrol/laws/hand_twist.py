@@ -11,7 +11,7 @@ from dqcontrol.algebra.dual_quaternion_kernels import position, rotated
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.laws.growth import curvature, pose_error
+from dqcontrol.laws.growth import beyond_driving, curvature, pose_error
 from dqcontrol.laws.inverses import (
     BY_MANIPULABILITY,
     DAMPED,
@@ -54,6 +54,7 @@ def solve_hand_twist(pose, twist_jacobian, hand_twist, error, preferred, inverse
     n = twist_jacobian.shape[1]
     p = position(pose)
     px, py, pz = p
+    missing = beyond_driving(error, inverse.driven)
     square_length = inverse.length * inverse.length
     if n >= 6 and inverse.kind != BY_MANIPULABILITY:
         square_level, vanishing = inverse.level * inverse.level, inverse.damping * inverse.damping
@@ -66,7 +67,7 @@ def solve_hand_twist(pose, twist_jacobian, hand_twist, error, preferred, inverse
             pz,
             hand_twist,
             preferred,
-            error,
+            missing,
             inverse.growth,
             square_length,
             limit,
@@ -81,7 +82,7 @@ def solve_hand_twist(pose, twist_jacobian, hand_twist, error, preferred, inverse
         own.twist[i] = hand_twist[i]
     for i in range(3):
         weigh(own.matrix[i], own.twist, i, inverse.length)
-    curved = curvature(twist_jacobian, px, py, pz, error, square_length) if inverse.growth != 0.0 else 0.0
+    curved = curvature(twist_jacobian, px, py, pz, missing, square_length) if inverse.growth != 0.0 else 0.0
     return solve(own.matrix, own.twist, preferred, curved, inverse_numbers, own.solver, out)
 
 

@@ -27,7 +27,7 @@ from dqcontrol.laws.command_kernel import (
     step,
 )
 from dqcontrol.laws.constrained.constraints import AT_ONCE, Constraints, Lag
-from dqcontrol.laws.growth import growth_for
+from dqcontrol.laws.growth import growth_for, is_driven
 from dqcontrol.laws.hand_twist import twist_work
 from dqcontrol.laws.inverses import FilteredInverse, inverse_parameters
 from dqcontrol.laws.loop_rates import LoopRates
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 CommandMode = Literal["integrated", "measured"]
 
-_GROWTH = inverse_parameters.place("growth")
+_GROWTH, _DRIVEN = inverse_parameters.place("growth"), inverse_parameters.place("driven")
 _MOST_STEPS = 10_000_000
 
 
@@ -250,11 +250,14 @@ class PreparedLaw:
                     "limits.position: constraints keep joints within their limits; leave one of them out"
                 )
             self.constraints = law.constraints.prepare(robot, dt, command_mode, lag)
-        self._grows = _grows(law)
-        if self._grows:
+        inverse = getattr(law, "inverse", None)
+        filtered = isinstance(inverse, FilteredInverse)
+        self._grows = filtered and inverse.growth is None
+        if filtered:  # with whose parameters those of the law begin
             parameters = parameters.copy()
-            growth = growth_for(law.loop_rates(parameters), lag.late, dt)
-            parameters[:, _GROWTH] = growth
+            parameters[:, _DRIVEN] = is_driven(robot)
+        if self._grows:
+            parameters[:, _GROWTH] = growth_for(law.loop_rates(parameters), lag.late, dt)
         law_memory = law.state_size(robot)
         memory = position.memory(robot, command_mode, dt) if position else 0
         if self.constraints:
@@ -305,7 +308,11 @@ class PreparedLaw:
         self._parts = prepared_memory(self.memory, *(self._sizes[name] for name in prepared_memory.sizes))
         if tasks and self._grows:
             at = task_levels.place("growth")
-            self._parts.tasking[at : at + 2] = parameters[:, _GROWTH].max(), 0.5 * (dt + lag.late)
+            self._parts.tasking[at : at + 3] = (
+                parameters[:, _GROWTH].max(),
+                0.5 * (dt + lag.late),
+                parameters[0, _DRIVEN],
+            )
         self.parameters: Array = self._parts.parameters
         if law.lag_at:
             self.parameters[:, law.lag_at] = sum(lag.mean)
@@ -534,12 +541,6 @@ class PreparedLaw:
             if at:
                 state[at : at + len(command)] = command
         return OK
-
-
-def _grows(law: Law) -> bool:
-    """Return whether the damping of a law's inverse, with which its parameters begin, grows as its loop needs."""
-    inverse = getattr(law, "inverse", None)
-    return isinstance(inverse, FilteredInverse) and inverse.growth is None
 
 
 def _multiplied(value: Any, factor: float) -> Any:

@@ -156,7 +156,7 @@ class ReducedGradient(PoseLaw, frozen=True, kw_only=True, tag="reduced-gradient"
     --------
     >>> import numpy as np, dqcontrol as dqc
     >>> arm, q = dqc.load_robot("iiwa7"), np.array([0.2, 0.6, 0, 1.6, 0, 0.6, 0])
-    >>> target = dqc.Sample(arm.fkm(q + 0.1))
+    >>> target = dqc.Sample(arm.fkm(q + 0.02))
     >>> laws = [law(gain=2.0) for law in (dqc.laws.ReducedGradient, dqc.laws.Proportional)]
     >>> commands = [law.command(arm, q, target, dt=0.01) for law in laws]
     >>> np.allclose(*(arm.twist_jacobian(q) @ u for u in commands)), int((commands[0] == 0).sum())

@@ -89,7 +89,7 @@ def _case(
             orientation_gain=k_o,
             translation_gain=k_t,
             form="left" if form == "left" else "right",
-            inverse=FilteredInverse(threshold=1e-3),
+            inverse=FilteredInverse(threshold=1e-3, growth=0.0),
         ),
         robot,
         _disturbance(rng, kind, gammas, robot.fkm(start)),

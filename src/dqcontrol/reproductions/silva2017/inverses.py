@@ -25,7 +25,7 @@ LEVELS = (
 )  # λ of (4.19), from hardly any effect to where S17's law no longer arrives
 _DEPENDS_ON = "λ of (4.19)"
 UNDAMPED = FilteredInverse(
-    threshold=1e-6, damping=1e-6
+    threshold=1e-6, damping=1e-6, growth=0.0
 )  # no singular value is so small on the way to the goal
 
 
