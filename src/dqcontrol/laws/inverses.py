@@ -35,7 +35,7 @@ class InverseParameters(NamedTuple):
     growth
         c of the filtered inverse.
     driven
-        1 where a base takes the hand to every x, y and heading, so that damping grows with errors of height alone; else 0.
+        1 where a base takes the hand to every x, y and heading: damping grows with the error of height alone; else 0.
     """
 
     kind: float
