@@ -13,7 +13,7 @@ UNSTABLE = 1
 def check(spec: Path, /) -> None:
     """Check an experiment without running it, and say how near its loops are to instability.
 
-    Ends with 1 if a loop is expected to be unstable.
+    Ends with 1 if a loop is expected to be unstable, or a law fails at the start.
 
     Parameters
     ----------
@@ -26,5 +26,5 @@ def check(spec: Path, /) -> None:
     print_table(checks.table())
     for remark in checks.remarks():
         print(remark)
-    if checks.unstable:
+    if checks.unstable or any(one.fails for one in checks):
         sys.exit(UNSTABLE)

@@ -122,6 +122,8 @@ class LoopCheck:
         Instead of loops, where the law's gains are unknown: the law as finite differences at the start see it.
     observed
         Whether a disturbance observer stands between law and plant.
+    fails
+        Whether the law has no command at the start.
     """
 
     names: Names
@@ -131,6 +133,7 @@ class LoopCheck:
     acceleration: float = math.inf
     numeric: NumericLoop | None = None
     observed: bool = False
+    fails: bool = False
 
     def __repr__(self) -> str:
         return f"LoopCheck({self.names.label!r}, {self.verdict})"
@@ -400,18 +403,19 @@ def loop_checks(setting: PreparedExperiment) -> Iterator[LoopCheck]:
 
 def _numeric_check(setting: PreparedExperiment, case: Combination, model: LinearModel) -> LoopCheck:
     """Return what is to be expected of a law whose gains are unknown, as it is at the start."""
-    period, loop, unknown = setting.spec.period, None, ""
+    period, loop, unknown, fails = setting.spec.period, None, "", False
     try:
         law = linearise_law(case.prepare_law(setting.spec).with_limits(_FREE), case.scene.start)
     except DivergedError as error:
-        law, unknown = None, f"the law's loop gains are unknown, and it fails at the start: {error}"
+        law, fails = None, True
+        unknown = f"the law's loop gains are unknown, and it fails at the start: {error}"
     if law is not None:
         loop = NumericLoop(law, model)
         if loop.size > MOST_STATES:
             unknown = f"law, plant and supervisor have {loop.size} states; {MOST_STATES} at most are judged"
     elif not unknown:
         unknown = "the law's loop gains are unknown, and its command jumps or bends at the start"
-    return LoopCheck(case.names, period, (), unknown, numeric=None if unknown else loop)
+    return LoopCheck(case.names, period, (), unknown, numeric=None if unknown else loop, fails=fails)
 
 
 def driven_model(spec: Spec, plant: AnyPlant, robot: Robot, start: Array) -> tuple[LinearModel | None, float]:
