@@ -10,6 +10,7 @@ import shlex
 import subprocess
 import sys
 import tomllib
+from contextlib import nullcontext, suppress
 
 import pytest
 from cyclopts import MissingArgumentError
@@ -90,7 +91,8 @@ def reader(tmp_path, monkeypatch, capsys):
             assert done.returncode == 0, done.stderr
             return
         monkeypatch.setattr(sys, "argv", shlex.split(command))
-        cli.main()  # a mistake would raise SystemExit
+        with suppress(SystemExit) if command.startswith("dqcontrol evaluate") else nullcontext():
+            cli.main()  # a mistake would raise SystemExit, as does a log that did not follow
         assert capsys.readouterr().out, command
 
     def do(page, left_out=()):

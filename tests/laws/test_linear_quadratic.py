@@ -109,7 +109,7 @@ def test_tracking_sweep_against_ode(arm):
         lambda tau: algebra.hamilton_minus(velocity(tau)),
         lambda tau: -velocity(tau),
     )
-    gains, offsets = rows[:, 6:70].reshape(-1, 8, 8), rows[:, 70:78]
+    gains, offsets = rows[:, 7:71].reshape(-1, 8, 8), rows[:, 71:79]
     scale = np.sqrt(270 / 0.01)
     np.testing.assert_allclose(gains[::-1][20:], p[20:] / 0.01, atol=1e-4 * scale)
     np.testing.assert_allclose(offsets[::-1][20:], xi[20:] / 0.01, atol=1e-4 * np.abs(xi / 0.01).max())
@@ -124,15 +124,15 @@ def test_explicit_euler_steps_are_those_of_the_difference_equation(arm):
     rows = law.rows(arm, circle, dt)
     p, xi = 0.3 * np.eye(8), np.zeros(8)
     for k in range(len(rows) - 1, -1, -1):
-        assert rows[k, 6:70].reshape(8, 8) == pytest.approx(p / r, abs=1e-7)
-        assert rows[k, 70:78] == pytest.approx(xi / r, abs=1e-7)
+        assert rows[k, 7:71].reshape(8, 8) == pytest.approx(p / r, abs=1e-7)
+        assert rows[k, 71:79] == pytest.approx(xi / r, abs=1e-7)
         sample = circle.samples(np.array([min(k * dt, 1.0 - 1e-8)]))[0]
         twist = np.insert(sample[8:14], [0, 3], 0.0)
         velocity = algebra.multiply(algebra.conjugate(sample[:8]), 0.5 * algebra.multiply(twist, sample[:8]))
         a, c = algebra.hamilton_minus(velocity), -velocity
         xi = xi + dt * (a.T @ xi - p @ xi / r + p @ c)
         p = p + dt * (p @ a + a.T @ p - p @ p / r + q * np.eye(8))
-    gains = rows[:80, 6]
+    gains = rows[:80, 7]
     assert gains.max() > 1.2 * np.sqrt(q / r) > gains.min()
     with pytest.raises(Error, match=r"^riccati_steps: one explicit Euler step .* diverges"):
         LinearQuadraticR8(error_weight=800.0, control_weight=r, riccati_steps="euler").rows(arm, circle, dt)
@@ -173,7 +173,7 @@ def test_lqr_in_r8_tracks_without_lag_and_lowers_its_gain_at_the_end(arm):
     law = LinearQuadraticR8(error_weight=4.0, control_weight=0.01)
     record = dqc.simulate(arm, circle, law, Integrator(), START, 0.008)
     assert record.position_error[50:-60].max() < 1e-3
-    gains = law.rows(arm, circle, 0.008)[:, 6]
+    gains = law.rows(arm, circle, 0.008)[:, 7]
     assert gains[100] == pytest.approx(20.0, rel=1e-3)
     assert gains[-1] == 0.0
 
@@ -220,7 +220,7 @@ def test_lqr_in_dual_quaternions_is_the_optimum_of_the_pose_problem(arm):
 
 def test_matrix_weights_make_each_direction_decay_at_its_own_rate(arm):
     law = LinearQuadraticDQ(error_weight=[1, 1, 1, 4, 16, 64], control_weight=1.0)
-    gain = law.rows(arm, None, 0.01)[0, 6:42].reshape(6, 6)
+    gain = law.rows(arm, None, 0.01)[0, 7:43].reshape(6, 6)
     np.testing.assert_allclose(gain, np.diag([1, 1, 1, 2, 4, 8]), atol=1e-12)
 
 

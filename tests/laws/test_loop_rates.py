@@ -126,7 +126,7 @@ def test_rates_that_turn():
     law = LinearQuadraticR8(error_weight=1.0, control_weight=1.0)
     turning = np.eye(8)
     turning[1:3, 1:3] = [[2.0, -3.0], [3.0, 2.0]]
-    row = pose_feedback.pack(inverse=np.zeros(5), hysteresis=0.0, gain=turning.ravel(), offset=np.zeros(8))
+    row = pose_feedback.pack(inverse=np.zeros(6), hysteresis=0.0, gain=turning.ravel(), offset=np.zeros(8))
     rates = claims(law, row[None])
     assert rates.orientation[0].real == pytest.approx(2)
     assert abs(rates.orientation[0].imag) == pytest.approx(3)

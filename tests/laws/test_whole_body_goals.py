@@ -123,6 +123,7 @@ def test_far_goals_need_the_heading(robot):
     assert settled(robot, Proportional(gain=0.5, null_space=BestHeading()), goals) >= 95
 
 
+@pytest.mark.usefixtures("without_growth")  # S17's law has none
 def test_velocity_states(robot):
     """[S17 4.17] leaves open which velocity is fed back; realised and then projected it hardly arrives anywhere."""
     goals = random_goals(robot, 30, 0.5, np.pi / 4)

@@ -43,7 +43,7 @@ def only_own_pages() -> Iterator[None]:
     Error
         If none started that can be told so.
     """
-    server = importlib.import_module("websockets.asyncio.server")
+    server: Any = importlib.import_module("websockets.asyncio.server")
     serve, started = server.serve, []
 
     def guarded(*arguments: Any, process_request: Any, **options: Any) -> Any:

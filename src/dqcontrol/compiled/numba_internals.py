@@ -322,7 +322,7 @@ class _SealedFiles(IndexDataCacheFile):
         return pickle.loads(content)
 
     @contextmanager
-    def _open_for_write(self, filepath: str) -> Iterator[io.BytesIO]:
+    def _open_for_write(self, filepath: str) -> Iterator[io.BytesIO]:  # type: ignore[override]
         content = io.BytesIO()
         yield content
         with super()._open_for_write(filepath) as file:
