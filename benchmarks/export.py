@@ -20,6 +20,7 @@ import yaml
 from measure import Ratio, table
 
 import dqcontrol as dqc
+import dqcontrol_theses
 from dqcontrol.compiled.object_code import code_object, target_named
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute
@@ -159,7 +160,7 @@ def step_times(spec: dict, folder: Path) -> tuple[list[float], ExportSummary]:
 
 def spiral_equality(folder: Path) -> tuple[int, float]:
     """Return steps and the largest difference between C and Python on P16's spiral with faults and stops."""
-    spec = Path(dqc.reproductions.__file__).parent / "pereira2016/specs/spiral.yaml"
+    spec = Path(dqcontrol_theses.__file__).parent / "pereira2016/specs/spiral.yaml"
     data = yaml.safe_load(spec.read_text(encoding="utf-8")) | {"repeats": 1, "supervisor": WIDE}
     total, largest = 0, 0.0
     for law in data["laws"]:

@@ -20,7 +20,7 @@ from dqcontrol.loop import Record
 from dqcontrol.measures import Column, Table
 from dqcontrol.plants import Integrator, MobilePlant, Plant
 from dqcontrol.references import DriveTo, random_goals
-from dqcontrol.reproductions.silva2017.goal_runs import (
+from dqcontrol_theses.silva2017.goal_runs import (
     ALL_LIMITS,
     BASE_ACCELERATION,
     BASE_TURN_ACCELERATION,

@@ -12,7 +12,7 @@ import numpy as np
 
 import dqcontrol as dqc
 from dqcontrol.plants import Basket, Cube, MobilePlant, WheeledBase
-from dqcontrol.reproductions.silva2017.pick_and_drop_task import pick_and_drop
+from dqcontrol_theses.silva2017.pick_and_drop_task import pick_and_drop
 
 SEED = 20261209
 PERIOD = 0.02

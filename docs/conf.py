@@ -70,9 +70,9 @@ def names():
 
 def commands():
     """Return what ``--help`` says of all commands, as Markdown."""
-    from dqcontrol.cli import app
+    from dqcontrol.cli import whole_app
 
-    text = app.generate_docs(output_format="markdown")
+    text = whole_app().generate_docs(output_format="markdown")
     return re.sub(r"docs/([\w-]+\.md)", r"[](\1)", text[text.index("## dqcontrol ") :])
 
 

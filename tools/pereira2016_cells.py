@@ -13,8 +13,8 @@ import sys
 from pathlib import Path
 
 from dqcontrol.measures.tables import Column, Table
-from dqcontrol.reproductions.pereira2016.predictions import ComparedCell, distinct, predictions
-from dqcontrol.reproductions.printed_comparison import NAMES
+from dqcontrol_theses.pereira2016.predictions import ComparedCell, distinct, predictions
+from dqcontrol_theses.printed_comparison import NAMES
 
 LAWS = ("K", "K+FF", "LQR-R8", "LQR-DQ")
 NEAR = {"error": 0.1, "control": 0.2, "hand_speed": 0.2, "hand_acceleration": 0.3}

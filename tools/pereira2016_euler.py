@@ -17,9 +17,9 @@ from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute, measure
 from dqcontrol.laws import LinearQuadraticR8, linear_quadratic, riccati
 from dqcontrol.measures.tables import Column, Table
-from dqcontrol.reproductions.pereira2016 import published_cells, published_spec
-from dqcontrol.reproductions.pereira2016.own_periods import late_record, stretch
-from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PHYSICS
+from dqcontrol_theses.pereira2016 import published_cells, published_spec
+from dqcontrol_theses.pereira2016.own_periods import late_record, stretch
+from dqcontrol_theses.pereira2016.pereira2016_catalogue import PHYSICS
 
 LAW, SETS = "LQR-R8", ("ln2", "best")
 READINGS: dict[str, dict[str, Any]] = {

@@ -13,9 +13,9 @@ from dqcontrol.experiments.check import check
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.measures.stability import gain_limits
 from dqcontrol.measures.tables import Column, Table
-from dqcontrol.reproductions.pereira2016 import published_spec
-from dqcontrol.reproductions.pereira2016.hundredfold import with_hundredfold
-from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PHYSICS
+from dqcontrol_theses.pereira2016 import published_spec
+from dqcontrol_theses.pereira2016.hundredfold import with_hundredfold
+from dqcontrol_theses.pereira2016.pereira2016_catalogue import PHYSICS
 
 PERIODS = (0.008, 0.02)  # s
 VARIANTS: dict[str, dict[str, Any]] = {

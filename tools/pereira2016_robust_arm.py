@@ -23,8 +23,8 @@ from dqcontrol.files.yaml_file import read_text
 from dqcontrol.loop.record import has_failed
 from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.plants.compliant import controller_file
-from dqcontrol.reproductions.pereira2016 import published_cells, published_spec
-from dqcontrol.reproductions.pereira2016.hundredfold import SUFFIX, with_hundredfold
+from dqcontrol_theses.pereira2016 import published_cells, published_spec
+from dqcontrol_theses.pereira2016.hundredfold import SUFFIX, with_hundredfold
 
 SEED, COUNT, SHOWN = 17, 40, 8
 CELLS = (

@@ -29,10 +29,10 @@ from dqcontrol.loop.record import has_failed
 from dqcontrol.measures.metrics import Metrics
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.plants.compliant import controller_file
-from dqcontrol.reproductions.pereira2016 import PLANTS, published_cells, published_spec
-from dqcontrol.reproductions.pereira2016.calibration import FITS
-from dqcontrol.reproductions.pereira2016.hundredfold import SUFFIX, with_hundredfold
-from dqcontrol.reproductions.pereira2016.pereira2016_catalogue import PHYSICS, SERVO
+from dqcontrol_theses.pereira2016 import PLANTS, published_cells, published_spec
+from dqcontrol_theses.pereira2016.calibration import FITS
+from dqcontrol_theses.pereira2016.hundredfold import SUFFIX, with_hundredfold
+from dqcontrol_theses.pereira2016.pereira2016_catalogue import PHYSICS, SERVO
 
 PERIOD = 0.008  # s, of the spiral
 USUAL_SPRINGS = [150, 150, 75, 75, 20, 20, 20]  # N·m/rad, a usual guess for the arm's springs

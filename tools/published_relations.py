@@ -15,8 +15,8 @@ import numpy as np
 from scipy.stats import ttest_rel
 
 from dqcontrol.measures.tables import Cell, Column, Table
-from dqcontrol.reproductions import PublishedCell
-from dqcontrol.reproductions.pereira2016 import REPRODUCTIONS, disagreements, published_cells, published_runs
+from dqcontrol_theses import PublishedCell
+from dqcontrol_theses.pereira2016 import REPRODUCTIONS, disagreements, published_cells, published_runs
 
 LAWS = ("K", "K+FF", "LQR-R8", "LQR-DQ", "HIR", "HIRT")
 SERIES = ("q=1 r=0.001", "q=10 r=0.01", "q=100 r=0.1", "q=1000 r=1")

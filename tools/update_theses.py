@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from dqcontrol.experiments.results_folder import SPEC_FILE
-from dqcontrol.reproductions import names
+from dqcontrol_theses import names
 
 DOCS = Path(__file__).parents[1] / "docs"
 

@@ -16,7 +16,6 @@ from . import (
     recording as recording,
     references as references,
     reports as reports,
-    reproductions as reproductions,
     robots as robots,
     tuning as tuning,
 )

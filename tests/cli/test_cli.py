@@ -331,9 +331,9 @@ def test_sweep_and_compare_list_the_best_points(here, capsys):
 def test_help_of_any_command_loads_nothing_heavy(tmp_path):
     script = """
 import sys
-from dqcontrol.cli import COMMANDS, app
-for command in ("", *COMMANDS):
-    app([*command.split(), "--help"], result_action="return_value")
+from dqcontrol.cli import COMMANDS, whole_app
+for command in ("", *COMMANDS, "reproduce"):
+    whole_app()([*command.split(), "--help"], result_action="return_value")
     loaded = {"numpy", "numba", "matplotlib", "scipy", "mujoco", "pyarrow"} & set(sys.modules)
     print(f"loaded by '{command}':", *loaded)
 """
@@ -341,7 +341,7 @@ for command in ("", *COMMANDS):
         [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True
     )
     found = [line for line in done.stdout.splitlines() if line.startswith("loaded by")]
-    assert found == [f"loaded by '{command}':" for command in ("", *cli.COMMANDS)]
+    assert found == [f"loaded by '{command}':" for command in ("", *cli.COMMANDS, "reproduce")]
 
 
 def test_a_matrix_that_cannot_be_computed_with_is_told_in_a_line(here, monkeypatch, capsys):

@@ -133,7 +133,7 @@ def test_joint_angles_for_a_pose(capsys):
     "shell", ["bash", *(pytest.param(each, marks=pytest.mark.slow) for each in ("zsh", "fish"))]
 )
 def test_shells_complete_commands_and_options(shell):
-    script = cli.app.generate_completion(shell=shell)
+    script = cli.whole_app().generate_completion(shell=shell)
     for word in ("reproduce", "robots", "solve", "scheduler", "install-completion"):
         assert word in script
 

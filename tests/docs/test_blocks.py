@@ -192,9 +192,9 @@ def parse(words):
     if "COMMAND" in words or words == ["--help"]:  # any
         return
     try:
-        cli.app.parse_args(words, exit_on_error=False, print_error=False)
+        cli.whole_app().parse_args(words, exit_on_error=False, print_error=False)
     except MissingArgumentError:
-        assert words[-1] in cli.COMMANDS, words  # named in the prose, without its argument
+        assert words[-1] in cli.whole_app(), words  # named in the prose, without its argument
 
 
 def test_a_wrong_option_would_be_found():

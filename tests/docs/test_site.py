@@ -91,7 +91,7 @@ def every_public_name_is_described(site):
 
 def every_command_is_described(site):
     text = (site / "command-line.html").read_text(encoding="utf-8")
-    for command in cli.COMMANDS:
+    for command in (*cli.COMMANDS, "reproduce"):
         assert f'id="dqcontrol-{command}"' in text, command
     assert "--real-time" in text
 

@@ -248,6 +248,10 @@ class Rest(Reference):
     def motion(self, times):
         return SetPoint(self.start).motion(times)
 
+def greet(name: str, /):
+    """Say hello."""
+    print("hello", name)
+
 class Pause(SetPoint):
     """Rest until a time that is given in minutes."""
     kind = "pause"
@@ -264,6 +268,10 @@ other = someones_package:Other
 [dqcontrol.references]
 rest = someones_package:Rest
 pause = someones_package:Pause
+[dqcontrol.commands]
+greet = someones_package:greet
+[dqcontrol.commands.ros2]
+greet = someones_package:greet
 """
 USES = """
 import dqcontrol as dqc
@@ -280,11 +288,16 @@ try:
     dqc.run(spec)
 except dqc.Error as error:
     print(error)
+import sys
+from dqcontrol import cli
+for words in (["greet", "you"], ["ros2", "greet", "them"]):
+    sys.argv[1:] = words
+    cli.main()
 """
 
 
 @pytest.mark.slow
-def test_an_installed_package_offers_a_law_a_plant_and_a_reference(tmp_path):
+def test_an_installed_package_offers_a_law_a_plant_a_reference_and_commands(tmp_path):
     (tmp_path / "someones_package.py").write_text(PACKAGE)
     information = tmp_path / "someones_package-1.0.dist-info"
     information.mkdir()
@@ -304,6 +317,8 @@ def test_an_installed_package_offers_a_law_a_plant_and_a_reference(tmp_path):
         "61",
         "11",
         "spec: reference.seconds: expected a number > 0.0, got -1",
+        "hello you",
+        "hello them",
     ]
 
 

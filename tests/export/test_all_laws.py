@@ -148,7 +148,7 @@ def test_constraints_hold_in_c_as_in_python_with_a_supervisor_behind_them(tmp_pa
 @pytest.mark.parametrize("law", ["K", "K+FF", "LQR-R8", "LQR-DQ", "HIR", "HIRT"])
 def test_a_published_study_with_faults_and_stops(law, tmp_path):
     """P16's spiral, 3000 steps after a start with faults, an emergency stop and a new start."""
-    spec = Path(dqcontrol.__file__).parent / "reproductions/pereira2016/specs/spiral.yaml"
+    spec = Path(dqcontrol.__file__).parents[1] / "dqcontrol_theses/pereira2016/specs/spiral.yaml"
     data = yaml.safe_load(spec.read_text(encoding="utf-8")) | {"repeats": 1, "supervisor": WIDE}
     done, parts = (
         export_controller(data, tmp_path / "c", law=f"{law} · best"),

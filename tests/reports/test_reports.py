@@ -29,7 +29,7 @@ from dqcontrol.reports import rewrite_reports
 from dqcontrol.reports.provenance import command, evaluation_command, origins
 from dqcontrol.reports.run_verdicts import run_verdicts
 from dqcontrol.reports.study_report import study_verdicts
-from dqcontrol.reproductions.reproduced import Reproduced
+from dqcontrol_theses.reproduced import Reproduced
 
 SPEC = {
     "name": "again",

@@ -24,10 +24,10 @@ import dqcontrol as dqc
 from dqcontrol.experiments.run import measure
 from dqcontrol.loop.control import Control, Phase
 from dqcontrol.recording import load_record
-from dqcontrol.reproductions.pereira2016.nodes import SIDES, graph_spec
 from dqcontrol.ros2.loading import load
 from dqcontrol.ros2.messages import nanoseconds
 from dqcontrol.ros2.recorder import Recorder
+from dqcontrol_theses.pereira2016.nodes import SIDES, graph_spec
 
 IIWA = dqc.load_robot("iiwa7")
 

@@ -22,11 +22,11 @@ import dqcontrol as dqc
 from dqcontrol.errors import Error
 from dqcontrol.loop.clock import allows_real_time, real_time, threads_of_process
 from dqcontrol.loop.control import Phase
-from dqcontrol.reproductions.pereira2016.nodes import SIDES, graph_spec
 from dqcontrol.ros2.controller_node import ControllerNode
 from dqcontrol.ros2.interfaces import COMMANDS
 from dqcontrol.ros2.loading import load
 from dqcontrol.ros2.robot_node import RobotNode
+from dqcontrol_theses.pereira2016.nodes import SIDES, graph_spec
 
 TRIALS = int(os.environ.get("LOSSES", "8"))
 AT_REST = 0.1  # s after a loss

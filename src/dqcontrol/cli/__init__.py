@@ -7,12 +7,14 @@ import sys
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from typing import NoReturn
 
 from cyclopts import App, CycloptsError
 from cyclopts.exceptions import UnusedCliTokensError
 
 import dqcontrol
+from dqcontrol.cli.offered import add_offered
 from dqcontrol.extensions import POLICY, REFUSED
 
 USER_ERROR = 2
@@ -25,7 +27,6 @@ COMMANDS = {  # as files of this folder, imported when called: `--help` stays qu
     "learn": "Repeat a motion and learn from each repeat, until the hand goes where it should.",
     "check": "Check an experiment without running it: mistakes, and how near its loops are to instability.",
     "gains": "Say which gains a robot's period, delay and lag allow each law, and what to expect.",
-    "reproduce": "Run published experiments again: tables beside the printed ones, and verdicts.",
     "compare": "Compare saved runs: one table, and plots.",
     "evaluate": "Measure your own joint log against a reference.",
     "excite": "Write a motion from whose log identify can tell the servos of a robot, and say how precisely.",
@@ -66,6 +67,13 @@ app.command(
 )
 
 
+@cache
+def whole_app() -> App:
+    """Return the command line with what installed packages offer, too: looking for that takes a moment."""
+    add_offered(app, "dqcontrol.commands")
+    return app
+
+
 def main() -> None:
     """Run the command line; a user's mistake gives one line and exit code 2."""
     _make_printable()
@@ -81,7 +89,8 @@ def main() -> None:
     try:
         arguments = _without_packages(arguments)
         try:
-            app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+            chosen = app if arguments[:1] and arguments[0] in COMMANDS else whole_app()
+            chosen(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         finally:
             sys.stdout.flush()  # here, where it can still be said that the disk is full
     except CycloptsError as error:

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from cyclopts.completion.install import create_install_completion_command
 
-from dqcontrol.cli import app
+from dqcontrol.cli import whole_app
 from dqcontrol.errors import ExistsError
 
 
@@ -17,7 +17,7 @@ def _write(
 ) -> Path:
     if output is not None and output.exists():
         raise ExistsError(f"{output}: exists already; choose another name or remove it")
-    return app.install_completion(shell=shell, output=output, add_to_startup=add_to_startup)
+    return whole_app().install_completion(shell=shell, output=output, add_to_startup=add_to_startup)
 
 
 install_completion: Callable[..., Any] = create_install_completion_command(_write, True)

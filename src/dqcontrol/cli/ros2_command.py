@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import App, Parameter, validators
 
+from dqcontrol.cli.offered import add_offered
 from dqcontrol.cli.options import Force, Out
 
 ros2: App = App(name="ros2", help="Controllers and simulated robots as ROS 2 nodes.", help_format="plaintext")
@@ -158,69 +158,4 @@ def robot(
             middleware.spin(*node.nodes, is_over=lambda: interrupts.count > 0, priority=options.priority)
 
 
-@ros2.command
-def pereira2016(
-    robot: Annotated[Literal["meka", "kuka"], Parameter(show_default=True)] = "meka",
-    *,
-    law: str = "K",
-    plant: Literal["servo", "meka-physics"] = "meka-physics",
-    out: Out = None,
-    force: Force = False,
-) -> None:
-    """Launch the ROS graph of Pereira 2016: its nodes and topics, controller and robot in processes of their own.
-
-    Parameters
-    ----------
-    robot
-        The Meka draws the spiral; the Kuka in the simulator, a circle.
-    law
-        As the published experiment calls it.
-    plant
-        What the Meka is; in physics it has its force sensor.
-    out
-        New folder for recordings of the motions, which `dqcontrol view` shows while they run.
-    force
-        Replace an earlier folder of results.
-    """
-    from dqcontrol.reproductions.pereira2016.nodes import launch
-    from dqcontrol.ros2 import middleware
-
-    middleware.check_installed()
-    code = launch(robot, law, plant, _recording(out, force=force))
-    if code:
-        sys.exit(code)
-
-
-@ros2.command
-def silva2017(
-    *,
-    law: str = "ours",
-    plant: Literal["camera", "ideal"] = "camera",
-    out: Out = None,
-    force: Force = False,
-) -> None:
-    """Launch a ROS graph of Silva 2017: mobile manipulator and whole-body controller in processes of their own.
-
-    Parameters
-    ----------
-    law
-        As the comparison of the published experiments calls it.
-    plant
-        Whether a camera tells where the base is, or that is known exactly.
-    out
-        New folder for recordings of the motions, which `dqcontrol view` shows while they run.
-    force
-        Replace an earlier folder of results.
-    """
-    from dqcontrol.reproductions.silva2017.whole_body_graph import launch
-    from dqcontrol.ros2 import middleware
-
-    middleware.check_installed()
-    code = launch(law, plant, _recording(out, force=force))
-    if code:
-        sys.exit(code)
-
-
-def _recording(out: Path | None, *, force: bool) -> list[str]:
-    """Return the options of a controller that is to record its motions."""
-    return [*(["--out", str(out)] if out else []), *(["--force"] if force else [])]
+add_offered(ros2, "dqcontrol.commands.ros2")

@@ -94,7 +94,7 @@ class Kernel:
     strict
         True for IEEE arithmetic without reassociation.
     cached
-        False for functions that are not this package's: their changes would go unnoticed.
+        False for functions whose changes would go unnoticed; those without a file, as a notebook's, never are.
 
     Attributes
     ----------
@@ -112,13 +112,17 @@ class Kernel:
         self.function = function
         self.signature = signature
         self._strict = strict
-        self._cached = cached
+        self._cacheable = cached
         self.__doc__ = function.__doc__
         self.__name__: str = function.__name__
 
     def __call__(self, *arguments: Any) -> Any:
         """Call the compiled function."""
         return self.compiled(*arguments)
+
+    @cached_property
+    def _cached(self) -> bool:
+        return self._cacheable and kernel_cache.has_source(self.function.__module__)
 
     @cached_property
     def compiled(self) -> Any:

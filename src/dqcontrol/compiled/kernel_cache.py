@@ -1,7 +1,8 @@
 """The folder that keeps the machine code of kernels between processes.
 
 A module's kernels lie in a folder named after the module and after a hash of its source and of all that it imports from
-this package, of Numba, Python and the processor: an edit recompiles the kernels that it can change, and no others.
+this package and its own, of Numba, Python and the processor: an edit recompiles the kernels that it can change, and no
+others.
 Numba's own check of staleness sees only the file of the function itself, not those of its callees. Nothing is read,
 made or deleted before the first kernel is needed.
 """
@@ -18,6 +19,7 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from importlib.util import resolve_name
 from pathlib import Path
 from typing import Any
 
@@ -28,11 +30,11 @@ from dqcontrol.errors import CacheWarning
 from dqcontrol.files.file_lock import locked
 from dqcontrol.files.whole_file import whole_file
 
-_PACKAGE = Path(__file__).parent.parent
+_OURS = __name__.partition(".")[0]
 _KEPT = 8  # versions of a module's kernels
 _SAID_EVERY = 5  # kernels: every few seconds
 _OF_ALL_KERNELS = "dqcontrol.compiled.numba_internals"  # imported by name
-_IMPORT = r"from +(dqcontrol[\w.]*) +import +(\([^)]*\)|[^\n]*)|import +(dqcontrol[\w.]*)"
+_IMPORT = r"from +([\w.]+) +import +(\([^)]*\)|[^\n]*)|import +([\w.]+)"
 _AT_IMPORT = re.compile(f"^(?:{_IMPORT})", re.MULTILINE)
 _ANYWHERE = re.compile(rf"^[ \t]*(?:{_IMPORT})", re.MULTILINE)
 _OFFER = re.compile(r"^from +\.([\w.]*) +import +(\([^)]*\)|[^\n]*)", re.MULTILINE)
@@ -40,8 +42,13 @@ _OFFER = re.compile(r"^from +\.([\w.]*) +import +(\([^)]*\)|[^\n]*)", re.MULTILI
 
 @functools.cache
 def _file(module: str) -> Path | None:
-    """Return where the source of a module or package of ours lies, None if there is no such module."""
-    base = _PACKAGE.joinpath(*module.split(".")[1:])
+    """Return where the source of a module or package lies, None if there is none."""
+    top, *inside = module.split(".")
+    holder = sys.modules.get(top)
+    if not inside and not hasattr(holder, "__path__"):
+        file = getattr(holder, "__file__", None)
+        return Path(file) if file and file.endswith(".py") else None
+    base = Path(*getattr(holder, "__path__", [])[:1]).joinpath(*inside)
     candidates = base.with_suffix(".py"), base / "__init__.py"
     return next((path for path in candidates if path.is_file()), None)
 
@@ -63,13 +70,18 @@ def _offers(package: str) -> dict[str, str]:
 
 @functools.cache
 def _imports(module: str, lazily: bool) -> frozenset[str]:
-    """Return the modules of ours that a module names in imports, in those inside functions too if ``lazily``."""
+    """Return the modules of this package and its own that a module imports, inside functions too if ``lazily``."""
     path = _file(module)
     assert path is not None
+    top = module.partition(".")[0]
+    package = module if path.stem == "__init__" else module.rpartition(".")[0]
     found = set(_offers(module).values())
-    for origin, names, whole in (_ANYWHERE if lazily else _AT_IMPORT).findall(
+    for given, names, whole in (_ANYWHERE if lazily else _AT_IMPORT).findall(
         path.read_text(encoding="utf-8")
     ):
+        origin = resolve_name(given, package) if given.startswith(".") else given or whole
+        if origin.partition(".")[0] not in (_OURS, top) or not _file(origin):
+            continue
         if whole:
             found.add(whole)
             continue
@@ -78,6 +90,11 @@ def _imports(module: str, lazily: bool) -> frozenset[str]:
             offered = _offers(origin).get(name)
             found.add(submodule if _file(submodule) else offered or origin)
     return frozenset(found)
+
+
+def has_source(module: str) -> bool:
+    """Return whether a module's source can be read; that of a notebook cannot."""
+    return _file(module) is not None
 
 
 def _environment() -> str:
@@ -92,7 +109,7 @@ def source_hash(module: str, *, lazily: bool = False) -> str:
     Parameters
     ----------
     module
-        A module of this package; its source counts, and that of all that it imports from this package.
+        Its source counts, and that of all that it imports from this package and from its own.
     lazily
         Whether imports inside functions count; compiled functions have none.
     """

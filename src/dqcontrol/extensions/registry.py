@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from importlib import import_module
-from importlib.metadata import entry_points
 from typing import Any, TypeVar, Union
 
 import msgspec
 
 from dqcontrol.errors import FileFormatError
+from dqcontrol.extensions.offered import offered
 
 T = TypeVar("T")
 S = TypeVar("S", bound=msgspec.Struct)
@@ -36,15 +36,9 @@ def registered(base: type[T], group: str = "") -> list[type[T]]:
         ours = import_module(group)
         for name in ours.__all__:
             getattr(ours, name)
-    for point in entry_points(group=group):
-        try:
-            offered = point.load()
-        except Exception as error:
-            raise FileFormatError(
-                f"entry point {group}: {point.name} = {point.value} cannot be loaded: {error}"
-            ) from None
-        if not (isinstance(offered, type) and issubclass(offered, base)):
-            raise FileFormatError(f"entry point {group}: {point.value} is no subclass of {base.__name__}")
+    for name, kind in offered(group):
+        if not (isinstance(kind, type) and issubclass(kind, base)):
+            raise FileFormatError(f"entry point {group}: {name} is no subclass of {base.__name__}")
     return list(dict.fromkeys(_subclasses(base)))
 
 

@@ -1,0 +1,148 @@
+"""Verdicts on the claims of the sources, each with the number that decides it.
+
+One rule gives them all:
+
+1. A sentence has cases: the laws, sets of gains, paths, robots and criteria that it names; where it names none, those
+   of its experiment.
+2. A case is not tested where the law did not follow its path here, and where it holds or fails with a choice of ours
+   that the source does not tell and that was made with its numbers in view.
+3. Supported: all cases hold. Not supported: none that was tested holds. Partly supported: some hold, and others fail or
+   were not tested; the verdict names them. Cannot be decided: none was tested, for the reason named.
+4. A difference that a sentence speaks of has to be larger than what the same law shows again: sets of weights that are
+   one controller differ in nothing.
+5. A cause that a sentence names holds only if the effect is missing without it.
+6. What only the source's robot or its program could tell cannot be decided here, whatever our numbers are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from dqcontrol.measures.table_cells import VerdictCell
+from dqcontrol.measures.tables import Cell, Column, Table
+from dqcontrol_theses.printed import Claim
+
+DID_NOT_FOLLOW = "the law did not follow"
+ABOUT_THE_ROBOT = "it is about the robot"
+ABOUT_THE_PROGRAM = "it is about the source's program"
+HANGS_ON_A_CHOICE = "it hangs on what the source does not tell"
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Whether a claim holds in our numbers, and the numbers.
+
+    Attributes
+    ----------
+    holds
+        None if our numbers cannot decide it, if it holds in part, or if what the source does not print decides it.
+    number
+        What was found.
+    why_not
+        Of what cannot be decided: why, as `DID_NOT_FOLLOW`, `ABOUT_THE_ROBOT`, `ABOUT_THE_PROGRAM` or
+        `HANGS_ON_A_CHOICE`; empty if the number says it.
+    partly
+        Of what holds in part: which cases hold, and which do not.
+    depends_on
+        Of what holds with some values of something that the source does not print and with others not: what that is.
+    """
+
+    holds: bool | None
+    number: str
+    why_not: str = ""
+    partly: str = ""
+    depends_on: str = ""
+
+    @property
+    def verdict(self) -> VerdictCell:
+        """In words."""
+        if self.partly:
+            return VerdictCell(f"partly supported: {self.partly}", None)
+        if self.depends_on:
+            return VerdictCell(f"depends on {self.depends_on}", None)
+        words = {True: "supported", False: "not supported", None: "cannot be decided"}[self.holds]
+        return VerdictCell(f"{words}: {self.why_not}" if self.why_not else words, self.holds)
+
+
+def by_cases(cases: Mapping[str, bool | None], number: str, untested: str = DID_NOT_FOLLOW) -> Judgement:
+    """Return the verdict that the cases of a sentence give.
+
+    Parameters
+    ----------
+    cases
+        By what they are of: whether it holds there; None where that was not tested.
+    number
+        What was found.
+    untested
+        Why a case was not tested.
+
+    Examples
+    --------
+    >>> str(by_cases({"K": True, "LQR-DQ": False, "HIR": None}, "").verdict)
+    'partly supported: K; not LQR-DQ; not tested HIR, the law did not follow'
+    >>> str(by_cases({"LQR-DQ": False, "HIR": None}, "").verdict)
+    'not supported'
+    """
+    hold, fail, left = (
+        ", ".join(name for name, holds in cases.items() if holds is wanted) for wanted in (True, False, None)
+    )
+    if not hold:
+        return Judgement(False if fail else None, number, "" if fail else untested)
+    if not fail and not left:
+        return Judgement(True, number)
+    parts = [hold, f"not {fail}" if fail else "", f"not tested {left}, {untested}" if left else ""]
+    return Judgement(None, number, partly="; ".join(filter(None, parts)))
+
+
+def verdict_table(
+    claims: Sequence[Claim],
+    judgements: Mapping[str, Judgement],
+    source: str,
+    title: str,
+    ours: Mapping[str, Judgement] | None = None,
+) -> Table:
+    """Return one row a claim: where it stands, what it says, the verdict, our number, and the source's own.
+
+    Parameters
+    ----------
+    claims
+        Those without a judgement are left out.
+    judgements
+        By the claims' ids.
+    source
+        Short name, as ``"P16"``.
+    title
+        Caption.
+    ours
+        Judgements on what our own law does in place of the source's, as two more columns.
+    """
+    rows: list[list[Cell]] = []
+    for claim in claims:
+        if claim.id in judgements:
+            found = judgements[claim.id]
+            row: list[Cell] = [_place(claim), claim.quotation, found.verdict, found.number]
+            if ours is not None:
+                second = ours.get(claim.id)
+                row += [second.verdict, second.number] if second else ["", ""]
+            rows.append([*row, claim.note])
+    columns = [Column(f"Where in {source}"), Column("Claim"), Column("Verdict"), Column("Our number")]
+    if ours is not None:
+        columns[2:] = [
+            Column(f"Verdict, {source}'s law and stop"),
+            Column("Number"),
+            Column("Verdict, our law and stop"),
+            Column("Number"),
+        ]
+    return Table([*columns, Column(f"{source}'s own numbers")], rows, title)
+
+
+def _place(claim: Claim) -> str:
+    """Return where a claim stands; a bare number would pass for that of a table."""
+    is_number = claim.source[0].isdigit()
+    return f"{'Section' if '.' in claim.source else 'Chapter'} {claim.source}" if is_number else claim.source
+
+
+def listed(values: Sequence[float], form: str = ".3f") -> str:
+    """Return numbers as text."""
+    return ", ".join(format(value, form) for value in values)

@@ -1,0 +1,107 @@
+"""Which experiments of [P16] can be reproduced, and from which specs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from dqcontrol.errors import UnknownNameError
+from dqcontrol_theses.catalogue import Experiment
+
+SOURCE = "pereira2016"
+SERVO, PHYSICS = "servo", "meka-physics"
+PLANTS = (PHYSICS, SERVO)  # what can stand for the Meka, the default first: all of these ran on the arm
+
+EXACT = " exact"
+"""Appended to the label of LQR-R8 where its Riccati equation is solved exactly, not as printed."""
+
+
+@dataclass(frozen=True)
+class Reproduction(Experiment):
+    """One experiment of [P16].
+
+    Attributes
+    ----------
+    about
+        What it is, and its tables in [P16].
+    plants
+        What can stand for the Meka.
+    specs
+        Names of the specs by the name that the published tables give their experiment.
+    error
+        The metric that stands for the source's error norm: of the whole run or of its settled part.
+    robust
+        Whether the robust laws run, which do so a second time with a hundred times their printed gains.
+    control_unit
+        What the source's control signal counts in: 1 for rad/s, or the period in s where it printed T u for u.
+    """
+
+    plants: tuple[str, ...] = PLANTS
+    specs: Mapping[str, str] = field(default_factory=dict)
+    error: str = "error.integral"
+    robust: bool = False
+    control_unit: float = 1.0
+
+
+EXPERIMENTS = {
+    "lqr": Reproduction("circle, both LQR laws, four pairs of weights (Tables 5.2–5.4)", specs={"": "lqr"}),
+    "h-infinity": Reproduction(
+        "spiral, five γ (Tables 5.5–5.7, eq. 5.8), and Definition 3.1 itself",
+        specs={"": "h-infinity"},
+        error="settled_error.integral",
+        robust=True,
+    ),
+    "circle": Reproduction("circle, six laws (Tables 5.8–5.9)", specs={"": "circle"}, robust=True),
+    "spiral": Reproduction(
+        "spiral, six laws, three sets of gains, 50 repeats (Tables 5.10–5.15)",
+        specs={"": "spiral"},
+        robust=True,
+    ),
+    "sampling-time": Reproduction(
+        "periods kept in the real-time loop (Table 61, Figs 5.5–5.6), calculations of rigid motions counted",
+        specs={"": "sampling-time"},
+    ),
+    "circle-and-square": Reproduction(
+        "circle and square, iiwa 7 and Meka (App. C, Tables 3–4)",
+        specs={
+            f"{robot} {shape}": f"{robot}-{shape}"
+            for robot in ("iiwa", "meka")
+            for shape in ("circle", "square")
+        },
+        control_unit=0.025,
+    ),
+    "lqr-surface": Reproduction(
+        "circle over a grid of weights (App. D, Figs 7–8)",
+        specs={"iiwa": "iiwa-surface", "meka": "meka-surface"},
+    ),
+    "light-painting": Reproduction("six drawings by LQR-DQ (Fig. 5.7)", specs={"": "light-painting"}),
+    "fair": Reproduction("the six laws, each at its own best, and what learning makes of the spiral"),
+    "writing": Reproduction("the drawing below a millimetre: tuned, with feed-forward, learnt (Section 5.9)"),
+    "calibration": Reproduction(
+        "the fit of the plant on one published cell; the scale of HIR's gains from printed numbers"
+    ),
+}
+
+
+def drawings() -> dict[str, Path]:
+    """Return the files of the drawings that stand for Figures 5.7(a) to (f), by their names."""
+    names = ("house", "light-bulb", "flower", "boat", "fish", "star")
+    folder = Path(__file__).parent / "specs" / "drawings"
+    return {name: folder / f"{name}.txt" for name in names}
+
+
+def spec_path(name: str) -> Path:
+    """Return the file of a published experiment's spec.
+
+    Raises
+    ------
+    UnknownNameError
+        If no experiment has that name.
+    """
+    folder = Path(__file__).parent / "specs"
+    path = folder / f"{name}.yaml"
+    if not path.is_file():
+        known = sorted(spec.stem for spec in folder.glob("*.yaml"))
+        raise UnknownNameError(f"spec: no '{name}'; there are {', '.join(known)}")
+    return path
