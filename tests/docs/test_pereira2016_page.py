@@ -1,22 +1,21 @@
 """What docs/pereira2016.md counts is what its tables hold."""
 
 import re
-import sys
 
 import pytest
 from page_blocks import ROOT
 
-sys.path.insert(0, str(ROOT / "tools"))
-from pereira2016_cells import NEAR, counted, readings
+from dqcontrol_theses.pereira2016.tools.cells import NEAR, counted, readings
 
+READINGS = readings(ROOT / "docs/pereira2016-tables.md")
 PAGE = (ROOT / "docs/pereira2016.md").read_text(encoding="utf-8")
 TABLES = (ROOT / "docs/pereira2016-tables.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("label", [label for label in readings() if not label.startswith("over")])
+@pytest.mark.parametrize("label", [label for label in READINGS if not label.startswith("over")])
 def test_cells_near_the_printed_ones_are_those_of_the_tables(label):
     (line,) = (line for line in PAGE.splitlines() if line.startswith(f"| {label} |"))
-    found = [text for metric in NEAR for text in counted(readings()[label], metric)]
+    found = [text for metric in NEAR for text in counted(READINGS[label], metric)]
     assert [cell.strip() for cell in line.strip("| ").split(" | ")][1:] == found
 
 

@@ -1,6 +1,6 @@
 """Search for an arm that bears HIR with a hundred times its printed gains.
 
-`python tools/pereira2016_robust_arm.py [COUNT]`. The printed commands tell that HIR and HIRT ran with these gains, and
+`python -m dqcontrol_theses.pereira2016.tools.robust_arm [COUNT]`. The printed commands tell that HIR and HIRT ran with these gains, and
 the arm of the reproductions shakes with them. Friction, springs, damping and slew limits of the joints, and the rate at
 which the arm exchanges states and commands, are drawn at random about those of the reproductions; each draw runs HIR on
 three published cells, and K on one beside them.

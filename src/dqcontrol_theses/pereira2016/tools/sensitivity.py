@@ -1,6 +1,6 @@
 """Print what the assumptions behind the reproductions of [P16] matter.
 
-`python tools/pereira2016_sensitivity.py` for the arm in physics, `… servo` for servos; names of variants after that
+`python -m dqcontrol_theses.pereira2016.tools.sensitivity` for the arm in physics, `… servo` for servos; names of variants after that
 choose some. `… iiwa` for the simulated iiwa of appendix C, whose simulator is not described.
 
 Each variant runs twice: with the plant's first number as it is in use, and with that number fitted anew to the error

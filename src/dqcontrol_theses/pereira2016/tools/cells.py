@@ -1,6 +1,6 @@
 """Count which printed cells of K, K+FF and the linear quadratic laws a complete reproduction of [P16] comes near.
 
-`python tools/pereira2016_cells.py` reads docs/pereira2016-tables.md, which `tools/update_theses.py` writes. Cells that
+`python -m dqcontrol_theses.pereira2016.tools.cells` reads docs/pereira2016-tables.md, which `tools/update_theses.py` writes. Cells that
 a table prints again count once; predictions are the simulated numbers that differ from each other and that nothing was
 fitted on, and such a one is near if all of its cells are. Cells of laws that did not keep their period count at the
 nominal one, over the durations that Table 61 prints, and as run at the printed period.
@@ -20,7 +20,7 @@ LAWS = ("K", "K+FF", "LQR-R8", "LQR-DQ")
 NEAR = {"error": 0.1, "control": 0.2, "hand_speed": 0.2, "hand_acceleration": 0.3}
 PATHS = {"lqr": "circle", "circle": "circle", "spiral": "spiral", "circle-and-square": ""}
 METRICS = {name: metric for metric, name in NAMES.items()}
-PAGE = Path(__file__).parents[1] / "docs" / "pereira2016-tables.md"
+PAGE = Path("docs/pereira2016-tables.md")  # from the repository's root
 OVER_DURATION, AT_PERIOD = 7, 9  # columns of ours
 
 Cells = dict[tuple[str, ...], ComparedCell]
