@@ -1,9 +1,9 @@
 """Count which printed cells of K, K+FF and the linear quadratic laws a complete reproduction of [P16] comes near.
 
-`python -m dqcontrol_theses.pereira2016.tools.cells` reads docs/pereira2016-tables.md, which `tools/update_theses.py` writes. Cells that
-a table prints again count once; predictions are the simulated numbers that differ from each other and that nothing was
-fitted on, and such a one is near if all of its cells are. Cells of laws that did not keep their period count at the
-nominal one, over the durations that Table 61 prints, and as run at the printed period.
+`python -m dqcontrol_theses.pereira2016.tools.cells` reads docs/pereira2016-tables.md, which `tools/update_theses.py`
+writes. Cells that a table prints again count once; predictions are the simulated numbers that differ from each other
+and that nothing was fitted on, and such a one is near if all of its cells are. Cells of laws that did not keep their
+period count at the nominal one, over the durations that Table 61 prints, and as run at the printed period.
 """
 
 from __future__ import annotations

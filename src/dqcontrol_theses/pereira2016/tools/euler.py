@@ -1,9 +1,9 @@
 """Print how near one explicit Euler step a sample comes to the printed errors of LQR-R8.
 
-`python -m dqcontrol_theses.pereira2016.tools.euler`: each reading of "can be numerically solved backwards" [P16 3.44] runs the spiral in
-physics at the nominal period, with the two sets of weights whose printed errors are a puzzle, √(q/r) T > 1. Nothing is
-fitted to these; Err is over the printed one. Then the law, the same solved exactly and K at the mean periods that
-Table 61 prints.
+`python -m dqcontrol_theses.pereira2016.tools.euler`: each reading of "can be numerically solved backwards" [P16 3.44]
+runs the spiral in physics at the nominal period, with the two sets of weights whose printed errors are a puzzle,
+√(q/r) T > 1. Nothing is fitted to these; Err is over the printed one. Then the law, the same solved exactly and K at
+the mean periods that Table 61 prints.
 """
 
 from __future__ import annotations

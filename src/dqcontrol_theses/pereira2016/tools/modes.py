@@ -1,6 +1,7 @@
 """Print from which gain the Meka of [P16] shakes in physics, how fast, and in which joints.
 
-`python -m dqcontrol_theses.pereira2016.tools.modes`. From the linear model of the arm at the start of the spiral, for law K.
+`python -m dqcontrol_theses.pereira2016.tools.modes`. From the linear model of the arm at the start of the spiral, for
+law K.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Print which relations hold within the printed numbers of [P16]: `python -m dqcontrol_theses.pereira2016.tools.relations`.
+"""Print which relations hold within the printed numbers of [P16].
 
 With a servo that stands off its target by s and is sent "measured position + T u", u settles where T u makes up for s:
 e k T and the mean of |T u| are then the same for all laws, and errors are inverse to the loop gain k. The loop gain of

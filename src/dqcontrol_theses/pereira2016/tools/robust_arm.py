@@ -1,9 +1,9 @@
 """Search for an arm that bears HIR with a hundred times its printed gains.
 
-`python -m dqcontrol_theses.pereira2016.tools.robust_arm [COUNT]`. The printed commands tell that HIR and HIRT ran with these gains, and
-the arm of the reproductions shakes with them. Friction, springs, damping and slew limits of the joints, and the rate at
-which the arm exchanges states and commands, are drawn at random about those of the reproductions; each draw runs HIR on
-three published cells, and K on one beside them.
+`python -m dqcontrol_theses.pereira2016.tools.robust_arm [COUNT]`. The printed commands tell that HIR and HIRT ran with
+these gains, and the arm of the reproductions shakes with them. Friction, springs, damping and slew limits of the
+joints, and the rate at which the arm exchanges states and commands, are drawn at random about those of the
+reproductions; each draw runs HIR on three published cells, and K on one beside them.
 """
 
 from __future__ import annotations

@@ -1,13 +1,14 @@
 """Print what the assumptions behind the reproductions of [P16] matter.
 
-`python -m dqcontrol_theses.pereira2016.tools.sensitivity` for the arm in physics, `… servo` for servos; names of variants after that
-choose some. `… iiwa` for the simulated iiwa of appendix C, whose simulator is not described.
+`python -m dqcontrol_theses.pereira2016.tools.sensitivity` for the arm in physics, `… servo` for servos; names of
+variants after that choose some. `… iiwa` for the simulated iiwa of appendix C, whose simulator is not described.
 
 Each variant runs twice: with the plant's first number as it is in use, and with that number fitted anew to the error
 of K on the spiral with the best gains. The columns are ours over published, and the share T mean|u| that the arm gives
-way. On servos: how far the joints go beyond their limits. In physics: L.Acc of K on the spiral, Eff, L.Vel and L.Acc of
-K on the circle; the loop gain k T at which K starts to shake on the spiral, so that its hand moves twice the printed
-1.409 m; the robust laws with their gains times a factor; and what the damping λ of P16's pseudoinverses would do.
+way. On servos: how far the joints go beyond their limits. In physics: L.Acc of K on the spiral, Eff, L.Vel and L.Acc
+of K on the circle; the loop gain k T at which K starts to shake on the spiral, so that its hand moves twice the
+printed 1.409 m; the robust laws with their gains times a factor; and what the damping λ of P16's pseudoinverses would
+do.
 """
 
 from __future__ import annotations
