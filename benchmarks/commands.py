@@ -15,6 +15,7 @@ from msgspec.structs import replace
 
 import dqcontrol as dqc
 from dqcontrol import laws
+from dqcontrol_theses import variants
 
 Q = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0.1])
 GAIN, DAMPING, PERIOD = 10.0, 0.01, 0.008
@@ -52,7 +53,7 @@ def ratios(short: bool) -> list[Ratio]:
         prepared = law.prepare(arm, circle, PERIOD)
         functions[name] = partial(prepared.command, Q, sample, prepared.initial_state(Q), out)
     # Theirs feeds back x − x_d, the classic error, and damps in another measure: without damping both are the same.
-    classic = laws.ClassicProportional(gain=GAIN, inverse=inverses["filtered"]).prepare(arm, None, PERIOD)
+    classic = variants.ClassicProportional(gain=GAIN, inverse=inverses["filtered"]).prepare(arm, None, PERIOD)
     check(functions["pinv"](), classic.command(Q, sample, classic.initial_state(Q)))
     t = medians(functions, 1000, 3 if short else 15)
     found = [

@@ -19,19 +19,18 @@ from dqcontrol.loop import Record, Stop
 from dqcontrol.measures import Column, Table, task_range
 from dqcontrol.plants import Integrator
 from dqcontrol.references import DriveTo, Reference, SetPoint, random_goals
+from dqcontrol_theses import variants
 
 ROBOT, PERIOD, SEED, COUNT = "little-john", 0.05, 1, 100
 HOME = np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0])
 REACHED, SAMPLES = 1e-3, 50
 LIMITS = CommandLimits(position=ModifiedClamping(), velocity=True)
 LAWS = {
-    "published: feedback linearisation, F": laws.FeedbackLinearization(
-        stiffness=1.0, damping=1.0, velocity_state="commanded", null_space=None
-    ),
+    "published: feedback linearisation, F": variants.PublishedLinearization(stiffness=1.0, damping=1.0),
     "the same, constrained Jacobian": laws.FeedbackLinearization(stiffness=1.0, damping=1.0, null_space=None),
     "the same, best heading (default)": laws.FeedbackLinearization(stiffness=1.0, damping=1.0),
-    "cascade": laws.Cascade(stiffness=1.0, damping=1.0),
-    "classic": laws.ClassicWholeBody(gain=0.5),
+    "cascade": variants.Cascade(stiffness=1.0, damping=1.0),
+    "classic": variants.ClassicWholeBody(gain=0.5),
     "K": laws.Proportional(gain=0.5),
     "K, best heading": laws.Proportional(gain=0.5, null_space=laws.BestHeading()),
     "guided K along a planned way": laws.GuidedProportional(gain=1.0),

@@ -37,8 +37,6 @@ SECOND_ORDER = {"stiffness": 4.0, "damping": 4.0, "null_space": None}
 ARM_LAWS = {
     "K": ("Proportional", GAINS),
     "K+FF": ("ProportionalFeedforward", GAINS),
-    "reduced gradient": ("ReducedGradient", GAINS),
-    "classic": ("ClassicProportional", GAINS),
     "decoupled": ("DecoupledProportional", GAINS),
     "position": ("PartialProportional", GAINS | {"part": "position"}),
     "rotation": ("PartialProportional", GAINS | {"part": "rotation"}),
@@ -54,10 +52,7 @@ ARM_LAWS = {
 }
 DRIVE_LAWS = {
     "drive: K": ("Proportional", {"gain": 2.0}),
-    "drive: classic whole body": ("ClassicWholeBody", {"gain": 2.0}),
     "drive: feedback linearisation": ("FeedbackLinearization", SECOND_ORDER),
-    "drive: cascade": ("Cascade", SECOND_ORDER),
-    "drive: classic cascade": ("ClassicCascade", {"gain": 2.0}),
 }
 
 

@@ -19,6 +19,7 @@ from dqcontrol import laws
 from dqcontrol.loop import close_loop
 from dqcontrol.measures import Column, Table
 from dqcontrol.plants import Integrator
+from dqcontrol_theses import variants
 
 STEPS, PERIOD = 3000, 0.008
 START = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
@@ -32,7 +33,7 @@ LAWS = {
     "K, gain over time": laws.Proportional(gain=laws.Schedule([0, STEPS * PERIOD], [5.0, GAIN])),
     "K+FF": laws.ProportionalFeedforward(gain=GAIN),
     "open loop": laws.OpenLoop(),
-    "classic": laws.ClassicProportional(gain=GAIN),
+    "classic": variants.ClassicProportional(gain=GAIN),
     "decoupled": laws.DecoupledProportional(gain=GAIN),
     "position only": laws.PartialProportional(part="position", gain=GAIN),
     "HIR, right": H_INFINITY,

@@ -86,7 +86,8 @@ def test_of_processes_that_begin_at_once_one_compiles(tmp_path):
 
 SINGULAR = """
 import numpy as np, dqcontrol as dqc
-body, law, rng = dqc.load_robot("little-john"), dqc.laws.ClassicWholeBody(gain=1.0), np.random.default_rng(1)
+from dqcontrol_theses import variants
+body, law, rng = dqc.load_robot("little-john"), variants.ClassicWholeBody(gain=1.0), np.random.default_rng(1)
 q = np.hstack([np.zeros((2000, 3)), rng.uniform(-2.6, 2.6, (2000, 5))])
 smallest = np.linalg.svd(body.in_form("unconstrained").pose_jacobian(q), compute_uv=False)[:, 5]
 for each in q[smallest < 0.02]:  # where the general inverse works, a function that kernels call

@@ -7,11 +7,12 @@ import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.experiments.check import check
-from dqcontrol.laws import ClassicProportional, DecoupledProportional, Proportional, ProportionalFeedforward
+from dqcontrol.laws import DecoupledProportional, Proportional, ProportionalFeedforward
 from dqcontrol.limits import CommandLimits, ModifiedClamping, Supervisor
 from dqcontrol.measures.stability import gain_limits
 from dqcontrol.plants import Integrator, Servo
 from dqcontrol.references import SetPoint
+from dqcontrol_theses.variants import ClassicProportional
 
 pytestmark = pytest.mark.usefixtures("without_growth")
 

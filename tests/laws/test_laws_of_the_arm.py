@@ -9,7 +9,6 @@ import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.errors import Error
 from dqcontrol.laws import (
-    ClassicProportional,
     DampedInverse,
     DecoupledProportional,
     FilteredInverse,
@@ -24,6 +23,7 @@ from dqcontrol.laws import (
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import close_loop
 from dqcontrol.plants import Integrator
+from dqcontrol_theses.variants import ClassicProportional
 
 pytestmark = pytest.mark.usefixtures("without_growth")
 

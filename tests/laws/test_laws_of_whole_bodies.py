@@ -7,6 +7,7 @@ import dqcontrol as dqc
 from dqcontrol import laws
 from dqcontrol.plants import Integrator
 from dqcontrol.references import DriveTo, SetPoint
+from dqcontrol_theses import variants
 
 GAIN = 2.0
 WEIGHTS = {"error_weight": GAIN**2, "control_weight": 1.0}
@@ -31,10 +32,10 @@ STARTS = {
 }
 AWAY = [0.15, 0.1, 0.2, 0, 0.1, 0.1, 0.1]  # of base and first joints
 LAWS = {
-    "classic-proportional": laws.ClassicProportional(gain=GAIN),
+    "classic-proportional": variants.ClassicProportional(gain=GAIN),
     "proportional": laws.Proportional(gain=GAIN),
     "gain over time": laws.Proportional(gain=laws.Schedule([0, 5], [1.0, GAIN])),
-    "reduced-gradient": laws.ReducedGradient(gain=GAIN),
+    "reduced-gradient": variants.ReducedGradient(gain=GAIN),
     "proportional-feedforward": laws.ProportionalFeedforward(gain=GAIN),
     "decoupled-proportional": laws.DecoupledProportional(gain=GAIN),
     "partial-proportional": laws.PartialProportional(part="position", gain=GAIN),
@@ -47,9 +48,9 @@ LAWS = {
     "guided-proportional": laws.GuidedProportional(gain=GAIN),
 }
 SIDEWAYS = {  # these take every base for one that can move sideways
-    "cascade": laws.Cascade(**SECOND_ORDER),
-    "classic-whole-body": laws.ClassicWholeBody(gain=GAIN),
-    "classic-cascade": laws.ClassicCascade(gain=GAIN),
+    "cascade": variants.Cascade(**SECOND_ORDER),
+    "classic-whole-body": variants.ClassicWholeBody(gain=GAIN),
+    "classic-cascade": variants.ClassicCascade(gain=GAIN),
 }
 
 

@@ -7,8 +7,6 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.laws import (
-    Cascade,
-    ClassicProportional,
     DecoupledProportional,
     FeedbackLinearization,
     HInfinity,
@@ -25,6 +23,7 @@ from dqcontrol.laws import (
 )
 from dqcontrol.laws.linear_quadratic import pose_feedback
 from dqcontrol.laws.loop_rates import LoopRates
+from dqcontrol_theses.variants import Cascade, ClassicProportional, PublishedLinearization
 
 pytestmark = pytest.mark.usefixtures("without_growth")
 
@@ -169,8 +168,8 @@ def test_laws_without_a_loop_or_with_one_unknown(arm):
     gains = {"stiffness": 2.0, "damping": 1.0}
     for law, known in (
         (FeedbackLinearization(**gains), True),
-        (FeedbackLinearization(**gains, velocity_state="commanded"), False),
-        (FeedbackLinearization(**gains, logarithm="inertial"), False),
+        (PublishedLinearization(**gains), False),
+        (PublishedLinearization(**gains, logarithm="inertial"), False),
         (Cascade(**gains), False),
     ):
         rates = law.loop_rates(law.prepare(body, None, T).parameters)

@@ -11,6 +11,7 @@ from dqcontrol import algebra, laws
 from dqcontrol.laws.constrained.constraints import Lag
 from dqcontrol.laws.growth import beyond_driving, curvature, growth_for, is_driven, pose_error, square_bound
 from dqcontrol.laws.loop_rates import LoopRates
+from dqcontrol_theses import variants
 
 SEED, LENGTH = 38, 0.3
 STARTS = {
@@ -58,7 +59,7 @@ def all_laws(k):
         "feedback linearisation": laws.FeedbackLinearization(
             stiffness=16 * k * k, damping=4 * k, null_space=None
         ),
-        "reduced gradient": laws.ReducedGradient(gain=k),
+        "reduced gradient": variants.ReducedGradient(gain=k),
     }
 
 

@@ -6,15 +6,8 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.errors import ShapeError, ValueRangeError
-from dqcontrol.laws import (
-    Cascade,
-    ClassicWholeBody,
-    DampedInverse,
-    DampedPoseInverse,
-    FeedbackLinearization,
-    HInfinity,
-    Proportional,
-)
+from dqcontrol.laws import DampedInverse, DampedPoseInverse, FeedbackLinearization, HInfinity, Proportional
+from dqcontrol_theses.variants import Cascade, ClassicWholeBody, PublishedLinearization
 
 SEED, T, LEVELS = 20171201, 0.05, (0.02, 0.1)
 PURE = np.zeros((8, 6))
@@ -64,11 +57,9 @@ def test_feedback_linearisation_is_as_printed(name, level):
     """u = F J⁺ vec8(½ x u_ξ), u_ξ = T U + 2 x* J q̇ with the q̇ that was asked for. [S17 4.14–4.27]"""
     robot = ROBOTS[name]()
     stiffness, damping = 0.6, 0.5
-    law = FeedbackLinearization(
+    law = PublishedLinearization(
         stiffness=stiffness,
         damping=damping,
-        velocity_state="commanded",
-        null_space=None,
         inverse=DampedPoseInverse(damping=level),
     ).prepare(robot, None, T)
     for q, goal in states(robot):

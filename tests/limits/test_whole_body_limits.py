@@ -8,6 +8,7 @@ from dqcontrol.laws import Proportional
 from dqcontrol.limits import CommandLimits, ModifiedClamping, OriginalClamping, Supervisor, WeightedLeastNorm
 from dqcontrol.limits.supervisor.interventions import IMPOSSIBLE
 from dqcontrol.limits.supervisor.supervisor_layout import GO, RESET, STOP
+from dqcontrol_theses import variants
 
 SEED = 20261122
 RIM = 0.8  # m/s
@@ -87,8 +88,8 @@ def test_random_runs_of_bodies_never_leave_the_limits(runs):
     laws = [
         Proportional(gain=5.0, null_space=dqc.laws.BestHeading()),
         dqc.laws.FeedbackLinearization(stiffness=16.0, damping=4.0),
-        dqc.laws.Cascade(stiffness=16.0, damping=4.0),
-        dqc.laws.ClassicWholeBody(gain=5.0),
+        variants.Cascade(stiffness=16.0, damping=4.0),
+        variants.ClassicWholeBody(gain=5.0),
     ]
     limited = released = 0
     for k in range(runs):

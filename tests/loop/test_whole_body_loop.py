@@ -8,6 +8,7 @@ import dqcontrol as dqc
 from dqcontrol import laws
 from dqcontrol.errors import ShapeError
 from dqcontrol.plants import ConstantTwist, Disturbance, Integrator
+from dqcontrol_theses import variants
 
 T = 0.01
 STARTS = {
@@ -17,7 +18,7 @@ STARTS = {
 LAWS = [
     laws.Proportional(gain=4.0),
     laws.ProportionalFeedforward(gain=4.0),
-    laws.ClassicProportional(gain=4.0),
+    variants.ClassicProportional(gain=4.0),
     laws.DecoupledProportional(gain=4.0),
     laws.HInfinity(orientation_gain=4.0, translation_gain=4.0),
     laws.HInfinityTracking(orientation_gain=4.0, translation_gain=4.0),

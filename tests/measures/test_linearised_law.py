@@ -8,11 +8,12 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.experiments import check
 from dqcontrol.experiments.run import run
-from dqcontrol.laws import Cascade, OwnLaw, Proportional
+from dqcontrol.laws import OwnLaw, Proportional
 from dqcontrol.measures.linearised_law import NumericLoop, linearise_law
 from dqcontrol.measures.stability import gain_limits
 from dqcontrol.plants import Integrator, MujocoPlant, OwnPlant, Servo
 from dqcontrol.references import SetPoint
+from dqcontrol_theses.variants import Cascade
 
 DAMPED_TRANSPOSE = f"{Path(__file__).parents[2] / 'examples/my_motion.py'}:damped_transpose"
 T = 0.01

@@ -9,7 +9,6 @@ from scipy.signal import cont2discrete, tf2ss
 import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.laws import (
-    ClassicProportional,
     DecoupledProportional,
     FeedbackLinearization,
     HInfinity,
@@ -33,6 +32,7 @@ from dqcontrol.measures.stability import (
 from dqcontrol.plants import Integrator, MujocoPlant, Servo
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.references import SetPoint
+from dqcontrol_theses.variants import ClassicProportional
 
 T, TAU = 0.01, 0.05
 Q0 = np.array([0.2, 0.6, 0.1, 1.6, -0.3, 0.9, 0.4])

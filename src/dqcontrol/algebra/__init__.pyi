@@ -1,3 +1,4 @@
+from . import dual_quaternion_kernels as dual_quaternion_kernels
 from .batch import as_unit as as_unit
 from .conversions import (
     as_unit_quaternion as as_unit_quaternion,

@@ -27,7 +27,6 @@ _LAWS: dict[str, dict[str, Any]] = {
     "proportional": {"gain": 2.0},
     "proportional-feedforward": {"gain": 2.0},
     "decoupled-proportional": {"gain": 2.0},
-    "classic-proportional": {"gain": 2.0},
     "linear-quadratic-r8": _WEIGHTS,
     "linear-quadratic-dq": _WEIGHTS,
     "h-infinity": _GAINS,

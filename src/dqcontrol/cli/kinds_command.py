@@ -45,17 +45,20 @@ def plants() -> None:
 
 
 def _print_kinds(title: str, union: Any, hidden: str = "") -> None:
-    from dqcontrol.measures.tables import Column, Table
+    from dqcontrol.measures.tables import Cell, Column, Table
 
-    rows = []
+    rows: dict[str, list[list[Cell]]] = {}
     for kind in get_args(union):
         tag = str(kind.__struct_config__.tag)
         keys = [each for each in msgspec.structs.fields(kind) if each.encode_name not in _SHARED]
         needed = [each.encode_name for each in keys if each.required]
         if tag != hidden:
-            rows.append([tag, _first_sentence(kind), ", ".join(needed)])
+            row: list[Cell] = [tag, _first_sentence(kind), ", ".join(needed)]
+            rows.setdefault(kind.__module__.partition(".")[0], []).append(row)
     columns = [Column("kind"), Column("what it is"), Column("needs")]
-    print_table(Table(columns, rows, f"{title}: {{kind: …}}"))
+    for package in sorted(rows, key=lambda name: name != "dqcontrol"):
+        origin = "" if package == "dqcontrol" else f", of {package}"
+        print_table(Table(columns, rows[package], f"{title}: {{kind: …}}{origin}"))
 
 
 def _first_sentence(kind: type) -> str:

@@ -10,26 +10,20 @@ from dqcontrol.errors import CollisionWarning, LimitWarning, TaskWarning
 from dqcontrol.experiments.feasibility import way_out
 from dqcontrol.experiments.prepared_experiment import Combination
 from dqcontrol.laws import (
-    ClassicProportional,
-    DecoupledProportional,
     GuidedProportional,
     HInfinity,
+    HInfinityTracking,
+    IntegralPoseLaw,
+    Law,
     OpenLoop,
     PartialProportional,
-    Proportional,
+    ProportionalFeedforward,
 )
 from dqcontrol.laws.null_space import BestHeading
 from dqcontrol.measures.margins import AT_LIMIT, UNSEEN
 
 Trials = Sequence[Mapping[str, Any]]  # metrics of the repeats of one case
 
-_WITHOUT_FEEDFORWARD = (
-    ClassicProportional,
-    DecoupledProportional,
-    HInfinity,
-    PartialProportional,
-    Proportional,
-)
 _ROUNDING = 1e-9
 _OFTEN = 0.1  # of the samples at a velocity limit
 
@@ -132,7 +126,7 @@ def _remedies(case: Combination, trial: Mapping[str, Any]) -> Iterator[str]:
         )
     elif isinstance(law, OpenLoop):
         yield "open-loop corrects no error; take a law that does"
-    elif task.startswith("not followed") and type(law) in _WITHOUT_FEEDFORWARD:
+    elif task.startswith("not followed") and _feeds_nothing_forward(law):
         yield "a law without feed-forward lags; take proportional-feedforward, more gain or a slower reference"
     elif "still moves" in task:
         yield "it takes more time (duration), or a loop that settles (dqcontrol check)"
@@ -140,3 +134,9 @@ def _remedies(case: Combination, trial: Mapping[str, Any]) -> Iterator[str]:
 
 def _count(some: Trials, trials: Trials, before: str) -> str:
     return f"{before}in {len(some)} of {len(trials)} repeats" if len(trials) > 1 else ""
+
+
+def _feeds_nothing_forward(law: Law) -> bool:
+    return isinstance(law, IntegralPoseLaw | HInfinity | PartialProportional) and not isinstance(
+        law, ProportionalFeedforward | HInfinityTracking
+    )

@@ -1,12 +1,4 @@
-from .cascade import (
-    Cascade as Cascade,
-    ClassicCascade as ClassicCascade,
-)
-from .classic import (
-    ClassicProportional as ClassicProportional,
-    OpenLoop as OpenLoop,
-)
-from .classic_whole_body import ClassicWholeBody as ClassicWholeBody
+from . import parts as parts
 from .constrained.constraints import (
     Angle as Angle,
     BoxObstacle as BoxObstacle,
@@ -39,9 +31,11 @@ from .h_infinity import (
     HInfinity as HInfinity,
     HInfinityTracking as HInfinityTracking,
 )
+from .integral import IntegralPoseLaw as IntegralPoseLaw
 from .inverses import (
     DampedInverse as DampedInverse,
     FilteredInverse as FilteredInverse,
+    Inverse as Inverse,
     ManipulabilityInverse as ManipulabilityInverse,
 )
 from .joint_motion import JointMotion as JointMotion
@@ -53,18 +47,21 @@ from .linear_quadratic import (
     LinearQuadraticDQ as LinearQuadraticDQ,
     LinearQuadraticR8 as LinearQuadraticR8,
 )
+from .loop_rates import LoopRates as LoopRates
 from .null_space import (
+    AnyNullSpace as AnyNullSpace,
     BestHeading as BestHeading,
     JointCentring as JointCentring,
     LimitAvoidance as LimitAvoidance,
     ManipulabilityAscent as ManipulabilityAscent,
     Posture as Posture,
 )
+from .open_loop import OpenLoop as OpenLoop
 from .own_law import OwnLaw as OwnLaw
 from .plan_following import GuidedProportional as GuidedProportional
 from .pose_inverse import DampedPoseInverse as DampedPoseInverse
+from .pose_law import PoseLaw as PoseLaw
 from .proportional import Proportional as Proportional
-from .reduced_gradient import ReducedGradient as ReducedGradient
 from .riccati import Steps as Steps
 from .task_levels import (
     FurtherTask as FurtherTask,

@@ -21,7 +21,6 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline, shared
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import unknown_name
-from dqcontrol.laws.unconstrained_drive import drive_table
 from dqcontrol.references.previewed import Previewed
 
 if TYPE_CHECKING:
@@ -102,6 +101,12 @@ def second_order_numbers(
 def last_at(feedforward: Feedforward) -> int:
     """Return where the state of a law with a sign alone takes the last command; 0 if it does not ask."""
     return 0 if feedforward == "printed" else signed_state.place("last", 0)
+
+
+def drive_table(robot: Robot) -> Array:
+    """Return a row [index of the input v, displacement d] for each drive whose inputs are v and ω, shape (k, 2)."""
+    drives = robot.drives if robot.input_size < robot.configuration_size else robot.drives[:0]
+    return np.array([[first - k, drive[0]] for k, (first, *drive) in enumerate(drives)]).reshape(-1, 2)
 
 
 @inline

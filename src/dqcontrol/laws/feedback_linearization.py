@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar, get_args
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from msgspec import Meta
 
 from dqcontrol.compiled.compile import kernel
-from dqcontrol.errors import ValueRangeError, as_positive, unknown_name
+from dqcontrol.errors import as_positive
 from dqcontrol.laws.inverses import FilteredInverse, Inverse
 from dqcontrol.laws.law import LAW, Law
 from dqcontrol.laws.linearization import (
-    COMMANDED,
-    REALISED,
-    Logarithm,
-    VelocityState,
     linearization_parameters,
     linearization_state,
     linearization_work,
@@ -26,7 +22,6 @@ from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import AnyNullSpace, BestHeading
 from dqcontrol.laws.pose_inverse import DampedPoseInverse
 from dqcontrol.laws.pose_law import checked_hysteresis
-from dqcontrol.laws.unconstrained_drive import drive_table, feasible_inputs, turn_rates
 from dqcontrol.robots import Robot
 
 if TYPE_CHECKING:
@@ -35,21 +30,12 @@ if TYPE_CHECKING:
 
 @kernel(LAW)
 def feedback_linearization(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
-    """Write what drives can do of z + J⁺ (ξ_b + T U − J z), and remember what was asked of them or what they do."""
-    m, k = out.shape[0], q.shape[0] - out.shape[0]
-    given = linearization_parameters(parameters, k)
-    velocity_state = int(given.velocity_state)
-    n = m if velocity_state == REALISED else m + k
-    kept, own = linearization_state(state, n), linearization_work(work, m, n)
-    status = linearize(pose, twist_jacobian, sample, given, kept, own)
-    feasible_inputs(given.drives[0 : n - m], own.rates, out)
-    if velocity_state == COMMANDED:
-        turn_rates(given.drives, out, given.period, own.rates)
-        for i in range(n):
-            kept.last[i] = own.rates[i]
-    else:
-        for i in range(m):
-            kept.last[i] = out[i]
+    """Write z + J⁺ (ξ_b + T U − J z), and remember it."""
+    m = out.shape[0]
+    given, kept = linearization_parameters(parameters), linearization_state(state, m)
+    status = linearize(pose, twist_jacobian, sample, given, kept, linearization_work(work, m), out)
+    for i in range(m):
+        kept.last[i] = out[i]
     return status
 
 
@@ -98,16 +84,6 @@ class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linear
         more of it the shorter the period, and so is the `DampedPoseInverse` that S17 prints (4.19).
     hysteresis
         How far Re(x̃) must pass 0 before its sign flips.
-    velocity_state
-        ``"realised"``: ξ_b as above, with J the Jacobian of v, ω and q̇. S17 solves for ẋ, ẏ and φ̇ as if a base could
-        move sideways, sends what drives can do of it (F, 4.27), and takes ξ_b = J(q(k)) q̇(k−1), which adds the
-        acceleration J̇q̇ to U (4.17). Its q̇ is then either that solution, ``"commanded"``, or what was sent,
-        ``"realised-unconstrained"``, which loses most of the motion in some directions every sample and hardly arrives
-        anywhere: the print leaves open which is meant.
-    logarithm
-        ``"body"``, or ``"inertial"`` as S17 prints it (3.13). Its k_p is then k̄/2 as far as V̇ ≤ −k_v |ξ̃|² allows;
-        where no k_p in (0, 4k̄) does, that sample takes the body logarithm. ``"inertial-unguarded"``: k_p = k̄ A₁/A₂, and
-        k̄ where A₂ = 0, to the letter (4.44).
     null_space
         Motion preferred where the task leaves freedom. The inputs come to it at the rate k_v: z = u⁻ + k_v T (z₀ − u⁻)
         with the last inputs u⁻ and the preferred ones z₀, so that they start smoothly too, and singularities hold up
@@ -128,52 +104,30 @@ class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linear
     """
 
     kernel = feedback_linearization
+    work = linearization_work
     gain_powers: ClassVar[Mapping[str, float]] = {"stiffness": 2, "damping": 1}
     stiffness: Annotated[float, Meta(gt=0, description="k̄, 1/s²")]
     damping: Annotated[float, Meta(gt=0, description="k_v, 1/s")]
     inverse: Inverse | DampedPoseInverse = IN_BODY_TWISTS
     hysteresis: Annotated[float, Meta(ge=0, lt=1)] = 0.2
-    velocity_state: VelocityState = "realised"
-    logarithm: Logarithm = "body"
     null_space: AnyNullSpace | None = BestHeading()
 
     def rows(self, robot: Robot, reference: Reference | None, dt: float) -> np.ndarray:
-        """Return one row: inverse, hysteresis, period, gains, choices, and the table of drives."""
-        for field, value, names in (
-            ("velocity_state", self.velocity_state, VelocityState),
-            ("logarithm", self.logarithm, Logarithm),
-        ):
-            if value not in get_args(names):
-                raise unknown_name(field, str(value), get_args(names))
-        drives = drive_table(robot)
-        if len(drives) < len(robot.drives) and self.velocity_state == "realised-unconstrained":
-            raise ValueRangeError(
-                f"velocity_state: {self.velocity_state!r} is for the constrained form of {robot.name}, got the other"
-            )
+        """Return one row: inverse, hysteresis, period and gains."""
         return linearization_parameters.pack(
             inverse=self.inverse.parameters(),
             hysteresis=checked_hysteresis(self.hysteresis),
             period=dt,
             stiffness=as_positive("stiffness", self.stiffness),
             damping=as_positive("damping", self.damping),
-            velocity_state=get_args(VelocityState).index(self.velocity_state),
-            logarithm=get_args(Logarithm).index(self.logarithm),
             smooth=self.null_space is not None,
-            drives=drives,
         )[None]
 
     def loop_rates(self, parameters: np.ndarray) -> LoopRates | None:
-        """Return k̄/(4 k_v) behind a lag of k_v; None where the logarithm or sideways motion changes them."""
-        drives = parameters.shape[1] > linearization_parameters.size(0)
-        if self.logarithm != "body" or (self.velocity_state != "realised" and drives):
-            return None
+        """Return k̄/(4 k_v) behind a lag of k_v."""
         rates = np.full(len(parameters), self.stiffness / (4 * self.damping))
         return LoopRates(rates, rates, lag=self.damping)
 
     def state_size(self, robot: Robot) -> int:
-        """Return room for the sign, the hand's twist and the last inputs, with a sideways speed for each drive."""
-        return linearization_state.size(robot.input_size + len(drive_table(robot)))
-
-    def work_size(self, robot: Robot) -> int:
-        """Return room for scratch, with a sideways speed for each drive."""
-        return linearization_work.size(robot.input_size, robot.input_size + len(drive_table(robot)))
+        """Return room for the sign, the hand's twist and the last inputs."""
+        return linearization_state.size(robot.input_size)

@@ -31,3 +31,11 @@ def nearest_twist(rate, x):
     ax, ay, az = ax - correction * dx, ay - correction * dy, az - correction * dz
     bx, by, bz = bx - (ay * dz - az * dy), by - (az * dx - ax * dz), bz - (ax * dy - ay * dx)
     return (ax, ay, az), (bx, by, bz), (dx, dy, dz)
+
+
+@inline
+def hand_twist_of_rate(rate, pose):
+    """Return the hand's twist [ω ; ṗ] that moves its pose nearest to a wanted rate."""
+    (ax, ay, az), (bx, by, bz), (dx, dy, dz) = nearest_twist(rate, pose)
+    px, py, pz = 2.0 * dx, 2.0 * dy, 2.0 * dz
+    return ax, ay, az, bx + ay * pz - az * py, by + az * px - ax * pz, bz + ax * py - ay * px  # ṗ = v + ω × p

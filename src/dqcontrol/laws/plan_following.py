@@ -12,12 +12,12 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import Error, as_positive
+from dqcontrol.laws.desired_twist import drive_table
 from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.laws.law import LAW, check_steps
 from dqcontrol.laws.pose_error import left_error, solve_left_error
 from dqcontrol.laws.pose_law import PoseLaw, pose_parameters
 from dqcontrol.laws.proportional import proportional_work
-from dqcontrol.laws.unconstrained_drive import drive_table
 from dqcontrol.references.drive_to import PlannedWay
 from dqcontrol.robots import Robot
 

@@ -22,9 +22,8 @@ class DampedPoseInverse(
 ):
     """Damped least squares of the law's own matrix of eight rows: J⁺ = Jᵀ(JJᵀ + λ²I)⁻¹. [S17 4.19, Wampler 1986]
 
-    J is the pose Jacobian, vec8(ẋ) = J u, in `FeedbackLinearization` and `Cascade`, and N, of the rate of x*x_d, in
-    `ClassicWholeBody`. To compare with the literature only: |vec8(ẋ)| weighs turning by how far the hand is from the
-    base frame's origin, so that commands depend on where that lies; N's weighs it by how far the hand is from the goal.
+    J is the pose Jacobian, vec8(ẋ) = J u, in `FeedbackLinearization`. To compare with the literature only: |vec8(ẋ)|
+    weighs turning by how far the hand is from the base frame's origin, so that commands depend on where that lies.
     With d from there to the hand, and v the velocity of the body's point midway,
 
     |vec8(ẋ)|² = ¼ (|ω|² + ¼ (d·ω)² + |v|²),
@@ -37,8 +36,9 @@ class DampedPoseInverse(
     >>> import numpy as np, dqcontrol as dqc
     >>> robot, q = dqc.load_robot("little-john"), np.array([0, 0, 0, 0.3, -0.8, 1.2, 0.6, 0.4])
     >>> target = dqc.Sample(robot.fkm(q + [0.1, 0.05, 0, 0, 0, 0, 0, 0]))
-    >>> law = dqc.laws.ClassicWholeBody(gain=0.5, inverse=dqc.laws.DampedPoseInverse(damping=0.05))
-    >>> dict(zip(robot.input_names, law.command(robot, q, target, dt=0.05).round(3).tolist()))["v"] > 0
+    >>> inverse = dqc.laws.DampedPoseInverse(damping=0.05)
+    >>> law = dqc.laws.FeedbackLinearization(stiffness=1.0, damping=1.0, inverse=inverse)
+    >>> dict(zip(robot.input_names, law.command(robot, q, target, dt=0.05).round(4).tolist()))["v"] > 0
     True
     """
 

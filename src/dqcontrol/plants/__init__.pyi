@@ -2,6 +2,7 @@ from .camera import (
     Camera as Camera,
     FiducialLoss as FiducialLoss,
 )
+from .channels import Channel as Channel
 from .compliant import CompliantPlant as CompliantPlant
 from .compliant.loads_and_faults import (
     EncoderLoss as EncoderLoss,
@@ -48,4 +49,3 @@ from .servo import (
     Servo as Servo,
     load_servo as load_servo,
 )
-from .tiring_motors import TiringMotors as TiringMotors

@@ -8,6 +8,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol import laws
 from dqcontrol.plants import Integrator
+from dqcontrol_theses import variants
 
 pytestmark = pytest.mark.usefixtures("without_growth")
 
@@ -29,7 +30,7 @@ def near(arm, rng):
 def commands(robot, q, goal, null_space):
     found = [
         law(gain=2.0, null_space=null_space).command(robot, q, goal, T)
-        for law in (laws.ReducedGradient, laws.Proportional)
+        for law in (variants.ReducedGradient, laws.Proportional)
     ]
     return found, robot.twist_jacobian(q)
 
@@ -61,12 +62,12 @@ def test_with_several_inputs_to_spare_it_is_the_definition():
         ]
     )
     q = np.array([0, 0, 0, 0, -0.4, 0, -2, 0, 1.6, 0.8])
-    law = laws.ReducedGradient(gain=2.0, null_space=laws.JointCentring(gain=1.0)).prepare(body, None, T)
+    law = variants.ReducedGradient(gain=2.0, null_space=laws.JointCentring(gain=1.0)).prepare(body, None, T)
     state, goal = law.initial_state(q), dqc.Sample(body.fkm(q + 0.1))
     u = law.command(q, goal, state)
     used = state[1:] == 1
     assert used.sum() == 6
-    rest = laws.ReducedGradient(gain=2.0).command(body, q, goal, T)
+    rest = variants.ReducedGradient(gain=2.0).command(body, q, goal, T)
     np.testing.assert_array_equal(rest[~used], 0)
     jacobian = body.twist_jacobian(q)
     share = np.linalg.solve(jacobian[:, used], jacobian[:, ~used])
@@ -86,7 +87,7 @@ def test_both_descend_and_it_descends_faster(arm):
     goal, middle = dqc.references.SetPoint(arm.fkm(q)), (arm.limits.lower + arm.limits.upper) / 2
     width = arm.limits.upper - arm.limits.lower
     left = []
-    for law in (laws.ReducedGradient, laws.Proportional):
+    for law in (variants.ReducedGradient, laws.Proportional):
         law = law(gain=5.0, null_space=laws.JointCentring(gain=1.0))
         run = dqc.simulate(arm, goal, law, Integrator(), q, T, 1.0)
         assert run.error.max() < 1e-3
@@ -98,7 +99,7 @@ def test_both_descend_and_it_descends_faster(arm):
 def test_the_partition_is_kept_until_another_is_clearly_better(arm):
     q = np.array([0, 0.6, 0, 1.6, 0, 0.9, 0])
     goal = dqc.references.SetPoint(arm.fkm(q + 0.3))
-    law = laws.ReducedGradient(gain=1.0)
+    law = variants.ReducedGradient(gain=1.0)
     prepared, samples = law.prepare(arm, None, T), goal.samples(np.arange(200) * T)
     state, used = prepared.initial_state(q), []
     for row in samples:

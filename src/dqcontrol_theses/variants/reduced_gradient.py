@@ -5,14 +5,18 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.compile import OK, inline, kernel
-from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.laws.growth import pose_error
-from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, twist_work
-from dqcontrol.laws.inverses import inverse_parameters
-from dqcontrol.laws.law import LAW
-from dqcontrol.laws.pose_error import left_error, left_error_twist
-from dqcontrol.laws.pose_law import PoseLaw, pose_parameters
+from dqcontrol.compiled import LAW, OK, MemoryLayout, inline, kernel
+from dqcontrol.laws import PoseLaw
+from dqcontrol.laws.parts import (
+    at_hand,
+    inverse_parameters,
+    left_error,
+    left_error_twist,
+    pose_error,
+    pose_parameters,
+    solve_hand_twist,
+    twist_work,
+)
 from dqcontrol.robots import Robot
 
 _KEPT = 2.0  # times that a pivot in use counts: the choice changes only for a clearly better one
@@ -155,9 +159,10 @@ class ReducedGradient(PoseLaw, frozen=True, kw_only=True, tag="reduced-gradient"
     Examples
     --------
     >>> import numpy as np, dqcontrol as dqc
+    >>> from dqcontrol_theses.variants import ReducedGradient
     >>> arm, q = dqc.load_robot("iiwa7"), np.array([0.2, 0.6, 0, 1.6, 0, 0.6, 0])
     >>> target = dqc.Sample(arm.fkm(q + 0.02))
-    >>> laws = [law(gain=2.0) for law in (dqc.laws.ReducedGradient, dqc.laws.Proportional)]
+    >>> laws = [law(gain=2.0) for law in (ReducedGradient, dqc.laws.Proportional)]
     >>> commands = [law.command(arm, q, target, dt=0.01) for law in laws]
     >>> np.allclose(*(arm.twist_jacobian(q) @ u for u in commands)), int((commands[0] == 0).sum())
     (True, 1)

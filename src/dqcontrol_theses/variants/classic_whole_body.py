@@ -8,16 +8,24 @@ import numpy as np
 
 from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.compile import inline, kernel
-from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.laws.hand_twist import twist_work
-from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
-from dqcontrol.laws.law import LAW
-from dqcontrol.laws.pose_error import left_error, left_error_twist, solve_left_error
-from dqcontrol.laws.pose_inverse import DAMPED_POSE, DampedPoseInverse, solve_pose_rows
-from dqcontrol.laws.pose_law import PoseLaw, pose_parameters
-from dqcontrol.laws.unconstrained_drive import drive_table, feasible_inputs, twist_jacobian_with_sideways
+from dqcontrol.compiled import LAW, MemoryLayout, inline, kernel
+from dqcontrol.laws import DampedPoseInverse, FilteredInverse, Inverse, PoseLaw
+from dqcontrol.laws.parts import (
+    DAMPED_POSE,
+    drive_table,
+    inverse_parameters,
+    left_error,
+    left_error_twist,
+    pose_parameters,
+    solve_left_error,
+    solve_pose_rows,
+    twist_work,
+)
 from dqcontrol.robots import Robot
+from dqcontrol_theses.variants.sideways_drives import (
+    feasible_inputs,
+    twist_jacobian_with_sideways,
+)
 
 
 class WholeBodyParameters(NamedTuple):
@@ -102,7 +110,8 @@ class ClassicWholeBody(PoseLaw, frozen=True, kw_only=True, tag="classic-whole-bo
     gain
         K in 1/s: a number k for kI, eight diagonal entries, or a `Schedule` of k.
     inverse
-        How J is inverted; the default is exact away from singularities.
+        How N is inverted; the default is exact away from singularities. A `DampedPoseInverse` damps the eight rows of
+        N, whose measure weighs turning by how far the hand is from the goal.
     hysteresis
         How far Re(x*x_d) must pass 0 before the sign of x_d changes.
     null_space
@@ -111,9 +120,10 @@ class ClassicWholeBody(PoseLaw, frozen=True, kw_only=True, tag="classic-whole-bo
     Examples
     --------
     >>> import numpy as np, dqcontrol as dqc
+    >>> from dqcontrol_theses.variants import ClassicWholeBody
     >>> robot, q = dqc.load_robot("little-john"), np.array([0, 0, 0, 0.3, -0.8, 1.2, 0.6, 0.4])
     >>> target = dqc.Sample(robot.fkm(q + [0.1, 0.05, 0, 0, 0, 0, 0, 0]))
-    >>> law = dqc.laws.ClassicWholeBody(gain=0.5)
+    >>> law = ClassicWholeBody(gain=0.5)
     >>> dict(zip(robot.input_names, law.command(robot, q, target, dt=0.05).round(3).tolist()))["v"] > 0
     True
     """

@@ -8,8 +8,8 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.errors import Error
-from dqcontrol.laws import Cascade, ClassicCascade, ClassicProportional, FeedbackLinearization
 from dqcontrol.plants import Integrator
+from dqcontrol_theses.variants import Cascade, ClassicCascade, ClassicProportional, PublishedLinearization
 
 pytestmark = pytest.mark.usefixtures("without_growth")
 
@@ -68,7 +68,7 @@ def test_without_drives_it_is_feedback_linearisation():
     arm = dqc.load_robot("iiwa7")
     q = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
     goal = dqc.references.SetPoint(arm.fkm(q + 0.1))
-    laws = Cascade(**GAINS), FeedbackLinearization(**GAINS, velocity_state="commanded", null_space=None)
+    laws = Cascade(**GAINS), PublishedLinearization(**GAINS)
     runs = [dqc.simulate(arm, goal, law, Integrator(), q, T, 3.0) for law in laws]
     np.testing.assert_allclose(runs[0].q, runs[1].q, atol=1e-12)
 

@@ -9,25 +9,28 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.compile import inline, kernel
-from dqcontrol.compiled.memory_layout import MemoryLayout
+from dqcontrol.compiled import LAW, MemoryLayout, inline, kernel
 from dqcontrol.errors import ValueRangeError, as_positive
-from dqcontrol.laws.classic import classic_twist
-from dqcontrol.laws.feedback_linearization import FeedbackLinearization
-from dqcontrol.laws.growth import pose_error
-from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
-from dqcontrol.laws.inverses import inverse_parameters
-from dqcontrol.laws.law import LAW
-from dqcontrol.laws.linearization import (
+from dqcontrol.laws import PoseLaw
+from dqcontrol.laws.parts import (
+    drive_table,
+    inverse_parameters,
     linearization_parameters,
     linearization_state,
-    linearization_work,
-    linearize,
+    pose_error,
+    pose_parameters,
+    solve_hand_twist,
+    twist_work,
 )
-from dqcontrol.laws.null_space import AnyNullSpace
-from dqcontrol.laws.pose_law import PoseLaw, pose_parameters
-from dqcontrol.laws.unconstrained_drive import drive_table, turn_rates, twist_jacobian_with_sideways
 from dqcontrol.robots import Robot
+from dqcontrol_theses.variants.classic_proportional import classic_twist
+from dqcontrol_theses.variants.published_linearization import (
+    PublishedLinearization,
+    linearize_sideways,
+    published_parameters,
+    published_work,
+)
+from dqcontrol_theses.variants.sideways_drives import turn_rates, twist_jacobian_with_sideways
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
@@ -36,7 +39,7 @@ if TYPE_CHECKING:
 class CascadeParameters(NamedTuple):
     """What compiled code knows of the law."""
 
-    outer: Annotated[Array, linearization_parameters.sized("drives")]
+    outer: Annotated[Array, published_parameters.sized("drives")]
     inner_gain: float
 
 
@@ -120,12 +123,12 @@ def cascade(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, w
     """Write the rates of the outer law, those of bases as the inner loop follows them."""
     m, k = out.shape[0], q.shape[0] - out.shape[0]
     given, kept = cascade_parameters(parameters, k), cascade_state(state, m + k, k)
-    outer, last = linearization_parameters(given.outer, k), linearization_state(kept.outer, m + k)
-    own = linearization_work(work, m, m + k)
-    drives, rates = outer.drives, own.rates
-    status = linearize(pose, twist_jacobian, sample, outer, last, own)
-    follow_virtual_bases(q, kept.virtual, rates, drives, given.inner_gain, outer.period, out)
-    turn_rates(drives, out, outer.period, rates)
+    outer, last = published_parameters(given.outer, k), linearization_state(kept.outer, m + k)
+    own, period = published_work(work, m, m + k), linearization_parameters(outer.linear).period
+    rates = own.rates
+    status = linearize_sideways(pose, twist_jacobian, sample, outer, last, own)
+    follow_virtual_bases(q, kept.virtual, rates, outer.drives, given.inner_gain, period, out)
+    turn_rates(outer.drives, out, period, rates)
     for i in range(m + k):
         last.last[i] = rates[i]
     return status
@@ -168,13 +171,13 @@ def _bases(robot: Robot, q: np.ndarray) -> np.ndarray:
     return q[(robot.drives[:, :1] + np.arange(3)).astype(int)]
 
 
-class Cascade(FeedbackLinearization, frozen=True, kw_only=True, tag="cascade"):
+class Cascade(PublishedLinearization, frozen=True, kw_only=True, tag="cascade"):
     """Two loops in place of one law, to compare with. [Silva and Adorno 2016, Salazar-Sangucho and Adorno 2014]
 
-    The outer loop is `FeedbackLinearization` with the velocity state ``"commanded"``: it takes bases as if they could
-    move sideways, and so generates ẋ, ẏ, φ̇ and q̇ from the hand's measured pose. Joints take their q̇. A virtual base
-    integrates ẋ, ẏ and φ̇ from where the base starts, and the inner loop, input–output linearising, makes the point
-    y = p + d [cos φ, sin φ] of each drive follow that of its virtual base, y_r:
+    The outer loop is `PublishedLinearization`: it takes bases as if they could move sideways, and so generates ẋ, ẏ,
+    φ̇ and q̇ from the hand's measured pose. Joints take their q̇. A virtual base integrates ẋ, ẏ and φ̇ from where the
+    base starts, and the inner loop, input–output linearising, makes the point y = p + d [cos φ, sin φ] of each drive
+    follow that of its virtual base, y_r:
 
     [v ; ω] = C⁻¹ (ẏ_r + κ (y_r − y)),   C = [[cos φ, −d sin φ], [sin φ, d cos φ]].
 
@@ -190,12 +193,11 @@ class Cascade(FeedbackLinearization, frozen=True, kw_only=True, tag="cascade"):
     """
 
     kernel = cascade
-    velocity_state: Literal["commanded"] = "commanded"
-    null_space: AnyNullSpace | None = None
+    velocity_state: Literal["commanded"] = "commanded"  # pyright: ignore[reportIncompatibleVariableOverride]
     inner_gain: Annotated[float, Meta(gt=0, description="κ, 1/s")] = 2.0
 
     def rows(self, robot: Robot, reference: Reference | None, dt: float) -> np.ndarray:
-        """Return the row of `FeedbackLinearization` and κ."""
+        """Return the row of `PublishedLinearization` and κ."""
         _constrained_drives(robot, "cascade")
         return cascade_parameters.pack(
             outer=super().rows(robot, reference, dt), inner_gain=as_positive("inner_gain", self.inner_gain)
@@ -205,7 +207,7 @@ class Cascade(FeedbackLinearization, frozen=True, kw_only=True, tag="cascade"):
         """Return None: the inner loop has a share in them."""
 
     def state_size(self, robot: Robot) -> int:
-        """Return room for the state of `FeedbackLinearization` and a virtual base for each drive."""
+        """Return room for the state of `PublishedLinearization` and a virtual base for each drive."""
         k = len(robot.drives)
         return cascade_state.size(robot.input_size + k, k)
 
@@ -244,9 +246,10 @@ class ClassicCascade(PoseLaw, frozen=True, kw_only=True, tag="classic-cascade"):
     Examples
     --------
     >>> import numpy as np, dqcontrol as dqc
+    >>> from dqcontrol_theses.variants import ClassicCascade
     >>> robot, q = dqc.load_robot("little-john"), np.array([0, 0, 0, 0.3, -0.8, 1.2, 0.6, 0.4])
     >>> target = dqc.Sample(robot.fkm(q + [0.1, 0.05, 0, 0, 0, 0, 0, 0]))
-    >>> law = dqc.laws.ClassicCascade(gain=0.5)
+    >>> law = ClassicCascade(gain=0.5)
     >>> dict(zip(robot.input_names, law.command(robot, q, target, dt=0.05).round(3).tolist()))["v"] > 0
     True
     """

@@ -6,8 +6,8 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.prepared_experiment import prepare
-from dqcontrol.plants import TiringMotors
-from dqcontrol.plants.tiring_motors import GRAVITY
+from dqcontrol_theses.variants import TiringMotors
+from dqcontrol_theses.variants.tiring_motors import GRAVITY
 
 ARM = 3  # coordinate of the arm's first joint
 

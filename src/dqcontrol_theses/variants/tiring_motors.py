@@ -10,8 +10,7 @@ from msgspec import Meta, field
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, as_array, as_positive
-from dqcontrol.plants.channels import Channel
-from dqcontrol.plants.plant import Plant
+from dqcontrol.plants import Channel, Plant
 from dqcontrol.robots import Robot
 
 GRAVITY = 9.81
@@ -39,9 +38,10 @@ class TiringMotors(Plant, frozen=True, kw_only=True, tag="tiring-motors"):
     Examples
     --------
     >>> import numpy as np, dqcontrol as dqc
+    >>> from dqcontrol_theses.variants import TiringMotors
     >>> body = dqc.load_robot("little-john")
     >>> stretched = np.zeros(8)
-    >>> live = dqc.plants.TiringMotors(torque=0.8, patience=0.5).start(body, stretched, dt=0.1, steps=10, seed=0)
+    >>> live = TiringMotors(torque=0.8, patience=0.5).start(body, stretched, dt=0.1, steps=10, seed=0)
     >>> for _ in range(10):
     ...     live.step(np.zeros(7))
     >>> live.fault

@@ -10,17 +10,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from dqcontrol.compiled.compile import inline
-from dqcontrol.robots import Robot
-
-
-def drive_table(robot: Robot) -> NDArray[np.float64]:
-    """Return a row [index of the input v, displacement d] for each drive whose inputs are v and ω, shape (k, 2)."""
-    drives = robot.drives if robot.input_size < robot.configuration_size else robot.drives[:0]
-    return np.array([[first - k, drive[0]] for k, (first, *drive) in enumerate(drives)]).reshape(-1, 2)
+from dqcontrol.compiled import inline
 
 
 @inline

@@ -1,0 +1,44 @@
+"""What the kernels of laws are made of, for laws of other packages: errors, twists of the hand, and their solutions."""
+
+from dqcontrol.laws.desired_twist import drive_table
+from dqcontrol.laws.growth import pose_error
+from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, twist_work
+from dqcontrol.laws.integral import integral_work, solve_with_integral
+from dqcontrol.laws.inverses import inverse_parameters
+from dqcontrol.laws.linearization import (
+    linearization_parameters,
+    linearization_state,
+    linearization_work,
+    motion_errors,
+    solve_rates,
+    twist_of_inputs,
+)
+from dqcontrol.laws.nearest_twist import hand_twist_of_rate
+from dqcontrol.laws.pose_error import left_error, left_error_twist, short_sign, solve_left_error
+from dqcontrol.laws.pose_inverse import DAMPED_POSE, solve_pose_rows
+from dqcontrol.laws.pose_law import pose_parameters
+
+__all__ = [
+    "DAMPED_POSE",
+    "at_hand",
+    "drive_table",
+    "hand_twist_of_rate",
+    "integral_work",
+    "inverse_parameters",
+    "left_error",
+    "left_error_twist",
+    "linearization_parameters",
+    "linearization_state",
+    "linearization_work",
+    "motion_errors",
+    "pose_error",
+    "pose_parameters",
+    "short_sign",
+    "solve_hand_twist",
+    "solve_left_error",
+    "solve_pose_rows",
+    "solve_rates",
+    "solve_with_integral",
+    "twist_of_inputs",
+    "twist_work",
+]
