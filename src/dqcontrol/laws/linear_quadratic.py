@@ -49,7 +49,6 @@ Weight = Annotated[
     float | list[float | list[float]] | Steps,
     Meta(description="number, diagonal, matrix, or those over time"),
 ]
-_RICCATI_STEPS = ("accurate", "euler")
 _MOST_SUBSTEPS = 500_000  # a few seconds
 
 
@@ -142,7 +141,7 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
             raise ValueRangeError(f"horizon_time: must be at least one period of {dt:g} s, got {end:g} s")
         check_steps("horizon_time", end / dt)
         times = dt * np.arange(math.ceil(end / dt - 1e-9) + 1, dtype=np.float64)
-        solution, offset = self._solve(weights, controls, final, times, end, reference)
+        solution, offset = self.riccati_solution(weights, controls, final, times, end, reference)
         inverse_controls = riccati.at_times((controls[0], np.linalg.inv(controls[1])), times)
         return self._packed(inverse_controls @ solution, (inverse_controls @ offset[:, :, None])[:, :, 0])
 
@@ -172,7 +171,7 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
     def _size(self) -> int:
         raise NotImplementedError
 
-    def _solve(
+    def riccati_solution(
         self,
         weights: tuple[Array, Array],
         controls: tuple[Array, Array],
@@ -181,6 +180,21 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
         end: float,
         reference: Reference | None,
     ) -> tuple[Array, Array]:
+        """Return P and ξ at each time, from their values at the last one backwards.
+
+        Parameters
+        ----------
+        weights, controls
+            Q and R: the times from which pieces hold, the first 0, and their matrices.
+        final
+            S.
+        times
+            Of the samples up to the end of the horizon, s.
+        end
+            Of the horizon, s.
+        reference
+            What is followed.
+        """
         raise NotImplementedError
 
 
@@ -206,8 +220,7 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
 
     The error e = vec8(1 − x*x_d) obeys ė = A e + u + c with A = H⁻(x_d*ẋ_d), c = −vec8(x_d*ẋ_d), u = −N q̇, and
     Ṗ = −PA − AᵀP + P R⁻¹P − Q, ξ̇ = −Aᵀξ + P R⁻¹ξ − Pc backwards from S and 0, solved by Runge–Kutta steps that resolve
-    their decay. ``riccati_steps="euler"`` takes one explicit Euler step a period, as P16's program seems to have done:
-    it swings where √(q/r) T > 1, so that the gain is another one in every period, and diverges from 1.5 on.
+    their decay.
     Because N N⁺ projects u, an arm pays more than the optimum of the linear model: for a turn θ by about
     θ²/64 of it (0.4 % for 0.5 rad, 1.6 % for 1 rad), for a translation nothing. Away from the end of the horizon,
     Q = qI and R = rI give nearly the law K+FF with k = √(q/r) (P is not quite scalar while the target translates), and
@@ -228,8 +241,6 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
         S.
     horizon_time
         t_f, s; the reference's duration if omitted, infinite for a set-point.
-    riccati_steps
-        ``"accurate"``, or ``"euler"``; of no matter without a horizon, where the solution is the steady one.
     inverse
         How J is inverted; the default is exact away from singularities.
     hysteresis
@@ -247,7 +258,6 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
     True
     """
 
-    riccati_steps: Literal["accurate", "euler"] = "accurate"
     kernel = linear_quadratic_r8
     feedback = pose_feedback
 
@@ -257,9 +267,8 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
     def _own_parameters(self, gains: Array, offsets: Array) -> dict[str, Any]:
         return {"gain": gains.reshape(len(gains), -1), "offset": offsets}
 
-    def _solve(self, weights, controls, final, times, end, reference):
-        if self.riccati_steps not in _RICCATI_STEPS:
-            raise unknown_name("riccati_steps", str(self.riccati_steps), _RICCATI_STEPS)
+    def riccati_solution(self, weights, controls, final, times, end, reference):
+        """Return P and ξ at each time, by Runge–Kutta steps that resolve their decay."""
         dt = times[1] - times[0]
         at_samples = (
             riccati.at_times(weights, times),
@@ -267,15 +276,6 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
         )
         solution, offset = np.empty((len(times), 8, 8)), np.empty((len(times), 8))
         work = np.zeros(riccati.WORK_SIZE)  # finite: the first stage takes 0 × a slope
-        if self.riccati_steps == "euler":
-            drifts, offsets = _moving_target(reference, times.copy())
-            riccati.sweep_by_euler(drifts, offsets, *at_samples, final, dt, solution, offset, work)
-            if not (np.isfinite(solution).all() and np.isfinite(offset).all()):
-                raise ValueRangeError(
-                    "riccati_steps: one explicit Euler step in each period diverges with these weights; "
-                    f"√(q/r) T must stay below 1.5 (T = {dt:g} s), or take 'accurate'"
-                )
-            return solution, offset
         starts = np.union1d(weights[0], controls[0])
         starts = starts[starts <= times[-1]]
         pieces = riccati.at_times(weights, starts), riccati.at_times(controls, starts)
@@ -286,12 +286,12 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
                 f"at most {_MOST_SUBSTEPS // len(times):,} for {len(times):,} periods (√(q/r) T must stay below 2)"
             )
         fine = np.clip(dt / (2 * substeps) * np.arange(2 * substeps * (len(times) - 1) + 1), 0.0, times[-1])
-        drifts, offsets = _moving_target(reference, fine)
+        drifts, offsets = moving_target(reference, fine)
         riccati.sweep(drifts, offsets, *at_samples, final, dt, substeps, solution, offset, work)
         return solution, offset
 
 
-def _moving_target(reference: Reference | None, times: Array) -> tuple[Array, Array]:
+def moving_target(reference: Reference | None, times: Array) -> tuple[Array, Array]:
     """Return the drift A and the offset c of the error dynamics at the given times, which are changed."""
     times[-1] -= (
         1e-8  # a reference that ends at speed is at rest from its end on, but the horizon is before it
@@ -465,6 +465,7 @@ class LinearQuadraticDQ(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
             raise unknown_name("form", str(self.form), ("log", "sin"))
         return {"gain": gains, "is_logarithm": float(self.form == "log"), "second_order": np.zeros(0)}
 
-    def _solve(self, weights, controls, final, times, end, reference):
+    def riccati_solution(self, weights, controls, final, times, end, reference):
+        """Return P at each time in closed form; ξ is 0."""
         solution = riccati.piecewise_solution(weights, controls, final, np.minimum(times, end), end)
         return solution, np.zeros((len(times), 6))

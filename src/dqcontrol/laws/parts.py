@@ -5,6 +5,7 @@ from dqcontrol.laws.growth import pose_error
 from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, twist_work
 from dqcontrol.laws.integral import integral_work, solve_with_integral
 from dqcontrol.laws.inverses import inverse_parameters
+from dqcontrol.laws.linear_quadratic import moving_target
 from dqcontrol.laws.linearization import (
     linearization_parameters,
     linearization_state,
@@ -17,10 +18,12 @@ from dqcontrol.laws.nearest_twist import hand_twist_of_rate
 from dqcontrol.laws.pose_error import left_error, left_error_twist, short_sign, solve_left_error
 from dqcontrol.laws.pose_inverse import DAMPED_POSE, solve_pose_rows
 from dqcontrol.laws.pose_law import pose_parameters
+from dqcontrol.laws.riccati import at_times, riccati_slope
 
 __all__ = [
     "DAMPED_POSE",
     "at_hand",
+    "at_times",
     "drive_table",
     "hand_twist_of_rate",
     "integral_work",
@@ -31,8 +34,10 @@ __all__ = [
     "linearization_state",
     "linearization_work",
     "motion_errors",
+    "moving_target",
     "pose_error",
     "pose_parameters",
+    "riccati_slope",
     "short_sign",
     "solve_hand_twist",
     "solve_left_error",

@@ -164,7 +164,7 @@ WORK_SIZE = 7 * SIZE * SIZE + 6 * SIZE
 
 
 @inline
-def _slope(p, xi, a, c, q, r_inverse, scratch, dp, dxi):
+def riccati_slope(p, xi, a, c, q, r_inverse, scratch, dp, dxi):
     """Write −Ṗ and −ξ̇ of the tracking problem ė = A e + u + c: backwards in time both decay.
 
     P is symmetric, so −Ṗ = B + Bᵀ + Q with B = P (A − ½R⁻¹P), and −ξ̇ = (A − R⁻¹P)ᵀ ξ + P c.
@@ -229,7 +229,7 @@ def sweep(drifts, offsets, weights, control_inverses, final, period, substeps, o
                     trial_xi[i] = xi[i] + part * slopes_xi[before, i]
                     for j in range(SIZE):
                         trial[i, j] = p[i, j] + part * slopes[before, i, j]
-                _slope(
+                riccati_slope(
                     trial,
                     trial_xi,
                     drifts[point],
@@ -256,40 +256,6 @@ def sweep(drifts, offsets, weights, control_inverses, final, period, substeps, o
             out_xi[sample, i] = xi[i]
             for j in range(SIZE):
                 out_p[sample, i, j] = p[i, j]
-    return OK
-
-
-@kernel(STATUS(MATRICES, READ2, MATRICES, MATRICES, READ2, types.float64, MATRICES_OUT, WRITE2, WRITE))
-def sweep_by_euler(drifts, offsets, weights, control_inverses, final, period, out_p, out_xi, work):
-    """Integrate the tracking Riccati equations backwards by one explicit Euler step a period, from its late end.
-
-    So does a program that writes the equation as a difference; drifts, offsets and weights are given at every period.
-    """
-    square = SIZE * SIZE
-    scratch, slope = work[0:square].reshape(SIZE, SIZE), work[square : 2 * square].reshape(SIZE, SIZE)
-    slope_xi = work[2 * square : 2 * square + SIZE]
-    count = out_p.shape[0]
-    for i in range(SIZE):
-        out_xi[count - 1, i] = 0.0
-        for j in range(SIZE):
-            out_p[count - 1, i, j] = final[i, j]
-    for sample in range(count - 2, -1, -1):
-        late = sample + 1
-        _slope(
-            out_p[late],
-            out_xi[late],
-            drifts[late],
-            offsets[late],
-            weights[late],
-            control_inverses[late],
-            scratch,
-            slope,
-            slope_xi,
-        )
-        for i in range(SIZE):
-            out_xi[sample, i] = out_xi[late, i] + period * slope_xi[i]
-            for j in range(SIZE):
-                out_p[sample, i, j] = out_p[late, i, j] + period * slope[i, j]
     return OK
 
 

@@ -15,11 +15,12 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute, measure
-from dqcontrol.laws import LinearQuadraticR8, linear_quadratic, riccati
+from dqcontrol.laws.parts import at_times, moving_target
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol_theses.pereira2016 import published_cells, published_spec
 from dqcontrol_theses.pereira2016.own_periods import late_record, stretch
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import PHYSICS
+from dqcontrol_theses.variants import EulerLinearQuadraticR8
 
 LAW, SETS = "LQR-R8", ("ln2", "best")
 READINGS: dict[str, dict[str, Any]] = {
@@ -61,9 +62,9 @@ def solver(
 
     def solve(self, weights, controls, final, times: Array, until, reference):
         count, period = len(times), float(times[1] - times[0])
-        q = weight * riccati.at_times(weights, times)
-        inverse = riccati.at_times((controls[0], np.linalg.inv(controls[1])), times)
-        drifts, offsets = linear_quadratic._moving_target(reference, times.copy())
+        q = weight * at_times(weights, times)
+        inverse = at_times((controls[0], np.linalg.inv(controls[1])), times)
+        drifts, offsets = moving_target(reference, times.copy())
         p = end * np.sqrt(q[-1] @ np.linalg.inv(inverse[-1])) if end else final.copy()
         xi = np.zeros(8)
         out, out_xi = np.zeros((count, 8, 8)), np.zeros((count, 8))
@@ -90,13 +91,13 @@ def ratios(reading: dict[str, Any], chosen: str) -> list[float]:
     data["plant"] |= reading.get("plant", {})
     law = data["laws"][LAW] | data.pop("parameter_sets")[chosen][LAW]
     data |= {"laws": {LAW: law}, "repeats": 1}
-    own = LinearQuadraticR8._solve
-    LinearQuadraticR8._solve = solver(**solved)
+    own = EulerLinearQuadraticR8.riccati_solution
+    EulerLinearQuadraticR8.riccati_solution = solver(**solved)
     try:
         setting = prepare(data)
         record = execute(setting, setting.cases[0])
     finally:
-        LinearQuadraticR8._solve = own
+        EulerLinearQuadraticR8.riccati_solution = own
     found = measure(record, setting.scene.robot, setting.spec.skip_initial, setting.spec.metrics_from)
     ours = {
         "error": found.error.integral,

@@ -79,7 +79,7 @@ IN_PHYSICS: dict[str, Variant] = {
     "start turned about z": {"turned": [0, 0, 0.1]},
     "no posture, start not turned": NO_POSTURE | {"turned": [0, 0, 0]},
     "start on the path": {"turned": [0, 0, 0], "moved": [0, 0, 0]},
-    "Riccati solved exactly": {"riccati_steps": "accurate"},
+    "Riccati solved exactly": {"riccati": "exact"},
     "no encoder noise": {"encoder_noise": 0.0},
     "Runge-Kutta steps": {"accurate": True},
 }
@@ -119,9 +119,8 @@ def metrics(spec: dict[str, Any], law: str, parameters: dict[str, Any], variant:
     if start:
         reference = data["reference"]
         data["reference"] = reference | {"offset": reference["offset"] | start}
-    steps = changes.pop("riccati_steps", None)
-    if steps and "riccati_steps" in data["laws"][law]:
-        data["laws"][law]["riccati_steps"] = steps
+    if changes.pop("riccati", None) and data["laws"][law]["kind"] == "linear-quadratic-r8-euler":
+        data["laws"][law]["kind"] = "linear-quadratic-r8"
     if "null_space" in changes:
         del data["null_space"], changes["null_space"]
     elif "posture" in changes:
