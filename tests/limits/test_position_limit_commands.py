@@ -18,10 +18,11 @@ from dqcontrol.laws import (
     Proportional,
     ProportionalFeedforward,
 )
-from dqcontrol.limits import CommandLimits, ModifiedClamping, OriginalClamping, WeightedLeastNorm
+from dqcontrol.limits import CommandLimits, ModifiedClamping, WeightedLeastNorm
 from dqcontrol.plants import Integrator, Servo
 from dqcontrol.references import SetPoint
 from dqcontrol.robots import Limits
+from dqcontrol_theses.variants import OriginalClamping
 
 SEED = 20260803
 T = 0.01

@@ -22,10 +22,11 @@ from dqcontrol.laws import (
     Posture,
     Proportional,
 )
-from dqcontrol.limits import CommandLimits, ModifiedClamping, OriginalClamping, WeightedLeastNorm
+from dqcontrol.limits import CommandLimits, ModifiedClamping, WeightedLeastNorm
 from dqcontrol.loop import close_loop
 from dqcontrol.plants import Integrator, Servo
 from dqcontrol.robots import Limits
+from dqcontrol_theses.variants import OriginalClamping
 
 SEED = 20260801
 T = 0.01

@@ -5,10 +5,11 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.laws import Proportional
-from dqcontrol.limits import CommandLimits, ModifiedClamping, OriginalClamping, Supervisor, WeightedLeastNorm
+from dqcontrol.limits import CommandLimits, ModifiedClamping, Supervisor, WeightedLeastNorm
 from dqcontrol.limits.supervisor.interventions import IMPOSSIBLE
 from dqcontrol.limits.supervisor.supervisor_layout import GO, RESET, STOP
 from dqcontrol_theses import variants
+from dqcontrol_theses.variants import OriginalClamping
 
 SEED = 20261122
 RIM = 0.8  # m/s

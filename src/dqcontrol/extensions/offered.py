@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from importlib.metadata import entry_points
+from functools import cache
+from importlib.metadata import EntryPoints, entry_points
 from typing import Any
+
+
+@cache
+def _all() -> EntryPoints:
+    return entry_points()  # 20 ms in an environment of 200 distributions
 
 
 def offered(group: str) -> Iterator[tuple[str, Any]]:
@@ -15,7 +21,7 @@ def offered(group: str) -> Iterator[tuple[str, Any]]:
     FileFormatError
         If one cannot be loaded.
     """
-    for point in entry_points(group=group):
+    for point in _all().select(group=group):
         try:
             yield point.name, point.load()
         except Exception as error:

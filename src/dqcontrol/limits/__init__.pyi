@@ -1,9 +1,12 @@
-from .clamping import (
-    ModifiedClamping as ModifiedClamping,
-    OriginalClamping as OriginalClamping,
-)
+from .clamping import ModifiedClamping as ModifiedClamping
 from .command_limits import CommandLimits as CommandLimits
 from .compensation import Compensation as Compensation
+from .position_limit import (
+    POSITION_LIMIT as POSITION_LIMIT,
+    PositionLimit as PositionLimit,
+    input_ranges as input_ranges,
+    position_limits as position_limits,
+)
 from .supervisor import (
     CircularZone as CircularZone,
     DeclaredPayload as DeclaredPayload,

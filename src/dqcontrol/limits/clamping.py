@@ -17,7 +17,6 @@ from dqcontrol.limits.position_limit import (
     FIXED,
     POSITION_LIMIT,
     PositionLimit,
-    input_ranges,
     position_limits,
 )
 
@@ -248,37 +247,3 @@ class ModifiedClamping(PositionLimit, frozen=True, kw_only=True, tag="modified-c
     def memory(self, robot: Robot, command_mode: str, dt: float) -> int:
         """Return room for lags, the last configuration and the last command, where commands move a target."""
         return lag_memory.size(robot.input_size) if command_mode == "integrated" else 0
-
-
-@kernel(POSITION_LIMIT)
-def original_clamping(
-    law, q, pose, pose_jacobian, twist_jacobian, sample, law_constants, state, law_work, parameters, work, out
-):
-    """Ask the law without the joints that are outside their limits."""
-    n = out.shape[0]
-    given = input_ranges(parameters, n)
-    lower, upper, input_coordinates = given.lower, given.upper, given.coordinate
-    for i in range(n):
-        if not lower[i] <= q[int(input_coordinates[i])] <= upper[i]:
-            _block(i, twist_jacobian, law_work)
-    status = call_law(
-        law, q, pose, pose_jacobian, twist_jacobian, sample, law_constants, state, law_work, out
-    )
-    for i in range(n):
-        if not lower[i] <= q[int(input_coordinates[i])] <= upper[i]:
-            out[i] = 0.0
-    return status
-
-
-class OriginalClamping(PositionLimit, frozen=True, kw_only=True, tag="original-clamping"):
-    """Block joints outside their limits: q̇ = H (J H)⁺ y, hᵢ = 0 where qᵢ is outside. [Colomé and Torras 2015, S17 2.3]
-
-    For comparison: a joint crosses its limit by up to one step, T q̇ᵢ, and is then locked for ever, whatever the task
-    asks for later. Prefer `ModifiedClamping`. Joints without limits are passed over.
-    """
-
-    kernel = original_clamping
-
-    def parameters(self, robot: Robot, dt: float, command_mode: str, velocity: np.ndarray) -> np.ndarray:
-        """Return the limits."""
-        return input_ranges.pack(**position_limits("limits.position", robot)._asdict())

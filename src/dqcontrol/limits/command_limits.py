@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, TypeAlias
 
 import numpy as np
 from msgspec import Meta
@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from dqcontrol.compiled.compile import Kernel
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.limits.clamping import ModifiedClamping, OriginalClamping
+from dqcontrol.extensions.registry import union_of
+from dqcontrol.limits import clamping as clamping, weighted_least_norm as weighted_least_norm
 from dqcontrol.limits.compensation import Compensation
+from dqcontrol.limits.position_limit import PositionLimit
 from dqcontrol.limits.velocity_limit import (
     roller_speed_limits,
     scale_velocity,
@@ -19,11 +21,13 @@ from dqcontrol.limits.velocity_limit import (
     speed_limits,
     unlimited,
 )
-from dqcontrol.limits.weighted_least_norm import WeightedLeastNorm
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.robots.robot import Robot
 
-AnyPositionLimit = ModifiedClamping | OriginalClamping | WeightedLeastNorm
+if TYPE_CHECKING:
+    AnyPositionLimit: TypeAlias = PositionLimit
+else:  # ours are in the files that are imported above
+    AnyPositionLimit = union_of(PositionLimit, "dqcontrol.limits", loaded=True)
 
 
 class CommandLimits(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):

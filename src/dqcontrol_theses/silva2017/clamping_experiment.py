@@ -7,7 +7,7 @@ import numpy as np
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.experiments.prepared_experiment import Combination
-from dqcontrol.limits import CommandLimits, ModifiedClamping, OriginalClamping
+from dqcontrol.limits import CommandLimits, ModifiedClamping
 from dqcontrol.loop.record import Record, part_of
 from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.measures.tables import Cell, Column, Table
@@ -18,6 +18,7 @@ from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.judgement import Judgement
 from dqcontrol_theses.reproduced import Draw, Reproduced
 from dqcontrol_theses.silva2017.specs import S17, setting_of, spec_data, verdicts
+from dqcontrol_theses.variants import OriginalClamping
 
 LIMITS: dict[str, CommandLimits] = {
     "no clamping": CommandLimits(),
