@@ -128,6 +128,46 @@ def test_messages_are_byte_for_byte_those_of_the_librarys_encoder(tmp_path, join
     assert written == [(channel.topic, message.data) for channel, message in messages_in(theirs.name)]
 
 
+def test_readers_find_messages_by_the_indexes_and_without_them(tmp_path):
+    """Over several chunks, with all checksums; the indexes say the same as those of the library's writer."""
+    from mcap.reader import NonSeekingReader, make_reader
+    from mcap.writer import Writer
+
+    record = random_record(3000)
+    path = save_record(record, tmp_path / "ours.mcap", "law: {k: 1}\n")
+    with open(path, "rb") as ours, open(tmp_path / "theirs.mcap", "w+b") as theirs:
+        found = make_reader(ours, validate_crcs=True)
+        summary, (metadata,) = found.get_summary(), found.iter_metadata()
+        assert summary
+        assert summary.statistics
+        assert [kind.name for kind in summary.metadata_indexes] == ["dqcontrol"]
+        ours.seek(0)
+        written = [each for _, _, each in NonSeekingReader(ours, True).iter_messages(log_time_order=False)]
+        writer = Writer(theirs)
+        writer.start("ros2")
+        for schema in summary.schemas.values():
+            writer.register_schema(schema.name, schema.encoding, schema.data)
+        for channel in summary.channels.values():
+            writer.register_channel(channel.topic, channel.message_encoding, channel.schema_id)
+        writer.add_metadata(metadata.name, metadata.metadata)
+        for message in written:
+            writer.add_message(**vars(message))
+        writer.finish()
+        theirs.seek(0)
+        expected = make_reader(theirs)
+        copied = expected.get_summary()
+        assert copied
+        assert (summary.channels, summary.schemas) == (copied.channels, copied.schemas)
+        assert copied.statistics
+        assert summary.statistics.chunk_count == len(summary.chunk_indexes) > 2
+        assert vars(summary.statistics) | {"chunk_count": 0} == vars(copied.statistics) | {"chunk_count": 0}
+        middle, end = (round(1e9 * record.time[k]) for k in (1000, 2500))
+        some = {"topics": ["/error", "/hand/pose"], "starting_at": middle, "ending_before": end}
+        chosen = [[each for _, _, each in reader.iter_messages(**some)] for reader in (found, expected)]
+        assert len(chosen[0]) == 3000
+        assert chosen[0] == chosen[1]
+
+
 def messages_in(path):
     from mcap.reader import make_reader
 

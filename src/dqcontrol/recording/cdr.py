@@ -10,14 +10,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 Bytes = NDArray[np.uint8]
+Rows = NDArray[np.void]
 Field = int | str | Sequence[str] | NDArray[Any]
 
-# little-endian, no options; alignment counts from its end
-_ENCAPSULATION = np.frombuffer(b"\x00\x01\x00\x00", dtype=np.uint8)
+_ENCAPSULATION = b"\x00\x01\x00\x00"  # little-endian, no options; alignment counts from its end
 
 
-def cdr(*fields: Field) -> Bytes:
-    """Return messages that are alike but for their numbers.
+class Alike(NamedTuple):
+    """Messages that are alike but for their numbers.
+
+    Attributes
+    ----------
+    form
+        One of them, with zeros in place of the numbers.
+    numbers
+        Of each array, where in a message it begins, and the bytes of its rows, shape (N,).
+    """
+
+    form: bytes
+    numbers: list[tuple[int, Rows]]
+
+
+def cdr(*fields: Field) -> Alike:
+    r"""Return messages that are alike but for their numbers.
 
     CDR: OMG Common Data Representation, version 1 (formal/02-06-51, chapter 15.3): each number starts at a multiple of
     its own size, text has its length before and a zero behind it.
@@ -26,40 +41,41 @@ def cdr(*fields: Field) -> Bytes:
     ----------
     fields
         In the order of the message's definition, parts of parts one after the other. The same in all messages: a
-        ``uint32``, a text, a sequence of texts. One row a message: arrays (N, m) of numbers, written in their own type;
-        a sequence of them has its length m as a field before.
-
-    Returns
-    -------
-    Shape (N, size of a message).
+        ``uint32``, a text, a sequence of texts. One row a message: arrays (N, m) of numbers, written in their own type,
+        each row in one piece; a sequence of them has its length m as a field before.
 
     Examples
     --------
-    >>> cdr("ab", np.array([[1], [2]], dtype=np.uint32))[:, 4:].tolist()
-    [[3, 0, 0, 0, 97, 98, 0, 0, 1, 0, 0, 0], [3, 0, 0, 0, 97, 98, 0, 0, 2, 0, 0, 0]]
+    >>> import numpy as np
+    >>> messages = cdr("ab", np.array([[1], [2]], dtype=np.uint32))
+    >>> messages.form[4:]
+    b'\x03\x00\x00\x00ab\x00\x00\x00\x00\x00\x00'
+    >>> [(place, rows.tolist()) for place, rows in messages.numbers]
+    [(12, [b'\x01\x00\x00\x00', b'\x02\x00\x00\x00'])]
     """
-    parts, size = [_ENCAPSULATION[None]], 0
+    form, numbers = bytearray(_ENCAPSULATION), []
     for field in fields:
-        for alignment, data in _parts(field):
-            if data.shape[1]:
-                gap = -size % alignment
-                parts += [np.zeros((1, gap), dtype=np.uint8), data]
-                size += gap + data.shape[1]
-    count = max(map(len, parts))
-    return np.hstack([np.broadcast_to(part, (count, part.shape[1])) for part in parts])
+        for alignment, part in _parts(field):
+            form += bytes((len(_ENCAPSULATION) - len(form)) % alignment)
+            if isinstance(part, bytes):
+                form += part
+            else:
+                numbers.append((len(form), part))
+                form += bytes(part.itemsize)
+    return Alike(bytes(form), numbers)
 
 
-def _parts(field: Field) -> Iterator[tuple[int, Bytes]]:
-    """Yield a field's alignments and bytes, in one row or one a message."""
+def _parts(field: Field) -> Iterator[tuple[int, bytes | Rows]]:
+    """Yield a field's alignments, and the bytes of all messages or of each."""
     if isinstance(field, np.ndarray):
-        little = np.ascontiguousarray(field, dtype=field.dtype.newbyteorder("<"))
-        yield little.itemsize, little.view(np.uint8)
+        little = np.asarray(field, dtype=field.dtype.newbyteorder("<"))
+        if little.shape[1]:
+            yield little.itemsize, little.view(f"V{little.itemsize * little.shape[1]}")[:, 0]
     elif isinstance(field, int):
-        yield from _parts(np.array([[field]], dtype=np.uint32))
+        yield 4, struct.pack("<I", field)
     elif isinstance(field, str):
-        text = np.frombuffer(field.encode() + b"\0", dtype=np.uint8)
-        yield from _parts(len(text))
-        yield 1, text[None]
+        text = field.encode() + b"\0"
+        yield 4, struct.pack("<I", len(text)) + text
     else:
         yield from _parts(len(field))
         for text in field:

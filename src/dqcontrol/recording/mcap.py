@@ -116,9 +116,9 @@ def load_metadata(path: str | Path) -> dict[str, str]:
 def _write(stream: IO[bytes], record: Record, spec: str) -> None:
     writer = SampleWriter(stream)
     metadata = about(record.joint_names, record.input_names, spec, list(record.readings.values()))
-    writer.file.add_metadata(METADATA, metadata | {"samples": str(len(record)), "stopped": record.stopped})
+    writer.add_metadata(METADATA, metadata | {"samples": str(len(record)), "stopped": record.stopped})
     writer.write(record, len(record), min(0.0, float(record.time[0])))
-    writer.file.finish()
+    writer.finish()
 
 
 def _read(path: str | Path, parse: Callable[[_Contents], T], *, messages: bool = True) -> T:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.loop.record import Record
-from dqcontrol.recording.cdr import Bytes, cdr
+from dqcontrol.recording.cdr import Alike, cdr
 from dqcontrol.references.sample import TWIST, TWIST_RATE
 
 STATES, MEASURED, COMMAND, DISTURBANCE, SAMPLE = (
@@ -35,11 +35,10 @@ TOPICS = {
 }
 
 _FRAME = "world"
-_XYZW = [1, 2, 3, 0]  # of our quaternions, in the order of geometry_msgs/Quaternion
 
 
-def messages_of(record: Record, stamps: NDArray[np.int64]) -> dict[str, Bytes]:
-    """Return the messages of all samples by topic, one row a sample.
+def messages_of(record: Record, stamps: NDArray[np.int64]) -> dict[str, Alike]:
+    """Return the messages of all samples by topic.
 
     Parameters
     ----------
@@ -58,12 +57,12 @@ def messages_of(record: Record, stamps: NDArray[np.int64]) -> dict[str, Bytes]:
         STATES: cdr(*joints, *_sequence(record.q), *_sequence(speed), 0),
         MEASURED: cdr(*joints, *_sequence(record.measured), 0, 0),
         COMMAND: cdr(*header, record.input_names, 0, *_sequence(record.command), 0),
-        "/hand/pose": cdr(*header, record.position, record.pose[:, _XYZW]),
-        "/hand/desired": cdr(*header, record.desired_position, record.desired_pose[:, _XYZW]),
+        "/hand/pose": cdr(*header, record.position, *_quaternion(record.pose)),
+        "/hand/desired": cdr(*header, record.desired_position, *_quaternion(record.desired)),
         "/hand/desired_twist": cdr(*header, linear, record.desired[:, TWIST][:, :3]),
         "/hand/desired_acceleration": cdr(*header, acceleration, record.desired[:, TWIST_RATE][:, :3]),
         "/error": cdr(record.error[:, None]),
-        SAMPLE: _numbers("time, pose, desired", np.column_stack([record.time, record.pose, record.desired])),
+        SAMPLE: _numbers("time, pose, desired", record.time[:, None], record.pose, record.desired),
     }
     if record.disturbance is not None:
         messages[DISTURBANCE] = cdr(*header, record.disturbance[:, 3:], record.disturbance[:, :3])
@@ -72,14 +71,19 @@ def messages_of(record: Record, stamps: NDArray[np.int64]) -> dict[str, Bytes]:
     return messages
 
 
-def _sequence(values: Array) -> tuple[int, Array]:
-    return values.shape[1], values
+def _sequence(*values: Array) -> tuple[int | Array, ...]:
+    return sum(each.shape[1] for each in values), *values
 
 
-def _numbers(label: str, values: Array) -> Bytes:
+def _quaternion(pose: Array) -> tuple[Array, Array]:
+    """Return a pose's x, y, z and w, as geometry_msgs/Quaternion has them."""
+    return pose[:, 1:4], pose[:, :1]
+
+
+def _numbers(label: str, *values: Array) -> Alike:
     """Return messages of the type ``NUMBERS``: their one dimension with label, size and stride, no offset, the data."""
-    size = values.shape[1]
-    return cdr(1, label, size, size, 0, *_sequence(values))
+    size, *_ = _sequence(*values)
+    return cdr(1, label, size, size, 0, *_sequence(*values))
 
 
 def _hand_motion(record: Record) -> tuple[Array, Array]:

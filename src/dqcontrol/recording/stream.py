@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 import threading
@@ -30,9 +31,8 @@ _SWITCH = 1e-4  # s: how long the writing thread may keep the loop from going on
 
 def prepare_to_record(robot: Robot) -> None:
     """Import and compile what a recording needs: now, not while the robot moves."""
-    from mcap.writer import Writer
-
-    _ = Writer, pose_errors.compiled, robot.fkm(np.zeros((1, robot.configuration_size)))
+    SampleWriter(io.BytesIO())
+    _ = pose_errors.compiled, robot.fkm(np.zeros((1, robot.configuration_size)))
 
 
 class RecordStream:
@@ -80,7 +80,7 @@ class RecordStream:
             raise ExistsError(f"{path}: exists already; choose another name or remove it") from None
         self._writer = SampleWriter(self._file)
         signal = Signal(INTERVENTIONS, (), ("",), np.zeros((0, 1)))
-        self._writer.file.add_metadata(METADATA, about(robot.joint_names, robot.input_names, spec, [signal]))
+        self._writer.add_metadata(METADATA, about(robot.joint_names, robot.input_names, spec, [signal]))
         self._file.flush()
         prepare_to_record(robot)
         self._switch = sys.getswitchinterval()
@@ -110,10 +110,10 @@ class RecordStream:
         try:
             if not self.failure:
                 self._drain(everything=True)
-                self._writer.file.add_metadata(
+                self._writer.add_metadata(
                     END, {"samples": str(self._written), "stopped": stopped or "duration"}
                 )
-                self._writer.file.finish()
+                self._writer.finish()
         except OSError as error:
             self.failure = _worded(error)
         finally:
@@ -184,7 +184,7 @@ class RecordStream:
 
     def _end_chunk(self) -> None:
         """Bring what was written to the file, where readers see it."""
-        self._writer.file.flush()
+        self._writer.flush()
         self._chunk_begin, self._chunk_drains = None, 0
 
 
