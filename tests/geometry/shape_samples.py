@@ -4,7 +4,7 @@ import numpy as np
 
 from dqcontrol import algebra, geometry
 
-KINDS = ("point", "line", "sphere", "cylinder", "capsule", "plane", "box")
+KINDS = ("point", "line", "sphere", "infinite cylinder", "capsule", "plane", "box")
 
 
 def random_pose(rng, spread=1.0):
@@ -22,8 +22,10 @@ def random_shape(kind, rng, spread=0.5):
             return geometry.Line(at, along)
         case "sphere":
             return geometry.Sphere(at, radius)
+        case "infinite cylinder":
+            return geometry.InfiniteCylinder(at, along, radius)
         case "cylinder":
-            return geometry.Cylinder(at, along, radius)
+            return geometry.Cylinder(at, at + rng.uniform(0.05, 0.6) * along, radius)
         case "capsule":
             return geometry.Capsule(at, at + rng.uniform(0.05, 0.6) * along, radius)
         case "plane":
@@ -49,11 +51,12 @@ def coal_shape(coal, shape):
     x /= np.linalg.norm(x)
     rotation = np.column_stack([x, np.cross(z, x), z])
     return (
-        coal.Capsule(shape.radius, length),
+        (coal.Cylinder if isinstance(shape, geometry.Cylinder) else coal.Capsule)(shape.radius, length),
         coal.Transform3s(rotation, 0.5 * (shape.start + shape.end)),
     )
 
 
 def coal_distance(coal, a, b):
     request, result = coal.DistanceRequest(True, True), coal.DistanceResult()
+    request.gjk_tolerance = 1e-12
     return coal.distance(*coal_shape(coal, a), *coal_shape(coal, b), request, result)

@@ -8,7 +8,7 @@ import numpy as np
 
 from dqcontrol.browser.robot_bodies import Colour, rod
 from dqcontrol.browser.run_view_model import Track
-from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
+from dqcontrol.geometry import Box, Capsule, Cylinder, InfiniteCylinder, Plane, Shape, Sphere
 from dqcontrol.laws.constrained.kept_scene import NEAR
 
 _SOLID, _CLOSE, _ZONE = (140, 90, 165), (230, 64, 26), (64, 140, 90)
@@ -84,6 +84,8 @@ def _mesh(shape: Shape, size: float) -> Any:
     if isinstance(shape, Capsule):
         return rod(shape.start, shape.end, shape.radius, round_ends=True)
     if isinstance(shape, Cylinder):
+        return rod(shape.start, shape.end, shape.radius)
+    if isinstance(shape, InfiniteCylinder):
         along = size * shape.direction
         return rod(shape.point - along, shape.point + along, shape.radius)
     matrix = np.eye(4)

@@ -28,6 +28,11 @@ def c_caller(signature: Any) -> Callable[..., Any]:
     return numba_used.c_caller(signature)
 
 
+def stack_array(count: int) -> Callable[[], Any]:
+    """Return what makes, in a kernel, an array of so many numbers on the stack: kernels allocate no memory."""
+    return numba_used.stack_array(count)
+
+
 def as_matrix(array: Any, rows: int, columns: int) -> Any:
     """Return the numbers of an array, in C order, as rows and columns."""
     return array.reshape(rows, columns)

@@ -18,6 +18,7 @@ from typing import Any
 
 import llvmlite.binding
 import numba
+import numpy as np
 from numba import types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator
 from numba.core.codegen import JITCodeLibrary
@@ -271,6 +272,32 @@ def _row(typing_context, array, start, count):
         return _part(context, builder, call, source, start, [count])
 
     return array.copy(ndim=1)(array, types.intp, types.intp), generate
+
+
+def stack_array(count: int) -> Callable[[], Any]:
+    """Return what makes, in a kernel, an array of so many numbers on the stack, and in Python a new one."""
+
+    def make() -> Any:
+        return np.empty(count)
+
+    def on_stack(typing_context):
+        def generate(context, builder, call, arguments):
+            from numba.core import cgutils
+            from numba.np.arrayobj import make_array, populate_array
+
+            size = context.get_constant(types.intp, count)
+            width = context.get_constant(types.intp, 8)
+            numbers = cgutils.alloca_once(builder, context.get_value_type(types.float64), size=size)
+            found = make_array(call.return_type)(context, builder)
+            populate_array(
+                found, data=numbers, shape=[size], strides=[width], itemsize=width, meminfo=None, parent=None
+            )
+            return found._getvalue()
+
+        return types.Array(types.float64, 1, "C")(), generate
+
+    _known_as(make, on_stack)
+    return make
 
 
 def define_as_matrix(as_matrix: Callable[..., Any]) -> None:

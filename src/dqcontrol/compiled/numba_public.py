@@ -11,6 +11,7 @@ from inspect import Parameter, Signature
 from typing import Any
 
 import numba
+import numpy as np
 from llvmlite.ir import FunctionType, VoidType
 from numba import types
 from numba.extending import intrinsic, overload
@@ -81,6 +82,19 @@ def caller(signature: Any) -> Callable[..., Any]:
 
 
 c_caller = caller
+
+
+def stack_array(count: int) -> Callable[[], Any]:
+    """Return what makes an array of so many numbers."""
+
+    def make() -> Any:
+        return np.empty(count)
+
+    @overload(make)
+    def _():
+        return lambda: np.empty(count)
+
+    return make
 
 
 def define_as_matrix(as_matrix: Callable[..., Any]) -> None:

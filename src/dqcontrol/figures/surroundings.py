@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
+from dqcontrol.geometry import Box, Capsule, Cylinder, InfiniteCylinder, Plane, Shape, Sphere
 from dqcontrol.laws.constrained.kept_scene import Surroundings
 
 if TYPE_CHECKING:
@@ -135,6 +135,8 @@ def faces_of(shape: Shape, size: float) -> Iterator[Array]:
     elif isinstance(shape, Capsule):
         yield from _round(shape.start, shape.end, shape.radius, _CAP)
     elif isinstance(shape, Cylinder):
+        yield from _round(shape.start, shape.end, shape.radius, 1)
+    elif isinstance(shape, InfiniteCylinder):
         along = size * shape.direction
         yield from _round(shape.point - along, shape.point + along, shape.radius, 1)
     elif isinstance(shape, Box):

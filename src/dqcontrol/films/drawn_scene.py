@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
+from dqcontrol.geometry import Box, Capsule, Cylinder, InfiniteCylinder, Plane, Shape, Sphere
 from dqcontrol.laws.constrained.kept_scene import NEAR, KeptScene
 
 if TYPE_CHECKING:
@@ -50,11 +50,15 @@ class DrawnScene:
         if isinstance(shape, Capsule):
             self._connect(mujoco, scene, shape.start + shift, shape.end + shift, shape.radius, rgba)
             return
-        if isinstance(shape, Cylinder):
+        if isinstance(shape, InfiniteCylinder):
             along = 2 * self._reach * shape.direction
             self._connect(
                 mujoco, scene, shape.point - along + shift, shape.point + along + shift, shape.radius, rgba
             )
+            return
+        if isinstance(shape, Cylinder):
+            kind = mujoco.mjtGeom.mjGEOM_CYLINDER
+            self._connect(mujoco, scene, shape.start + shift, shape.end + shift, shape.radius, rgba, kind)
             return
         turn, middle = np.eye(3), np.zeros(3)
         if isinstance(shape, Sphere):
@@ -79,9 +83,16 @@ class DrawnScene:
         return plane.normal[2] > 1 - 1e-6 and abs(plane.offset - self._floor) < 0.01
 
     def _connect(
-        self, mujoco: Any, scene: Any, start: Array, end: Array, radius: float, rgba: tuple[float, ...]
+        self,
+        mujoco: Any,
+        scene: Any,
+        start: Array,
+        end: Array,
+        radius: float,
+        rgba: tuple[float, ...],
+        kind: Any = None,
     ) -> None:
-        geom, kind = scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_CAPSULE
+        geom, kind = scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_CAPSULE if kind is None else kind
         colour = np.array(rgba, dtype=np.float32)
         mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), colour)
         mujoco.mjv_connector(geom, kind, radius, np.array(start), np.array(end))

@@ -2,7 +2,7 @@
 
 A shape is a row of 16 numbers; the first is its kind. Spheres, capsules, cylinders, points and lines are *round*: all
 points within a radius of a core p + s d with s from `FIRST` to `LAST` (point: 0 to 0; segment: 0 to 1; line: −∞ to ∞).
-Planes and boxes are the other kinds.
+Planes, boxes and finite cylinders are the other kinds.
 
 What is found about a pair is a row of 10: the signed distance of the surfaces, the unit normal n from b to a, and the
 point on a and on b. Both points, and those of the cores, lie on one line along n, so that for any motion of the two
@@ -15,19 +15,30 @@ from __future__ import annotations
 import math
 
 from dqcontrol.compiled.compile import READ, READ2, STATUS, WRITE, WRITE2, inline, kernel, shared
-
-KIND = 0
-ROUND, PLANE, BOX = 0.0, 1.0, 2.0
-# of round shapes
-RADIUS, CORE, ALONG, FIRST, LAST = 1, 2, 5, 8, 9
-# of planes
-OFFSET, NORMAL = 1, 2
-# of boxes: half sizes, centre, and the rotation matrix, row by row
-HALF, CENTER, ROTATION = 1, 4, 7
-SHAPE = 16
-
-DISTANCE, DIRECTION, ON_A, ON_B = 0, 1, 4, 7
-FOUND = 10
+from dqcontrol.geometry.convex_kernels import convex_distance, cylinder_plane
+from dqcontrol.geometry.shape_rows import (
+    ALONG as ALONG,
+    BOX,
+    CENTER as CENTER,
+    CORE as CORE,
+    CYLINDER,
+    DIRECTION as DIRECTION,
+    DISTANCE as DISTANCE,
+    FIRST,
+    FOUND as FOUND,
+    HALF as HALF,
+    KIND,
+    LAST,
+    NORMAL,
+    OFFSET,
+    ON_A as ON_A,
+    ON_B as ON_B,
+    PLANE,
+    RADIUS,
+    ROTATION as ROTATION,
+    ROUND,
+    SHAPE as SHAPE,
+)
 
 _TOUCHING = 1e-12  # m; nearer than this cores count as crossing, as their difference has no direction
 _PARALLEL = 1e-14  # square of the sine below which no pair inside two segments is looked for
@@ -536,7 +547,15 @@ def find_distance(a, b, out):
     if first == ROUND and second == ROUND:
         round_round(a, b, out)
         return True
-    if first == ROUND:
+    if first == CYLINDER or second == CYLINDER:
+        if second == PLANE:
+            cylinder_plane(a, b, out)
+        elif first == PLANE:
+            cylinder_plane(b, a, out)
+            _swap(out)
+        else:
+            convex_distance(a, b, out)
+    elif first == ROUND:
         if second == PLANE:
             _round_plane(a, b, out)
         else:

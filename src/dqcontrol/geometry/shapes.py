@@ -203,9 +203,48 @@ class Line(Shape):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Cylinder(Shape):
-    """An infinite cylinder: all points within a radius of a line.
+    """A solid cylinder with flat ends.
 
-    Of a finite one take the `Capsule` or the `Box` around it.
+    Parameters
+    ----------
+    start, end
+        Middles of its ends, shape (3,), m, not the same.
+    radius
+        m, ≥ 0.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If a shape or a value is wrong.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> can = dqc.geometry.Cylinder([0, 0, 0], [0, 0, 1], 0.1)
+    >>> round(dqc.geometry.distance(dqc.geometry.Sphere([0.4, 0, 1.4], 0.1), can).distance, 9)  # from its rim
+    0.4
+    """
+
+    start: Array
+    end: Array
+    radius: float
+    _positions, _lengths = ("start", "end"), ("radius",)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if float(np.linalg.norm(self.end - self.start)) < 1e-12:
+            raise ValueRangeError(f"end: must not be the start, got {self.end.tolist()}")
+
+    def _fill(self, row: Array) -> None:
+        row[kernels.KIND] = kernels.CYLINDER
+        row[kernels.CORE : kernels.CORE + 3] = self.start
+        row[kernels.ALONG : kernels.ALONG + 3] = self.end - self.start
+        row[kernels.RADIUS], row[kernels.LAST] = self.radius, 1.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class InfiniteCylinder(Shape):
+    """An infinite cylinder: all points within a radius of a line.
 
     Parameters
     ----------

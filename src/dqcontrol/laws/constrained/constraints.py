@@ -12,7 +12,7 @@ from msgspec import Meta
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, error_prefix
-from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere, load_map
+from dqcontrol.geometry import Box, Capsule, InfiniteCylinder, Plane, Shape, Sphere, load_map
 from dqcontrol.named_fields import NamedFields
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ class CylinderObstacle(KeepOut, frozen=True, kw_only=True, tag="cylinder"):
     @property
     def shape(self) -> Shape:
         """The cylinder."""
-        return Cylinder(np.array(self.point), np.array(self.direction), self.radius)
+        return InfiniteCylinder(np.array(self.point), np.array(self.direction), self.radius)
 
 
 class PlaneObstacle(KeepOut, frozen=True, kw_only=True, tag="plane"):
@@ -229,7 +229,7 @@ class CylinderZone(Zone, frozen=True, kw_only=True, tag="cylinder"):
     @property
     def walls(self) -> list[Shape]:
         """The cylinder."""
-        return [Cylinder(np.array(self.point), np.array(self.direction), self.radius)]
+        return [InfiniteCylinder(np.array(self.point), np.array(self.direction), self.radius)]
 
 
 class PlaneZone(Zone, frozen=True, kw_only=True, tag="plane"):
