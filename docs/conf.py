@@ -62,9 +62,9 @@ def names():
     for name in dqcontrol.__all__:
         value = getattr(dqcontrol, name)
         if not inspect.ismodule(value):
-            room = value.__module__.split(".")[1]
+            package = value.__module__.split(".")[1]
             first = inspect.getdoc(value).partition("\n")[0].replace("*", r"\*")
-            lines.append(f"* {{py:obj}}`dqc.{name} <dqcontrol.{room}.{name}>`: {first}")
+            lines.append(f"* {{py:obj}}`dqc.{name} <dqcontrol.{package}.{name}>`: {first}")
     return "\n".join(lines)
 
 
