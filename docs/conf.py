@@ -19,6 +19,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
+    "sphinx.ext.mathjax",
     "sphinx_copybutton",
 ]
 exclude_patterns = ["_build"]
@@ -36,6 +37,10 @@ copybutton_prompt_text = "$ "
 copybutton_line_continuation_character = "\\"
 
 myst_heading_anchors = 3
+myst_enable_extensions = ["dollarmath"]
+myst_update_mathjax = False
+mathjax_path = "formulas.js"  # KaTeX in MathJax's place, kept in _static: the site needs no network
+mathjax_options = {"defer": "defer"}
 
 autodoc_default_options = {"members": True, "exclude-members": "kernel"}
 autodoc_typehints = "none"  # docstrings say shape and unit
@@ -62,9 +67,9 @@ def names():
     for name in dqcontrol.__all__:
         value = getattr(dqcontrol, name)
         if not inspect.ismodule(value):
-            room = value.__module__.split(".")[1]
+            package = value.__module__.split(".")[1]
             first = inspect.getdoc(value).partition("\n")[0].replace("*", r"\*")
-            lines.append(f"* {{py:obj}}`dqc.{name} <dqcontrol.{room}.{name}>`: {first}")
+            lines.append(f"* {{py:obj}}`dqc.{name} <dqcontrol.{package}.{name}>`: {first}")
     return "\n".join(lines)
 
 

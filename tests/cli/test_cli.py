@@ -168,7 +168,7 @@ def test_shapes_of_robots(here, capsys):
 
 
 def test_robots(here, capsys):
-    code, out, _ = call("robots", capsys=capsys)
+    code, out, _ = call("list", "robots", capsys=capsys)
     assert code == 0
     assert {"iiwa7", "meka-a2", "ax18"} <= set(re.findall(r"[\w-]+", out))
     code, out, _ = call("robots", "show", "iiwa7", capsys=capsys)

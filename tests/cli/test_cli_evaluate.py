@@ -112,10 +112,10 @@ def test_export_writes_every_format_and_overwrites_only_by_force(here, monkeypat
         ("evaluate run/report.html --robot iiwa7 --reference circle.yaml", "run/report.html:1: "),
         ("evaluate run/errors.png --robot iiwa7 --reference circle.yaml", "run/errors.png: not a text file"),
         (
-            "export run out.xls",
+            "convert run out.xls",
             "out.xls: suffix: unknown name '.xls'; did you mean '.csv'? (allowed: .csv, .mat, .parquet)",
         ),
-        ("export nothing out.csv", "nothing: does not exist"),
+        ("convert nothing out.csv", "nothing: does not exist"),
     ],
 )
 def test_a_mistake_gives_one_line_and_exit_code_2(here, monkeypatch, capsys, arguments, message):

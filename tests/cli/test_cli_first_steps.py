@@ -107,14 +107,10 @@ def test_questions_are_asked_and_answers_checked(tmp_path, capsys, monkeypatch):
     ],
 )
 def test_lists_of_kinds(capsys, what, some):
-    out = call(what, capsys=capsys)[1]
+    out = call("list", what, capsys=capsys)[1]
     for word in some:
         assert word in out
     assert "`" not in out
-
-
-def test_robots_list_is_robots(capsys):
-    assert call("robots", "list", capsys=capsys) == call("robots", capsys=capsys)
 
 
 def test_joint_angles_for_a_pose(capsys):

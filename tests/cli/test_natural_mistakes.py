@@ -77,7 +77,7 @@ def test_in_an_experiment(here, capsys, change, message):  # noqa: F811
         ("run spec.yaml spec.yaml", "takes no further argument, got 'spec.yaml'; see dqcontrol run --help"),
         ("run spec.yaml --jobs two", 'unable to convert "two" into int; see dqcontrol run --help'),
         ("sweep spec.yaml", "missing key 'sweep'; a study without it is run with 'dqcontrol run'"),
-        ("robots iiwa7", "takes no further argument, got 'iiwa7'; see dqcontrol robots --help"),
+        ("robots iiwa7", "there is no command 'iiwa7'; see dqcontrol robots --help"),
         ("robots view iwa7", "did you mean 'iiwa7'?"),
         ("robots solve iiwa7 --position 5 5 5", "m beyond the reach of iiwa7"),
         ("view spec.yaml", "if it is an experiment: dqcontrol run spec.yaml"),
@@ -90,7 +90,8 @@ def test_in_an_experiment(here, capsys, change, message):  # noqa: F811
         ),
         ("paint spec.yaml", "expected a .svg or a .txt file, got '.yaml'"),
         ("new spec.yaml --yes", "exists already; choose another name, or replace it with --force"),
-        ("law", 'Did you mean "laws"?'),
+        ("list law", "there is no command 'law'; did you mean 'laws'? See dqcontrol list --help"),
+        ("rnu", "there is no command 'rnu'; did you mean 'run'? See dqcontrol --help"),
         ("help", "see dqcontrol --help"),
     ],
 )

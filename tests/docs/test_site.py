@@ -15,7 +15,7 @@ import dqcontrol
 from dqcontrol import cli
 
 pytest.importorskip("sphinx", reason="needs dqcontrol[docs]")
-ROOMS = tuple(name for name in dqcontrol.__all__ if isinstance(getattr(dqcontrol, name), ModuleType))
+PACKAGES = tuple(name for name in dqcontrol.__all__ if isinstance(getattr(dqcontrol, name), ModuleType))
 
 
 @pytest.mark.slow
@@ -72,9 +72,9 @@ def every_page_is_in_the_navigation(site):
 
 
 def every_public_name_is_described(site):
-    for room in ROOMS:
-        text = (site / "api" / f"{room}.html").read_text(encoding="utf-8")
-        module = importlib.import_module(f"dqcontrol.{room}")
+    for package in PACKAGES:
+        text = (site / "api" / f"{package}.html").read_text(encoding="utf-8")
+        module = importlib.import_module(f"dqcontrol.{package}")
         classes = (
             name
             for name, value in vars(module).items()
@@ -83,9 +83,9 @@ def every_public_name_is_described(site):
             and not name.startswith("_")
         )
         for name in getattr(module, "__all__", classes):
-            assert f'id="dqcontrol.{room}.{name}"' in text, f"{room}.{name}"
+            assert f'id="dqcontrol.{package}.{name}"' in text, f"{package}.{name}"
     text = (site / "api" / "index.html").read_text(encoding="utf-8")
-    for name in set(dqcontrol.__all__) - set(ROOMS):
+    for name in set(dqcontrol.__all__) - set(PACKAGES):
         assert f"dqc.{name}<" in text, name
 
 

@@ -258,7 +258,7 @@ def test_everything_else_is_checked_as_before_a_run(tmp_path):
 
 def test_table_in_the_document_is_the_example_s():
     pytest.importorskip("mujoco")
-    text = (ROOT / "docs/laws.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs/sampling-limits.md").read_text(encoding="utf-8")
     shown = text.partition("<!-- limits table: begin -->")[2].partition("<!--")[0].strip().splitlines()
     table = check(ROOT / "examples/sampling-limits.yaml").table()
     for line, cells in zip(shown[2:], table.texts(), strict=True):

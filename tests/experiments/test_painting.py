@@ -66,7 +66,7 @@ def test_arguments_that_do_not_fit(two_lines, tmp_path):
 def test_command_paints_a_text_drawing(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(
-        sys, "argv", ["dqcontrol", "paint", str(DRAWINGS / "light-bulb.txt"), "--width", "0.1"]
+        sys, "argv", ["dqcontrol", "paint", str(DRAWINGS / "light-bulb.txt"), "--drawing-width", "0.1"]
     )
     cli.main()
     assert "panda" in capsys.readouterr().out.lower()

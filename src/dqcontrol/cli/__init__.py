@@ -7,59 +7,77 @@ import sys
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
+from difflib import get_close_matches
 from functools import cache
 from typing import NoReturn
 
-from cyclopts import App, CycloptsError
-from cyclopts.exceptions import UnusedCliTokensError
+from cyclopts import App, CycloptsError, Group
+from cyclopts.exceptions import UnknownCommandError, UnusedCliTokensError
 
 import dqcontrol
+from dqcontrol.cli import screen
 from dqcontrol.cli.offered import add_offered
 from dqcontrol.extensions import POLICY, REFUSED
 
 USER_ERROR = 2
 INTERRUPTED = 130
-COMMANDS = {  # as files of this folder, imported when called: `--help` stays quick
-    "new": "Write a first experiment: five questions make a file to run and to change.",
-    "run": "Run an experiment and write its table, recordings and plots.",
-    "sweep": "Run a parameter study, here or on a Dask cluster, and list its best points.",
-    "tune": "Find the best parameters of laws for your robot and task, each law at its own best.",
-    "learn": "Repeat a motion and learn from each repeat, until the hand goes where it should.",
-    "check": "Check an experiment without running it: mistakes, and how near its loops are to instability.",
-    "gains": "Say which gains a robot's period, delay and lag allow each law, and what to expect.",
-    "compare": "Compare saved runs: one table, and plots.",
-    "evaluate": "Measure your own joint log against a reference.",
-    "excite": "Write a motion from whose log identify can tell the servos of a robot, and say how precisely.",
-    "identify": "Find what the servos of a robot are from its logs: lag, delay, gain, sag, encoder, with intervals.",
-    "calibrate": "Correct the geometry of an arm from measured poses of its hand: DH parameters, base and tool.",
-    "figures": "Draw the figures of saved results for papers, as PDF, SVG or PNG.",
-    "report": "Write the reports of saved runs anew, with all figures, which studies leave out.",
-    "view": "Look at runs in a browser, over time or while they run.",
-    "clip": "Save a clip of a run or several, .mp4, .webp or .gif, or one picture, .png.",
-    "export": "Write the controller of a spec as a library in C, or all signals of a run for other programs.",
-    "jog": "Drive a robot's hand by keys in the terminal, and keep poses as a points file.",
-    "ros2": "Controllers and simulated robots as ROS 2 nodes.",
-    "paint": "Paint a drawing with light: an SVG or a text file becomes a long exposure and a clip.",
-    "doctor": "Check the environment: versions, extras, cache, OpenGL, ROS 2, ports; and what to do.",
-    "robots": "List the robots that come with dqcontrol, show one, look at one, or find joint angles for a pose.",
-    "laws": "List the kinds of laws for experiments, one line each.",
-    "references": "List the kinds of motions for experiments, one line each.",
-    "plants": "List the kinds of plants for experiments, one line each.",
+GROUPS = {  # of commands, as files of this folder, imported when called: `--help` stays quick
+    "Start": {
+        "new": "Write a first experiment: five questions make a file to run and to change.",
+        "doctor": "Check the environment: versions, extras, cache, OpenGL, ROS 2, ports; and what to do.",
+        "list": "List the laws, references, plants and robots that experiments may name.",
+        "robots": "Show a robot, look at it in a browser, or find joint angles for a pose.",
+    },
+    "Simulate and compare": {
+        "check": "Check an experiment without running it: mistakes, and how near its loops are to instability.",
+        "run": "Run an experiment and write its table, recordings and plots.",
+        "sweep": "Run a parameter study, here or on a Dask cluster, and list its best points.",
+        "compare": "Compare saved runs: one table, and plots.",
+    },
+    "Look": {
+        "view": "Look at runs in a browser, over time or while they run.",
+        "report": "Regenerate the reports of saved runs, with all figures, which studies leave out.",
+        "figures": "Draw the figures of saved results for papers, as PDF, SVG or PNG.",
+        "clip": "Save a clip of a run or several, .mp4, .webp or .gif, or one picture, .png.",
+        "paint": "Paint a drawing with light: an SVG or a text file becomes a long exposure and a clip.",
+    },
+    "Data of your robot": {
+        "evaluate": "Measure your own joint log against a reference.",
+        "excite": "Generate an excitation trajectory for identify, and say how precise the estimate will be.",
+        "identify": "Estimate servo lag, delay, gain, sag and encoder resolution from logs, with intervals.",
+        "calibrate": "Correct the geometry of an arm from measured poses of its end effector.",
+        "convert": "Write all signals of a run for other programs: CSV, Parquet or MATLAB.",
+    },
+    "Tune and learn": {
+        "gains": "Say which gains a robot's period, delay and lag allow each law, and what to expect.",
+        "tune": "Find the best parameters of laws for your robot and task: each law tuned.",
+        "learn": "Repeat a motion and learn from each repeat, until the end effector goes where it should.",
+    },
+    "Live": {
+        "jog": "Drive a robot's end effector by keys in the terminal, and keep poses as a points file.",
+        "ros2": "Controllers and simulated robots as ROS 2 nodes.",
+    },
+    "Deploy": {"export": "Write the controller of a spec as a library in C, with its tests."},
 }
+COMMANDS = {name: text for commands in GROUPS.values() for name, text in commands.items()}
 _PACKAGE = "--package"
-_FILES = {"laws": "kinds", "references": "kinds", "plants": "kinds"}
+_WIDE, _COLUMNS = "--wide", "--columns"
 
 app: App = App(
     name="dqcontrol",
-    help="Drive arms and mobile manipulators along desired poses with dual quaternion control laws. With --no-code any "
-    "command refuses specs that bring code of their own; with --package FOLDER (once or more often) any command looks "
-    "there for the packages that URDF and xacro files name.",
+    help="Pose control of arms and mobile manipulators with dual quaternions: simulate, compare, deploy. Of any command: "
+    "--wide shows all columns of tables and --columns NAMES those named (a,b), --no-code refuses specs that bring code "
+    "of their own, --package FOLDER (repeatable) looks there for the packages that URDF and xacro files name.",
     version=dqcontrol.__version__,
     help_format="plaintext",
+    group_commands=Group("Options", sort_key=len(GROUPS) + 1),
     suppress_keyboard_interrupt=False,
 )
-for _name, _help in COMMANDS.items():
-    app.command(f"dqcontrol.cli.{_FILES.get(_name, _name)}_command:{_name}", name=_name, help=_help)
+for _place, (_title, _commands) in enumerate(GROUPS.items()):
+    _group = Group(_title, sort_key=_place)
+    for _name, _help in _commands.items():
+        _function = f"dqcontrol.cli.{_name}_command:{_name if _name != 'list' else 'kinds'}"
+        app.command(_function, name=_name, help=_help, group=_group)
 app.command(
     "dqcontrol.cli.install_completion_command:install_completion",
     name="--install-completion",
@@ -70,7 +88,7 @@ app.command(
 @cache
 def whole_app() -> App:
     """Return the command line with what installed packages offer, too: looking for that takes a moment."""
-    add_offered(app, "dqcontrol.commands")
+    add_offered(app, "dqcontrol.commands", Group("Theses and other packages", sort_key=len(GROUPS)))
     return app
 
 
@@ -78,26 +96,23 @@ def main() -> None:
     """Run the command line; a user's mistake gives one line and exit code 2."""
     _make_printable()
     warnings.showwarning = _warnings_once()
-    arguments = [word for word in sys.argv[1:] if word != "--no-code"]
-    if len(arguments) < len(sys.argv) - 1:
-        os.environ[POLICY] = REFUSED
+    arguments = _without_flags(sys.argv[1:])
     if not sys.argv[1:]:
         from dqcontrol.cli.start_page import print_start_page
 
         print_start_page()
         return
     try:
-        arguments = _without_packages(arguments)
+        arguments = _without_values(arguments)
         try:
             chosen = app if arguments[:1] and arguments[0] in COMMANDS else whole_app()
             chosen(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         finally:
             sys.stdout.flush()  # here, where it can still be said that the disk is full
     except CycloptsError as error:
-        _fail(
-            USER_ERROR,
-            f"{_mistake(error)}; see dqcontrol {' '.join([*(error.command_chain or ()), '--help'])}",
-        )
+        command = " ".join(["dqcontrol", *(error.command_chain or ()), "--help"])
+        mistake = _mistake(error)
+        _fail(USER_ERROR, f"{mistake}{' See' if mistake.endswith('?') else '; see'} {command}")
     except dqcontrol.Error as error:  # looked up only now: it loads NumPy
         _fail(USER_ERROR, str(error))
     except KeyboardInterrupt as interrupt:
@@ -116,27 +131,42 @@ def main() -> None:
         _fail(USER_ERROR, "not enough memory for this; take fewer or shorter runs, or smaller files")
 
 
-def _without_packages(arguments: list[str]) -> list[str]:
-    """Note the folders of ``--package``, which every command takes; return the other words."""
-    if not any(word.partition("=")[0] == _PACKAGE for word in arguments):
-        return arguments
-    from dqcontrol.robots.package_folders import add_packages  # only now: it loads NumPy
+def _without_flags(arguments: list[str]) -> list[str]:
+    """Note the flags that every command takes; return the other words."""
+    for flag, variable, value in (("--no-code", POLICY, REFUSED), (_WIDE, screen.WIDE, "1")):
+        if flag in arguments:
+            os.environ[variable] = value
+            arguments = [word for word in arguments if word != flag]
+    return arguments
 
-    rest, folders, words = [], [], iter(arguments)
+
+def _without_values(arguments: list[str]) -> list[str]:
+    """Note ``--package`` and ``--columns``, which every command takes; return the other words."""
+    rest, words = [], iter(arguments)
+    found: dict[str, list[str]] = {_PACKAGE: [], _COLUMNS: []}
     for word in words:
-        name, equals, folder = word.partition("=")
+        name, equals, value = word.partition("=")
         if word == "--":
             rest += [word, *words]
-        elif name != _PACKAGE:
-            rest.append(word)
+        elif name in found:
+            found[name].append(value if equals else next(words, ""))
         else:
-            folders.append(folder if equals else next(words, ""))
-    add_packages(folders)
+            rest.append(word)
+    if found[_COLUMNS]:
+        os.environ[screen.COLUMNS] = ",".join(found[_COLUMNS])
+    if found[_PACKAGE]:
+        from dqcontrol.robots.package_folders import add_packages  # only now: it loads NumPy
+
+        add_packages(found[_PACKAGE])
     return rest
 
 
 def _mistake(error: CycloptsError) -> str:
     """Return what is wrong with a command line, without a full stop."""
+    if isinstance(error, UnknownCommandError):
+        unknown = (error.unused_tokens or [""])[0]
+        near = get_close_matches(unknown, error.app or COMMANDS, n=1)
+        return f"there is no command '{unknown}'" + (f"; did you mean '{near[0]}'?" if near else "")
     if isinstance(error, UnusedCliTokensError):
         words = " ".join(f"'{word}'" for word in error.unused_tokens or ())
         return f"takes no further argument, got {words}"

@@ -64,10 +64,10 @@ def calibrate(
         joint_topic=joint_topic,
         pose_topic=pose_topic,
     )
+    if out is not None:
+        found.save(out, force=force)
+        print(f"results: {out}")
     print_table(found.table)
     print_table(found.error_table)
     for remark in found.remarks:
         print(remark)
-    if out is not None:
-        found.save(out, force=force)
-        print(f"results: {out}")

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from dqcontrol.cli.options import ANGLES
+from dqcontrol.cli.options import ANGLES, in_unit
 
 Replace = Annotated[bool, Parameter(name="--force", negative=(), help="Replace an existing file.")]
 
@@ -16,10 +17,9 @@ Replace = Annotated[bool, Parameter(name="--force", negative=(), help="Replace a
 def clip(
     *runs_and_path: Path,
     force: Replace = False,
-    speed: float = 1.0,
-    rate: float = 25.0,
-    width: int = 640,
-    height: int = 480,
+    faster: Annotated[float, Parameter(metavar="<times>")] = 1.0,
+    rate: Annotated[float, in_unit("Hz", "25Hz")] = 25.0,
+    size: Annotated[str, Parameter(metavar="<pixels>")] = "640x480",
     azimuth: Annotated[float | None, ANGLES] = None,
     elevation: Annotated[float | None, ANGLES] = None,
 ) -> None:
@@ -30,14 +30,12 @@ def clip(
     runs_and_path
         Folders of runs, and the new file: .mp4, .webp or .gif; or .png, one picture of the whole run. The second run
         and further ones show through the first.
-    speed
+    faster
         Of a clip: how much faster than it was.
     rate
         Of a clip: frames a second.
-    width
-        Pixels.
-    height
-        Pixels.
+    size
+        Width and height of the picture or of each frame.
     azimuth
         Direction of view, rad or as 60deg.
     elevation
@@ -47,6 +45,10 @@ def clip(
     from dqcontrol.errors import ValueRangeError
     from dqcontrol.experiments import load_run
     from dqcontrol.films.clip import render_clip, render_whole
+
+    pixels = re.fullmatch(r"(\d+)x(\d+)", size)
+    if not pixels:
+        raise ValueRangeError(f"--size: expected width and height in pixels, as 640x480, got '{size}'")
 
     if len(runs_and_path) < 2:
         raise ValueRangeError(
@@ -60,8 +62,8 @@ def clip(
                 f"{folder}: is of {other.robot.name}, and the first run of {first.robot.name}"
             )
     look: dict[str, Any] = {
-        "width": width,
-        "height": height,
+        "width": int(pixels[1]),
+        "height": int(pixels[2]),
         "azimuth": None if azimuth is None else math.degrees(azimuth),
         "elevation": None if elevation is None else math.degrees(elevation),
         "overwrite": force,
@@ -78,7 +80,7 @@ def clip(
                 first.plant,
                 first.record,
                 path,
-                speed=speed,
+                speed=faster,
                 rate=rate,
                 progress=lambda drawn, total: progress(drawn, total, "frames"),
                 **look,

@@ -76,9 +76,9 @@ def compare(
                 figures=figures,
                 origins=origins({}),
             )
-    print_table(table)
     if out is not None:
         print(f"results: {out}")
+    print_table(table)
 
 
 def _condition(text: str) -> tuple[str, float | str]:

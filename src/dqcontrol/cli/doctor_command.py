@@ -12,13 +12,19 @@ from dqcontrol.cli.screen import print_table
 UNFIT = 1
 
 
-def doctor(*, compile: Annotated[bool, Parameter(negative=())] = False) -> None:
-    """Check versions, extras, the compiler's cache, OpenGL, ROS 2 and ports, and say what to do.
+def doctor(
+    *,
+    all: Annotated[bool, Parameter(negative=())] = False,
+    compile: Annotated[bool, Parameter(negative=())] = False,
+) -> None:
+    """Check versions, extras, the compiler's cache, OpenGL, ROS 2 and ports, and say what to do about problems.
 
     Ends with 1 if there is a problem; something optional that is missing is none.
 
     Parameters
     ----------
+    all
+        Also what is well and what is missing but optional.
     compile
         Compile the kernels of usual runs first, so that later ones begin at once; it takes minutes, once.
     """
@@ -28,14 +34,20 @@ def doctor(*, compile: Annotated[bool, Parameter(negative=())] = False) -> None:
         new = compile_ahead()
         print(f"compiled kernels: {new} new, of {len(CASES)} usual cases")
     import dqcontrol
-    from dqcontrol.cli.environment import PROBLEM, examine
+    from dqcontrol.cli.environment import OK, PROBLEM, examine
     from dqcontrol.measures.tables import Column, Table
 
     findings = examine()
-    rows = [[one.what, one.found, one.verdict, one.cure or None] for one in findings]
+    problems = [one for one in findings if one.verdict == PROBLEM]
+    shown = findings if all else problems
     columns = (Column("what"), Column("found"), Column("verdict"), Column("what to do"))
-    print_table(Table(columns, rows, f"dqcontrol {dqcontrol.__version__}"))
-    problems = sum(one.verdict == PROBLEM for one in findings)
-    print(f"{problems} problem{'s' * (problems != 1)}" if problems else "no problems")
+    title = f"dqcontrol {dqcontrol.__version__}"
+    if shown:
+        print_table(Table(columns, [[one.what, one.found, one.verdict, one.cure or None] for one in shown], title))
+    else:
+        print(title)
+    optional = sum(one.verdict not in (OK, PROBLEM) for one in findings)
+    said = f"{len(problems)} problem{'s' * (len(problems) != 1)}" if problems else "no problems"
+    print(said if all else f"{said}; {len(findings)} things looked at, {optional} optional ones missing: --all")
     if problems:
         sys.exit(UNFIT)

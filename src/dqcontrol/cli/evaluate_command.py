@@ -22,7 +22,7 @@ def evaluate(
     reference_topic: str | None = None,
     reference_joints: str | None = None,
     missing: Literal["interpolate", "skip"] = "interpolate",
-    start: Seconds = 0.0,
+    start_time: Seconds = 0.0,
     align: Annotated[bool, Parameter(negative=())] = False,
     duration: Annotated[float | None, SECONDS] = None,
     skip_initial: Annotated[float | None, SECONDS] = None,
@@ -32,7 +32,7 @@ def evaluate(
 ) -> None:
     """Measure your own joint log against a reference: table, and plots and report if --out is given.
 
-    The first line is its verdict. Exit status: 0 if the hand did what was asked, 1 if it did not, 2 if nothing was
+    It begins with the verdict. Exit status: 0 if the hand did what was asked, 1 if it did not, 2 if nothing was
     measured, because something is wrong.
 
     Parameters
@@ -50,7 +50,7 @@ def evaluate(
         Columns of the log with the commanded positions: what their names begin with (target_), or a,b,c.
     missing
         What to do with samples of a table that lack a position: join their neighbours linearly, or skip them.
-    start
+    start_time
         When the reference begins, s after the log's first sample.
     align
         Find the start at which the reference fits the log best.
@@ -79,7 +79,7 @@ def evaluate(
         reference_joints=reference_joints,
         **options.arguments(),
         missing=missing,
-        start=start,
+        start=start_time,
         align=align,
         duration=duration,
         skip_initial=skip_initial,
@@ -90,9 +90,9 @@ def evaluate(
     filtered = ""
     if result.low_pass is not None:
         filtered = f"; speeds, accelerations and joint steps low-passed at {result.low_pass:g} Hz"
-    print(result.verdict.words)
-    print_table(summary_table(result.metrics, f"{result.label}{filtered}"))
     if out is not None:
         print(f"results: {out}")
+    print(result.verdict.words)
+    print_table(summary_table(result.metrics, f"{result.label}{filtered}"))
     if result.verdict.failure:
         sys.exit(FAILED)

@@ -1,4 +1,4 @@
-"""Write a motion that tells what the servos of a robot are."""
+"""Generate an excitation trajectory for `identify`."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def excite(
     duration: Seconds = 60.0,
     period: Seconds = 0.008,
     amplitude: Way = 0.3,
-    speed: Annotated[float, in_unit("rad/s or m/s", "60deg/s")] = 1.0,
-    acceleration: Annotated[float, in_unit("rad/s² or m/s²", "90deg/s²")] = 6.0,
+    joint_speed: Annotated[float, in_unit("rad/s or m/s", "60deg/s")] = 1.0,
+    joint_acceleration: Annotated[float, in_unit("rad/s² or m/s²", "90deg/s²")] = 6.0,
     workspace: Annotated[
         str | None, Parameter(help="Box that the hand does not leave: x0,x1,y0,y1,z0,z1 in m, base frame.")
     ] = None,
@@ -40,7 +40,7 @@ def excite(
     out: Out = None,
     force: Force = False,
 ) -> None:
-    """Write a motion of the joints from whose log identify can tell lags and delays, and say how precisely.
+    """Generate an excitation trajectory for `identify`, and say how precise the estimates will be.
 
     Numbers may have a unit: 8ms, 17deg.
 
@@ -58,9 +58,9 @@ def excite(
         Control period, s.
     amplitude
         Largest distance of a joint from its start, rad or m.
-    speed
+    joint_speed
         Largest of a joint, rad/s or m/s; no more than 0.9 of the robot's limits.
-    acceleration
+    joint_acceleration
         Largest of a joint, rad/s² or m/s².
     lag
         To expect, s: what the precision is said for; so are delay, noise and resolution.
@@ -92,8 +92,8 @@ def excite(
         duration=duration,
         period=period,
         amplitude=amplitude,
-        speed=speed,
-        acceleration=acceleration,
+        speed=joint_speed,
+        acceleration=joint_acceleration,
         workspace=numbers("workspace", workspace, "m"),
         lag=lag,
         delay=delay,
@@ -101,9 +101,11 @@ def excite(
         resolution=resolution,
         seed=seed,
     )
+    if out is not None:
+        found.save(out, force=force)
+        print(f"results: {out}")
     print_table(found.table)
     for remark in found.remarks:
         print(remark)
     if out is not None:
-        found.save(out, force=force)
         print(f"run it: dqcontrol run {out / 'excite.yaml'} --out RESULTS")

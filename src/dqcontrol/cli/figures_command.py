@@ -48,5 +48,5 @@ def figures(
         drawn = figures_of_results(folders)
     with new_folder(folder, force=force) as new:
         save_figures(drawn, new, formats, PAPER_DPI)
-    print(", ".join(drawn))
     print(f"results: {folder}")
+    print(", ".join(drawn))

@@ -58,6 +58,8 @@ def identify(
         target_topic=target_topic,
         **options.arguments(),
     )
+    if out is not None:
+        print(f"results: {out}")
     print_table(found.table)
     for remark in found.remarks:
         print(remark)
@@ -67,6 +69,5 @@ def identify(
         if twin and found.fitted:
             print(found.save_twin(out))
             print(f"beside each other: dqcontrol compare {out / 'log'} {out / 'twin'}")
-        print(f"results: {out}")
         if not found.fitted:
             print("no plant.yaml: no joint could be identified")

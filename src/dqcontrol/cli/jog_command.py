@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from dqcontrol.cli.options import BaseLink, Force, Out, TipLink, in_unit
+from dqcontrol.cli.options import SPEED, BaseLink, Force, Out, TipLink, in_unit
 
 if TYPE_CHECKING:
     from dqcontrol.cli.keyboard import Keyboard
@@ -25,7 +25,7 @@ def jog(
     base_link: BaseLink = None,
     tip_link: TipLink = None,
     poses: Annotated[Path, Parameter(name=["--poses", "-p"])] = Path("poses.csv"),
-    speed: float = 0.1,
+    speed: Annotated[float, SPEED] = 0.1,
     angular_speed: Annotated[float, in_unit("rad/s", "30deg/s")] = 0.5,
     out: Out = None,
     force: Force = False,

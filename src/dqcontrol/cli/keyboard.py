@@ -7,6 +7,7 @@ import re
 import select
 import shutil
 import sys
+import textwrap
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -51,7 +52,7 @@ class Keyboard:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._write("\r\x1b[K")
+        self._write("\r\x1b[J")
         with suppress(self._termios.error):  # the terminal is gone
             self._termios.tcsetattr(self._input, self._termios.TCSAFLUSH, self._before)
 
@@ -66,16 +67,18 @@ class Keyboard:
             if time.monotonic() >= deadline:
                 return
 
-    def show(self, line: str) -> None:
-        """Replace the line that changes, unless the terminal is too slow just now."""
-        if line != self._shown and select.select([], [sys.stdout], [], 0.0)[1]:
-            self._shown = line
-            self._write(f"\r{line[: shutil.get_terminal_size().columns - 1]}\x1b[K")
+    def show(self, text: str) -> None:
+        """Replace the text that changes, on as many lines as it takes, unless the terminal is too slow just now."""
+        if text != self._shown and select.select([], [sys.stdout], [], 0.0)[1]:
+            self._shown = text
+            lines = textwrap.wrap(text, max(shutil.get_terminal_size().columns - 1, 1))
+            up = f"\x1b[{len(lines) - 1}A" if len(lines) > 1 else ""  # the next text begins where this one did
+            self._write("\r\x1b[J" + "\n".join(lines) + up)
 
     def tell(self, line: str) -> None:
         """Print a line that stays."""
         self._shown = ""
-        self._write(f"\r{line}\x1b[K\n")
+        self._write(f"\r\x1b[J{line}\n")
 
     def _write(self, text: str) -> None:
         with suppress(OSError):  # the terminal is gone: the robot is to be stopped nevertheless

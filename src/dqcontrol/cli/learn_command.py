@@ -72,7 +72,7 @@ def learn(
             runner=runner,
             progress=lambda done, total: progress(done, total, "repeats"),
         )
+    print(f"results: {folder}")
     print_table(found.table())
     for remark in found.remarks():
         print(remark)
-    print(f"results: {folder}")

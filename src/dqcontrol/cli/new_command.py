@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal, get_args
 
 from cyclopts import Parameter
 
 from dqcontrol.cli.options import BaseLink, Force, TipLink
 
-MOTIONS, PLANTS = ("circle", "square", "spiral", "set-point"), ("servo", "integrator", "mujoco")
+Motion = Literal["circle", "square", "spiral", "set-point"]
+ChosenLaw = Literal["proportional", "proportional-feedforward", "both"]
+ChosenPlant = Literal["servo", "integrator", "mujoco"]
+MOTIONS, LAWS, PLANTS = map(get_args, (Motion, ChosenLaw, ChosenPlant))
 QUESTIONS: dict[str, tuple[str, str, tuple[str, ...]]] = {
-    "robot": ("Which robot (a name of 'dqcontrol robots', or a .urdf, .xacro or .yaml file)?", "iiwa7", ()),
+    "robot": ("Which robot (a name of 'dqcontrol list robots', or a .urdf, .xacro or .yaml file)?", "iiwa7", ()),
     "motion": ("Which motion?", "circle", MOTIONS),
     "period": ("How long is a control period?", "8 ms", ()),
-    "law": ("Which law?", "proportional-feedforward", ("proportional", "proportional-feedforward", "both")),
+    "law": ("Which law?", "proportional-feedforward", LAWS),
     "plant": (
         "On what: joints that lag (servo), ideal ones (integrator), physics (mujoco)?",
         "servo",
@@ -31,10 +34,10 @@ def new(
     robot: str | None = None,
     base_link: BaseLink = None,
     tip_link: TipLink = None,
-    motion: str | None = None,
+    motion: Motion | None = None,
     period: str | None = None,
-    law: str | None = None,
-    plant: str | None = None,
+    law: ChosenLaw | None = None,
+    plant: ChosenPlant | None = None,
     yes: Annotated[bool, Parameter(name=["--yes", "-y"], negative=())] = False,
     force: Force = False,
 ) -> None:
@@ -49,13 +52,13 @@ def new(
     robot
         Name, .urdf, .xacro or .yaml file; asked, as all that is not given.
     motion
-        circle, square, spiral or set-point.
+        What the end effector does.
     period
         Of control, as 8 ms, or its rate, as 125 Hz.
     law
-        proportional, proportional-feedforward or both.
+        One of these laws, or both to compare.
     plant
-        servo, integrator or mujoco.
+        Joints that lag, ideal ones, or physics.
     yes
         Ask nothing: take the defaults for what is not given.
     force

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from cyclopts import App
+from cyclopts import App, Group
 from cyclopts.exceptions import CommandCollisionError
 
 from dqcontrol.extensions.offered import offered
 
 
-def add_offered(app: App, group: str) -> None:
-    """Add the functions of a group of entry points to a command line, each under its name.
+def add_offered(app: App, group: str, heading: Group | None = None) -> None:
+    """Add the functions of a group of entry points to a command line, each under its name and one heading of the help.
 
     Raises
     ------
@@ -18,7 +18,7 @@ def add_offered(app: App, group: str) -> None:
     """
     for name, function in offered(group):
         try:
-            app.command(function, name=name)
+            app.command(function, name=name, group=heading)
         except CommandCollisionError:
             from dqcontrol.errors import FileFormatError  # only now: it loads NumPy
 

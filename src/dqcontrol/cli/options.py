@@ -37,7 +37,7 @@ def in_unit(unit: str, like: str) -> Parameter:
         found = tuple(number(token, several=len(tokens) > 1) for token in tokens)
         return found[0] if len(found) == 1 else found
 
-    return Parameter(converter=converted, allow_leading_hyphen=True)
+    return Parameter(converter=converted, allow_leading_hyphen=True, metavar=f"<{unit}>")
 
 
 def _is_number(text: str) -> bool:
@@ -63,6 +63,8 @@ def numbers(option: str, text: str | None, unit: str) -> list[float] | None:
 
 SECONDS = in_unit("s", "8ms")
 ANGLES = in_unit("rad", "35deg")
+METRES = in_unit("m", "300mm")
+SPEED = in_unit("m/s", "100mm/s")  # of the end effector
 Seconds = Annotated[float, SECONDS]
 
 BaseLink = Annotated[str | None, Parameter(help="Start of the chain in a URDF file.")]

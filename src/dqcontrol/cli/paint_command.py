@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated, Literal
 
-from dqcontrol.cli.options import BaseLink, Force, Out, TipLink, numbers
+from dqcontrol.cli.options import METRES, SPEED, BaseLink, Force, Out, TipLink, numbers
 
 
 def paint(
@@ -17,9 +18,9 @@ def paint(
     base_link: BaseLink = None,
     tip_link: TipLink = None,
     start: str | None = None,
-    width: float | None = None,
-    speed: float = 0.1,
-    plane: str = "xz",
+    drawing_width: Annotated[float | None, METRES] = None,
+    speed: Annotated[float, SPEED] = 0.1,
+    plane: Literal["xy", "xz", "yz"] = "xz",
     law: str | None = None,
     plant: str | None = None,
 ) -> None:
@@ -37,12 +38,12 @@ def paint(
         Name, .yaml, .urdf or .xacro file, or example-robot-data:PATH; other robots than panda need --start.
     start
         Configuration with the hand in the middle of the paper, as 0,0.6,0 (rad or m) or 0,35deg,0.
-    width
-        Of the drawing, m; default: as wide as the arm reaches, up to 0.45 m.
+    drawing_width
+        Metres; default: as wide as the arm reaches, up to 0.45 m.
     speed
         Of the lamp, m/s.
     plane
-        xy, xz or yz: how the paper lies.
+        How the paper lies.
     law
         As in a spec, "{kind: proportional, gain: 5}", or the kind alone; default: lqr-dq with q/r = 100.
     plant
@@ -70,7 +71,7 @@ def paint(
         for name, text in (("law", law), ("plant", plant))
         if text is not None
     }
-    done = painted(drawing, arm, q, width=width, speed=speed, plane=plane, **chosen)
+    done = painted(drawing, arm, q, width=drawing_width, speed=speed, plane=plane, **chosen)
     with new_folder(folder, force=force) as new:
         light_painting(done.record, done.lit).savefig(new / "painting.png", dpi=150)
         painting_clip(done.record, new / "painting.gif", done.lit)
@@ -79,7 +80,7 @@ def paint(
             new / "record.mcap",
             yaml.safe_dump({"robot": {"source": source, **chain} if chain else source}),
         )
+    print(f"results: {folder}")
     across, up = (1e3 * side for side in done.size)
     print(f"{done.robot.name}: {across:.0f} × {up:.0f} mm in {done.record.duration:.0f} s")
     print(f"RMS error of the hand: {evaluate(done.record).position.rms:.2f} mm")
-    print(f"results: {folder}")

@@ -1,4 +1,4 @@
-"""List the robots that come along, show one, or solve for where its joints must be."""
+"""Show a robot, look at it, or solve for where its joints must be."""
 
 from __future__ import annotations
 
@@ -13,30 +13,8 @@ from dqcontrol.cli.screen import print_table
 
 robots: App = App(
     name="robots",
-    help="List the robots that come with dqcontrol, show one, look at one, or find joint angles for a pose.",
+    help="Show a robot, look at it in a browser, or find joint angles for a pose; dqcontrol list robots has names.",
 )
-
-
-@robots.command(name="list")
-@robots.default
-def list_robots() -> None:
-    """List the robots that come with dqcontrol."""
-    from dqcontrol.measures.tables import Column, Table
-    from dqcontrol.robots import describe, load_robot, robot_names
-
-    rows = []
-    for name in robot_names():
-        about = describe(load_robot(name))
-        rows.append([name, about.name, about.bases or None, len(about.joints), about.reach, about.mass])
-    columns = (
-        Column("name"),
-        Column("robot"),
-        Column("base"),
-        Column("coordinates"),
-        Column("reach", "m"),
-        Column("moving mass", "kg"),
-    )
-    print_table(Table(columns, rows))
 
 
 @robots.command

@@ -33,7 +33,7 @@ def run(
 ) -> None:
     """Run an experiment and write its table, recordings and plots; rerun it to resume after an interruption.
 
-    The first line says what came of it. Exit status: 0 if every run did what was asked and kept what it was to keep; 1
+    The first lines say where the results are and what came of it. Exit status: 0 if every run did what was asked and kept what it was to keep; 1
     if one did not; 2 if nothing ran, because something is wrong or out of reach.
 
     Parameters
@@ -77,7 +77,7 @@ def run(
                 jobs=jobs,
                 figures=figures,
                 progress=progress,
-                computed=_show,
+                computed=lambda computed: _show(computed, folder),
                 drawing=lambda done, total: progress(done, total, "reports"),
             )
     except DivergedError as error:  # in the first period: there is nothing to keep
@@ -88,13 +88,13 @@ def run(
             "; finished trials are kept: rerun the same command to resume" * working_folder(folder).exists()
         )
         raise KeyboardInterrupt(kept) from None
-    print(f"results: {folder}")
     if not study.is_good:
         sys.exit(FAILED)
 
 
-def _show(study: Study) -> None:
+def _show(study: Study, folder: Path) -> None:
     """Print what came of a study, before its figures are drawn."""
+    print(f"results: {folder}")
     print(study.headline)
     print_table(study.table())
     for line in study.failures():
@@ -117,11 +117,11 @@ def _in_real_time(
         done = run_in_real_time(spec, folder, force=force, figures=figures, watch=watch)
     else:
         done = run_compiled_in_real_time(spec, folder, force=force, figures=figures, watch=watch, **compiled)
+    print(f"results: {folder}")
     print(done.verdict.words)
     print_table(summary({done.label: done}))
     if done.timing:
         print_table(timing_table(done.timing))
     print(f"ended: {done.record.stopped}")
-    print(f"results: {folder}")
     if done.verdict.failure:
         sys.exit(FAILED)

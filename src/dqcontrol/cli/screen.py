@@ -2,33 +2,40 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
-
-from rich.console import Console
 
 if TYPE_CHECKING:
     from dqcontrol.measures.tables import Table
 
 
 FAILED = 1  # exit status: a run did not do what was asked, or broke what it was to keep
-_UNWATCHED = 200  # letters a line, when nobody watches
+WIDE, COLUMNS = "DQCONTROL_WIDE", "DQCONTROL_COLUMNS"  # in the environment: what options of all commands said
+_ENDLESS = 10_000  # letters a line, with --wide and in files
 
 
 def print_table(table: Table) -> None:
-    """Print a table, folded where the window is too narrow."""
-    from dqcontrol.measures.folded import folded
+    """Print a table: as many columns as the window has room for, or those of ``--columns``, or with ``--wide`` all."""
+    from rich.console import Console
 
-    console = Console() if sys.stdout.isatty() else Console(width=_UNWATCHED)
-    for part in folded(table, console.width):
+    from dqcontrol.measures.fitted import fitted
+
+    chosen = os.environ.get(COLUMNS)
+    if chosen:
+        table = table.with_columns(chosen.split(","))
+    wide = WIDE in os.environ or not (sys.stdout.isatty() or "COLUMNS" in os.environ)
+    console = Console(width=_ENDLESS) if wide else Console()
+    for part in fitted(table, console.width, "--wide"):
         console.print(part)
 
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[..., None]]:
     """Give what shows a bar for each label on standard error, once there is one."""
+    from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
     columns = (

@@ -15,8 +15,8 @@ _KEY = re.compile(r"^(\w+):", re.MULTILINE)
 _SPEC, _ROBOT = {"robot", "robots", "reference"}, {"joints", "parts"}
 _START = (
     ("dqcontrol new my.yaml", "five questions make an experiment to run and to change"),
-    ("dqcontrol robots", "robots that come along; any .urdf file will do as well"),
-    ("dqcontrol laws", "and references, plants: what an experiment may name"),
+    ("dqcontrol list robots", "bundled robots; any .urdf file will do as well"),
+    ("dqcontrol list laws", "also references, plants: what an experiment may name"),
     ("dqcontrol doctor", "what is installed, what is missing"),
     ("dqcontrol --help", "all commands; COMMAND --help says more of one"),
 )
@@ -25,7 +25,7 @@ _START = (
 def print_start_page() -> None:
     """Print which files and results are here and what to do with them, and how to start."""
     print(
-        f"dqcontrol {dqcontrol.__version__}: bring a robot's hand where it should be, and measure how well it goes."
+        f"dqcontrol {dqcontrol.__version__}: pose control with dual quaternions: simulate, compare, deploy."
     )
     if found := list(_what_is_here(Path())):
         print("\nHere:")

@@ -48,5 +48,5 @@ def sweep(
     except KeyboardInterrupt:
         kept = "; finished parts are kept: rerun the same command to resume" * working_folder(folder).exists()
         raise KeyboardInterrupt(kept) from None
-    print_table(ranking.table())
     print(f"results: {folder}")
+    print_table(ranking.table())

@@ -52,7 +52,7 @@ def tune(
     except KeyboardInterrupt:
         kept = "; what was evaluated is kept: rerun the same command to resume"
         raise KeyboardInterrupt(kept * working_folder(folder).exists()) from None
+    print(f"results: {folder}")
     print_table(found.table())
     for remark in found.remarks():
         print(remark)
-    print(f"results: {folder}")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.experiments.check import check
@@ -27,18 +26,26 @@ class GainAdvice:
     Attributes
     ----------
     table
-        One row a law: its parameters as a spec has them, overshoot and time constant, and how far the hand lags behind
-        a target that moves at 0.1 m/s.
+        One row a law: overshoot and time constant, and how far the hand lags behind a target that moves at 0.1 m/s.
+    parameters
+        Of each law, as a spec has them.
     reasons
         In a line each.
     """
 
     table: Table
+    parameters: dict[str, dict[str, float]]
     reasons: tuple[str, ...]
 
 
 def advise_gains(
-    robot: str | Path, period: float, delay: float = 0.0, lag: float = 0.0, *, tip_link: str | None = None
+    robot: str | Path,
+    period: float,
+    delay: float = 0.0,
+    lag: float = 0.0,
+    *,
+    base_link: str | None = None,
+    tip_link: str | None = None,
 ) -> GainAdvice:
     """Return the largest gains that are good: damping ratio 0.7 or more, and twice as much is stable.
 
@@ -52,7 +59,7 @@ def advise_gains(
         From command to joint and back, s; any.
     lag
         τ of the joints' first-order lag, s; 0 for none.
-    tip_link
+    base_link, tip_link
         Of a URDF file.
 
     Raises
@@ -64,15 +71,15 @@ def advise_gains(
     --------
     >>> from dqcontrol.experiments.gain_advice import advise_gains
     >>> advice = advise_gains("iiwa7", period=0.008, delay=0.030, lag=0.050)
-    >>> dict(zip([row[0] for row in advice.table.rows], [row[1] for row in advice.table.rows]))["proportional"]
-    'gain: 6.3'
+    >>> advice.parameters["h-infinity"]
+    {'translation_gain': 6.3, 'orientation_gain': 12.6}
     """
     period = as_positive("period", period)
     plant = Servo(
         delay=as_positive("delay", delay, zero_allowed=True),
         time_constant=as_positive("lag", lag, zero_allowed=True),
     )
-    arm = load_robot(robot, None, tip_link)
+    arm = load_robot(robot, base_link, tip_link)
     model = plant.linear_model(arm, most_dexterous(arm), period)
     if model is None:
         raise ValueRangeError(
@@ -80,11 +87,12 @@ def advise_gains(
         )
     limits = gain_limits(model, period)
     gain = _round_down(limits.recommended / period)
-    laws = _laws(gain, _round_down(_stiffest(model, period)))
+    parameters = _parameters(gain, _round_down(_stiffest(model, period)))
+    laws = {kind: {"kind": kind, **each} for kind, each in parameters.items()}
     checks = check(
         {
             "name": "gains",
-            "robot": {"source": str(robot), "tip_link": tip_link},
+            "robot": {"source": str(robot), "base_link": base_link, "tip_link": tip_link},
             "start": most_dexterous(arm).tolist(),
             "period": period,
             "reference": {"kind": "set-point", "duration": _HORIZON / gain},  # long: its end is no part of it
@@ -93,32 +101,30 @@ def advise_gains(
         }
     )
     rows: list[list[Cell]] = []
-    for row, (kind, parameters) in zip(checks, laws.items(), strict=True):
+    for row, kind in zip(checks, laws, strict=True):
         slowest = min(abs(loop.gain.value) for loop in row.loops)
-        written = ", ".join(f"{key}: {value:.4g}" for key, value in parameters.items() if key != "kind")
         behind = 1e3 * _SPEED / slowest if kind in _LAGGING else 0.0
         percent = 100 * row.overshoot
-        rows.append([kind, written, percent if percent > 0.05 else 0.0, row.time_constant, behind])
+        rows.append([kind, percent if percent > 0.05 else 0.0, row.time_constant, behind])
     columns = [
         Column("law"),
-        Column("parameters"),
         Column("overshoot", "%", ".2g"),
         Column("time constant", "s", ".3g"),
-        Column(f"behind a target at {_SPEED:g} m/s", "mm", ".3g"),
+        Column(f"lag at {_SPEED:g} m/s", "mm", ".3g"),
     ]
     title = f"{arm.name}: T = {1e3 * period:.4g} ms, delay {1e3 * delay:.4g} ms, lag {1e3 * lag:.4g} ms"
-    return GainAdvice(Table(columns, rows, title), tuple(_reasons(limits, period, delay, lag, gain)))
+    return GainAdvice(Table(columns, rows, title), parameters, tuple(_reasons(limits, period, delay, lag, gain)))
 
 
 _LAGGING = ("proportional", "decoupled-proportional", "h-infinity")  # without feed-forward
 
 
-def _laws(gain: float, slow: float) -> dict[str, dict[str, Any]]:
+def _parameters(gain: float, slow: float) -> dict[str, dict[str, float]]:
     """Return laws whose loops have a gain; that of accelerations has one of its own, behind its lag 1/k_v = 1/(4 k)."""
     proportional = {"gain": gain}
-    both = {"translation_gain": gain, "orientation_gain": 2 * gain}
-    squared = {"error_weight": gain**2, "control_weight": 1.0}
-    parameters = {
+    both = {"translation_gain": gain, "orientation_gain": _four_digits(2 * gain)}
+    squared = {"error_weight": _four_digits(gain**2), "control_weight": 1.0}
+    return {
         "proportional": proportional,
         "proportional-feedforward": proportional,
         "decoupled-proportional": proportional,
@@ -126,9 +132,8 @@ def _laws(gain: float, slow: float) -> dict[str, dict[str, Any]]:
         "h-infinity-tracking": both,
         "linear-quadratic-r8": squared,
         "linear-quadratic-dq": squared,
-        "feedback-linearization": {"stiffness": 16 * slow**2, "damping": 4 * slow},
+        "feedback-linearization": {"stiffness": _four_digits(16 * slow**2), "damping": _four_digits(4 * slow)},
     }
-    return {kind: {"kind": kind, **each} for kind, each in parameters.items()}
 
 
 def _stiffest(model: LinearModel, period: float) -> float:
@@ -155,6 +160,10 @@ def _reasons(limits: GainLimits, period: float, delay: float, lag: float, gain: 
         "which an integral_gain up to k²/4 removes"
     )
     return lines
+
+
+def _four_digits(value: float) -> float:
+    return float(f"{value:.4g}")
 
 
 def _round_down(value: float) -> float:

@@ -137,7 +137,7 @@ class Jog:
 
     @property
     def status(self) -> str:
-        """Where the hand is, what keys mean, and `condition`, in one line: what a narrow window cuts stands last."""
+        """Where the hand is, what keys mean, and `condition`."""
         x, y, z = translation(self.pose)
         keys = f"{self.share * self.speeds.linear:.2g} m/s {self.share * self.speeds.angular:.2g} rad/s"
         axes = "hand" if self.of_hand else "base"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -64,15 +64,15 @@ class Table:
         return f"Table({title}{len(self.rows)} × {len(self.columns)})"
 
     def __str__(self) -> str:
-        """Return it as the terminal shows it, folded where the window is too narrow."""
+        """Return it as the terminal shows it, with as many columns as fit."""
         from rich.console import Console
 
-        from dqcontrol.measures.folded import folded
+        from dqcontrol.measures.fitted import fitted
 
         width = shutil.get_terminal_size((_UNWATCHED, 24)).columns
         console = Console(file=io.StringIO(), width=width, color_system=None)
         with console.capture() as capture:
-            for part in folded(self, width):
+            for part in fitted(self, width, "markdown()"):
                 console.print(part)
         return capture.get().rstrip("\n")
 
@@ -94,6 +94,21 @@ class Table:
     def spread(self) -> list[bool]:
         """Tell which columns hold numbers with their spread."""
         return [any(isinstance(row[i], PlusMinus) for row in self.rows) for i in range(len(self.columns))]
+
+    def with_columns(self, names: Iterable[str]) -> Table:
+        """Return its first column and those whose titles begin so, in the order asked for.
+
+        Raises `UnknownNameError` for a name that begins none.
+        """
+        chosen = [0]
+        for name in names:
+            wanted = name.strip().casefold()
+            found = [i for i, column in enumerate(self.columns) if column.title.casefold().startswith(wanted)]
+            if not found:
+                raise unknown_name("columns", name.strip(), (column.title for column in self.columns))
+            chosen += [i for i in found if i not in chosen]
+        columns = [self.columns[i] for i in chosen]
+        return Table(columns, [[row[i] for i in chosen] for row in self.rows], self.title)
 
     def rich(self, widths: Sequence[int] | None = None) -> RichTable:
         """Return it for ``rich.print``, safe against markup in cells; columns perhaps of given widths, in letters."""

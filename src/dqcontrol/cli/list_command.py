@@ -1,4 +1,4 @@
-"""List the kinds of laws, motions and plants that experiments may name."""
+"""List the laws, references, plants and robots that experiments may name."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import re
 from typing import Any, get_args
 
 import msgspec
+from cyclopts import App
 
 from dqcontrol.cli.screen import print_table
 
@@ -23,25 +24,51 @@ _SHARED = {
 }
 
 
+kinds: App = App(name="list", help="List the laws, references, plants and robots that experiments may name.")
+
+
+@kinds.command
 def laws() -> None:
-    """List the kinds of laws for the key law of an experiment, one line each; docs/laws.md has their formulas."""
+    """List the kinds of laws for the key law of an experiment; docs/laws.md has their formulas."""
     from dqcontrol.experiments.spec import AnyLaw
 
     _print_kinds("law", AnyLaw)
 
 
+@kinds.command
 def references() -> None:
-    """List the kinds of motions for the key reference of an experiment, one line each."""
+    """List the kinds of motions for the key reference of an experiment."""
     from dqcontrol.experiments.spec.reference_spec import AnyReference
 
     _print_kinds("reference", AnyReference, hidden="object")
 
 
+@kinds.command
 def plants() -> None:
-    """List the kinds of plants for the key plant of an experiment, one line each."""
+    """List the kinds of plants for the key plant of an experiment."""
     from dqcontrol.experiments.spec import AnyPlant
 
     _print_kinds("plant", AnyPlant)
+
+
+@kinds.command
+def robots() -> None:
+    """List the robots that come with dqcontrol."""
+    from dqcontrol.measures.tables import Column, Table
+    from dqcontrol.robots import describe, load_robot, robot_names
+
+    rows = []
+    for name in robot_names():
+        about = describe(load_robot(name))
+        rows.append([name, about.bases or None, len(about.joints), about.reach, about.mass])
+    columns = (
+        Column("robot"),
+        Column("base"),
+        Column("coordinates"),
+        Column("reach", "m"),
+        Column("moving mass", "kg"),
+    )
+    print_table(Table(columns, rows))
 
 
 def _print_kinds(title: str, union: Any, hidden: str = "") -> None:

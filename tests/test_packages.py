@@ -1,4 +1,4 @@
-"""The order of the house: one name for one thing, and no room that holds all the others."""
+"""The order of the code base: one name for one thing, and no package that holds all the others."""
 
 import ast
 from collections import Counter

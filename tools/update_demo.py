@@ -1,4 +1,4 @@
-"""Put the demo's table and pictures into the README: `make demo`, then this."""
+"""Put the demo's table, pictures and clip into the documentation: `make demo`, then this."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ BEGIN, END = "<!-- demo table: begin -->", "<!-- demo table: end -->"
 
 
 def main(results: Path) -> None:
-    """Copy the picture and the error plot, and replace the table."""
-    shutil.copy(results.with_suffix(".png"), PICTURES / "demo.png")
+    """Copy picture, clip and error plot, and replace the table."""
+    for suffix in (".png", ".webp"):
+        shutil.copy(results.with_suffix(suffix), PICTURES / f"demo{suffix}")
     shutil.copy(results / "errors.png", PICTURES / "demo-errors.png")
-    readme = ROOT / "README.md"
-    before, _, rest = readme.read_text(encoding="utf-8").partition(BEGIN)
+    page = ROOT / "docs/examples.md"
+    before, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
     table = "".join((results / "table.md").read_text(encoding="utf-8").partition("|")[1:]).strip()
-    readme.write_text(f"{before}{BEGIN}\n{table}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+    page.write_text(f"{before}{BEGIN}\n{table}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
 
 
 if __name__ == "__main__":
