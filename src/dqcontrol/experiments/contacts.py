@@ -43,6 +43,7 @@ from dqcontrol.robots.bases import CLEARANCE, Chassis, DifferentialDrive
 from dqcontrol.robots.collision_shapes import known_shapes
 from dqcontrol.robots.link_shapes import LinkShape, moved_rows
 from dqcontrol.robots.robot import base_coordinates
+from dqcontrol.robots.roller_bases import RollerBase
 from dqcontrol.robots.urdf import UrdfTree
 from dqcontrol.robots.urdf_xml import CheckedXml
 
@@ -426,6 +427,8 @@ def _bodies(robot: Robot, first: int, *, fitted: bool) -> list[LinkShape]:
     if isinstance(drive, DifferentialDrive) and not any(0 < each.frame < first for each in known):
         axle = np.array([[0.0, side * drive.half_track, drive.wheel_radius] for side in (-1.0, 1.0)])
         known.append(LinkShape("wheels", first - 1, Capsule(axle[0], axle[1], drive.wheel_radius)))
+    if isinstance(drive, RollerBase) and not any(0 < each.frame < first for each in known):
+        known.append(LinkShape("wheels", first - 1, drive.around_wheels))
     ends = [end for end in robot.ends if end + 1 > 0]
     names = [HAND] if len(ends) == 1 else [f"{HAND} {k + 1}" for k in range(len(ends))]
     return known + [
