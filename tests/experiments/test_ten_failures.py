@@ -1,4 +1,4 @@
-"""Ten runs that fail in ten ways, and good ones: the first line and the exit status say it, with cause and number."""
+"""Runs that fail in ten ways and more, and good ones: the first line and the exit status say it, with the cause."""
 
 import re
 import sys
@@ -141,8 +141,25 @@ FAILURES = {
         r"crossed: ball −\d+\.?\d* mm \(link_\d\) at [\d.]+ s; ",
     ),
 }
+BEYOND = {"kind": "proportional", "gain": 205}  # 1/s; at 10 ms the largest stable one is 200
+SHAKES = r"shakes: joint_\d turns back 9\d times a second, at \d+\.?\d* % of its velocity limit on average; "
+FAILURES |= {
+    "shakes": (IIWA | IDEAL | LIMITED | going(4, 0, 0.1, 0) | {"law": BEYOND}, f"{SHAKES}reached"),
+    "shakes under a supervisor": (
+        IIWA | IDEAL | LIMITED | going(4, 0, 0.1, 0) | {"law": BEYOND, "supervisor": True},
+        f"{SHAKES}held by the supervisor: acceleration limit for [4-9]\\d % of the time; reached",
+    ),
+    "shakes on a circle": (
+        IIWA
+        | IDEAL
+        | {"reference": {"kind": "circle", "radius": 0.06, "duration": 4}, "supervisor": True}
+        | {"law": FEED_FORWARD | {"gain": 250}},
+        f"{SHAKES}held by the supervisor: acceleration limit for [4-9]\\d % of the time; ",
+    ),
+}
 PHYSICS = ("table", "grip", "toppled")
 GOOD = {
+    "a stiff loop": (IIWA | IDEAL | LIMITED | going(4, 0, 0.1, 0) | {"law": K | {"gain": 190}}, "reached"),
     "reached": (IIWA | IDEAL | LIMITED | going(4, 0, 0.1, 0) | {"law": K}, "reached"),
     "followed": (
         IIWA | IDEAL | {"reference": {"kind": "circle", "radius": 0.06, "duration": 4}, "law": FEED_FORWARD},

@@ -46,6 +46,9 @@ _BEHIND = (
 )
 _ENDED = 0.1  # s before the end of a run
 _TURNS_BACK = 0.1  # s; servos, which lag by less, still move away after a constraint has ceased to press
+_END = 0.1, 0.2  # of a run, and s at least: where it is looked at whether it shakes
+_TURNS = 10.0  # a second: faster than arms are led
+_SHAKING = 0.01  # of a velocity limit: ten times what 14 bit encoders make of a gain of 5 1/s
 _SAID = 2  # causes in one line
 _OF_THE_LAW = 1  # level of its task
 _SHAPES = ("circle", "spiral", "square", "drawing")
@@ -148,6 +151,7 @@ class Judge:
             *(("contact", words) for words in self._touched(record)),
             *(("limits", words) for words in self._limits(record, metrics)),
             *(("grip", words) for words in self._grip(record)),
+            *(("task", words) for words in self._shakes(record, metrics)),
         ]
         further = [] if self._tasks is None else list(self._further(record, self._tasks, skip_initial))
         found.extend(("task", words) for words, failed in further if failed)
@@ -289,6 +293,26 @@ class Judge:
         if len(scene.cubes) - len(outside) < min(carried, len(scene.cubes)):
             nearest = int(np.argmin(outside))
             yield f"not placed: {names[nearest]} {_length(outside[nearest])} from the basket"
+
+    def _shakes(self, record: Record, metrics: Metrics) -> Iterator[str]:
+        """Yield which input goes back and forth at the end of a run most, and what the supervisor held it by."""
+        if not metrics.peak_velocity_share > _SHAKING:
+            return
+        share, least = _END
+        first = int(np.searchsorted(record.time, record.time[-1] - max(share * record.duration, least)))
+        command = record.command[first:-1]
+        lasted = float(record.time[-1] - record.time[first])
+        turns = np.count_nonzero(command[1:] * command[:-1] < 0, axis=0) / lasted
+        sizes = np.abs(command).mean(axis=0) / self.robot.limits.velocity
+        shaking = (turns >= _TURNS) & (sizes > _SHAKING)
+        if shaking.any():
+            i = int(np.where(shaking, sizes, 0.0).argmax())
+            yield (
+                f"shakes: {record.input_names[i]} turns back {turns[i]:.0f} times a second, at "
+                f"{100 * sizes[i]:.3g} % of its velocity limit on average"
+            )
+            if held := _braked(record):
+                yield held
 
     def _further(
         self, record: Record, tasks: PreparedTasks, skip_initial: float
