@@ -4,10 +4,10 @@ One rule gives them all:
 
 1. A sentence has cases: the laws, sets of gains, paths, robots and criteria that it names; where it names none, those
    of its experiment.
-2. A case is not tested where the law did not follow its path here, and where it holds or fails with a choice of ours
-   that the source does not tell and that was made with its numbers in view.
-3. Supported: all cases hold. Not supported: none that was tested holds. Partly supported: some hold, and others fail or
-   were not tested; the verdict names them. Cannot be decided: none was tested, for the reason named.
+2. A case is not tested where the law did not follow its path here. It depends on what the source does not tell where it
+   holds with one choice of that and fails with another.
+3. Supported: all cases hold. Not supported: none holds, and one fails. Partly supported: some hold, and others do not;
+   the verdict names them. Depends on: none holds or fails whatever is chosen. Cannot be decided: none was tested.
 4. A difference that a sentence speaks of has to be larger than what the same law shows again: sets of weights that are
    one controller differ in nothing.
 5. A cause that a sentence names holds only if the effect is missing without it.
@@ -26,7 +26,9 @@ from dqcontrol_theses.printed import Claim
 DID_NOT_FOLLOW = "the law did not follow"
 ABOUT_THE_ROBOT = "it is about the robot"
 ABOUT_THE_PROGRAM = "it is about the source's program"
-HANGS_ON_A_CHOICE = "it hangs on what the source does not tell"
+
+Case = bool | str | None
+"""Whether a sentence holds of a case; None where that was not tested, a text where it depends on what that names."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +42,8 @@ class Judgement:
     number
         What was found.
     why_not
-        Of what cannot be decided: why, as `DID_NOT_FOLLOW`, `ABOUT_THE_ROBOT`, `ABOUT_THE_PROGRAM` or
-        `HANGS_ON_A_CHOICE`; empty if the number says it.
+        Of what cannot be decided: why, as `DID_NOT_FOLLOW`, `ABOUT_THE_ROBOT` or `ABOUT_THE_PROGRAM`; empty if the
+        number says it.
     partly
         Of what holds in part: which cases hold, and which do not.
     depends_on
@@ -65,17 +67,15 @@ class Judgement:
         return VerdictCell(f"{words}: {self.why_not}" if self.why_not else words, self.holds)
 
 
-def by_cases(cases: Mapping[str, bool | None], number: str, untested: str = DID_NOT_FOLLOW) -> Judgement:
+def by_cases(cases: Mapping[str, Case], number: str) -> Judgement:
     """Return the verdict that the cases of a sentence give.
 
     Parameters
     ----------
     cases
-        By what they are of: whether it holds there; None where that was not tested.
+        By what they are of.
     number
         What was found.
-    untested
-        Why a case was not tested.
 
     Examples
     --------
@@ -83,15 +83,26 @@ def by_cases(cases: Mapping[str, bool | None], number: str, untested: str = DID_
     'partly supported: K; not LQR-DQ; not tested HIR, the law did not follow'
     >>> str(by_cases({"LQR-DQ": False, "HIR": None}, "").verdict)
     'not supported'
+    >>> str(by_cases({"LQR-R8": "the solver"}, "").verdict)
+    'depends on the solver'
     """
-    hold, fail, left = (
-        ", ".join(name for name, holds in cases.items() if holds is wanted) for wanted in (True, False, None)
-    )
+    named: dict[Case, list[str]] = {}
+    for name, case in cases.items():
+        named.setdefault(case, []).append(name)
+    hold, fail, untested = (", ".join(named.pop(each, [])) for each in (True, False, None))
+    if not hold and fail:
+        return Judgement(False, number)
     if not hold:
-        return Judgement(False if fail else None, number, "" if fail else untested)
-    if not fail and not left:
+        choices = " and ".join(map(str, named))
+        return Judgement(None, number, "" if choices else DID_NOT_FOLLOW, depends_on=choices)
+    if not fail and not untested and not named:
         return Judgement(True, number)
-    parts = [hold, f"not {fail}" if fail else "", f"not tested {left}, {untested}" if left else ""]
+    parts = [hold, f"not {fail}" if fail else ""]
+    parts += [
+        f"{', '.join(names)} {'depends' if len(names) == 1 else 'depend'} on {choice}"
+        for choice, names in named.items()
+    ]
+    parts += [f"not tested {untested}, {DID_NOT_FOLLOW}"] if untested else []
     return Judgement(None, number, partly="; ".join(filter(None, parts)))
 
 

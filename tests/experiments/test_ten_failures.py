@@ -1,4 +1,4 @@
-"""Ten runs that fail in ten ways, and good ones: the first line and the exit status say it, with cause and number."""
+"""Runs that fail in ten ways and more, and good ones: the first line and the exit status say it, with the cause."""
 
 import re
 import sys
@@ -141,8 +141,25 @@ FAILURES = {
         r"crossed: ball −\d+\.?\d* mm \(link_\d\) at [\d.]+ s; ",
     ),
 }
+BEYOND = {"kind": "proportional", "gain": 205}  # 1/s; at 10 ms the largest stable one is 200
+SHAKES = r"shakes: joint_\d turns back 9\d times a second, at \d+\.?\d* % of its velocity limit on average; "
+FAILURES |= {
+    "shakes": (IIWA | IDEAL | LIMITED | going(4, 0, 0.1, 0) | {"law": BEYOND}, f"{SHAKES}reached"),
+    "shakes under a supervisor": (
+        IIWA | IDEAL | LIMITED | going(4, 0, 0.1, 0) | {"law": BEYOND, "supervisor": True},
+        f"{SHAKES}held by the supervisor: acceleration limit for [4-9]\\d % of the time; reached",
+    ),
+    "shakes on a circle": (
+        IIWA
+        | IDEAL
+        | {"reference": {"kind": "circle", "radius": 0.06, "duration": 4}, "supervisor": True}
+        | {"law": FEED_FORWARD | {"gain": 250}},
+        f"{SHAKES}held by the supervisor: acceleration limit for [4-9]\\d % of the time; ",
+    ),
+}
 PHYSICS = ("table", "grip", "toppled")
 GOOD = {
+    "a stiff loop": (IIWA | IDEAL | LIMITED | going(4, 0, 0.1, 0) | {"law": K | {"gain": 190}}, "reached"),
     "reached": (IIWA | IDEAL | LIMITED | going(4, 0, 0.1, 0) | {"law": K}, "reached"),
     "followed": (
         IIWA | IDEAL | {"reference": {"kind": "circle", "radius": 0.06, "duration": 4}, "law": FEED_FORWARD},
@@ -199,3 +216,42 @@ def test_a_failure_is_said_first_with_cause_and_number_and_by_the_exit_status(na
 def test_a_good_run_says_so_and_ends_with_0(name, said):
     spec, words = GOOD[name]
     assert said(spec) == (words, 0)
+
+
+TWO_ARMS = {
+    "robot": {"source": "two-pandas", "task": "left"},
+    "start": [-0.1, -0.5, 0.1, -2.2, 0.1, 1.7, 0.8, 0.3, -0.7, -0.2, -2.1, -0.1, 1.5, 0.7],
+    "period": 0.01,
+    "law": {"kind": "proportional-feedforward", "gain": 5},
+    "reference": {"kind": "circle", "radius": 0.05, "duration": 2},
+}
+AWAY = {"kind": "set-point", "duration": 2, "offset": {"translation": [0.0, 0.0, 0.1]}}
+FURTHER = {
+    "kept": ([{"task": "right", "gain": 5, "level": 0}], r"followed; right: kept$", 0),
+    "reached": ([{"task": "right", "gain": 5, "reference": AWAY}], r"followed; right: reached$", 0),
+    "short": (
+        [{"task": "right", "gain": 0.5, "level": 1, "reference": AWAY}],
+        r"right: not reached: still moves 4\d\.\d mm off; followed",
+        1,
+    ),
+    "in the way": (
+        [{"task": "relative", "gain": 5, "level": 0}, {"task": "right", "gain": 5, "level": 1}],
+        r"right: not kept: errs by \d+\.?\d* mm, 3.\d° RMS; not followed",
+        1,
+    ),
+    "what is left": (
+        [{"task": "relative", "gain": 5, "level": 2}, {"task": "right", "gain": 5, "level": 1}],
+        r"followed; left seen from right: not kept: errs by \d\d\.?\d* mm RMS; right: kept$",
+        0,
+    ),
+    "nothing asked": ([{"task": "relative", "gain": 0, "level": 0}], r"(not )?followed[^;]*$", None),
+}
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", FURTHER)
+def test_further_tasks_are_judged_too(name, said):
+    tasks, words, status = FURTHER[name]
+    found = said(TWO_ARMS | IDEAL | {"tasks": tasks})
+    assert re.match(words, found[0]), found[0]
+    assert status is None or found[1] == status

@@ -67,20 +67,21 @@ def test_only_the_part_that_a_law_controls_is_judged():
         "plant": SERVO,
     }
     part = dqc.run(base | {"law": {"kind": "partial-proportional", "part": "position", "gain": 15}})
-    assert part.metrics.task == "followed"
+    assert part.task.words == "followed"
     assert part.metrics.orientation.rms > 5
-    assert dqc.run(base | {"law": part.law}).metrics.task == "followed"
+    assert dqc.run(base | {"law": part.law}).task.words == "followed"
     spec = IIWA | {"reference": {"kind": "set-point", "duration": 4, "offset": {"rotation": [0.5, 0, 0]}}}
     spec["law"] = {"kind": "partial-proportional", "part": "axis", "gain": 4, "axis": [1, 0, 0]}
     turned = dqc.run(spec | {"plant": SERVO})
-    assert turned.metrics.task == "reached", "about the axis itself nothing is asked for"
+    assert turned.task.words == "reached", "about the axis itself nothing is asked for"
 
 
 def test_a_run_that_falls_short_says_by_how_much_and_what_helps():
     spec = IIWA | {"law": {"kind": "proportional", "gain": 1}, "plant": SERVO}
     spec["reference"] = {"kind": "set-point", "duration": 1, "offset": {"translation": [0, 0.2, 0]}}
     with pytest.warns(
-        TaskWarning, match=r"^proportional · servo: not reached: still moves .* mm, .*° off: .*duration"
+        TaskWarning,
+        match=r"^proportional · servo: too late: .*; not reached: still moves .* mm, .*° off: .*duration",
     ):
         run = dqc.run(spec)
     rows: dict[Any, Any] = {row[0]: row for row in run_verdicts(run, None).rows}
@@ -170,7 +171,7 @@ def test_physics_reaches_at_the_recommended_gain_far_from_the_target():
     checks = check(PANDA)
     assert checks[0].verdict == "oscillatory" or checks[0].worst.limits.recommended / 0.008 >= 14
     run = dqc.run(PANDA)
-    assert run.metrics.task == "reached"
+    assert run.task.words == "reached"
     assert run.metrics.peak_velocity_share == pytest.approx(1)
     assert 0 < run.metrics.saturation < 0.2
     assert "velocity: true" in run.spec
@@ -235,14 +236,14 @@ def test_a_law_that_rests_in_a_singularity_says_so(kind):
     ):
         run = dqc.experiments.run(spec)
     assert run.task.is_singular
-    assert run.metrics.task == "not reached: rests 100 mm off in a singularity"
+    assert run.task.words == "not reached: rests 100 mm off in a singularity"
 
 
 def test_what_is_offered_leads_out_of_a_singularity():
     out = {"kind": "proportional", "gain": 5.0, "null_space": {"kind": "manipulability", "gain": 1.0}}
     spec = UPRIGHT | {"law": out}
     assert not any("singularity" in remark for remark in check(spec).remarks())
-    assert dqc.experiments.run(spec).metrics.task == "reached"
+    assert dqc.experiments.run(spec).task.words == "reached"
 
 
 def test_a_goal_beside_the_lost_direction_is_no_singular_start():
@@ -251,4 +252,4 @@ def test_a_goal_beside_the_lost_direction_is_no_singular_start():
         "start": [0, 0.5, 0, 0, 0, 0, 0],
     }
     assert not any("singularity" in remark for remark in check(spec).remarks())
-    assert dqc.experiments.run(spec).metrics.task == "reached"
+    assert dqc.experiments.run(spec).task.words == "reached"

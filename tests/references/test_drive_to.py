@@ -190,3 +190,33 @@ def test_a_base_of_unknown_width_is_not_planned_for():
     assert set(body.radius[~body.carried]) == {chassis.radius, 0.0}  # of the wheels, too
     assert across(wide, start) >= chassis.radius
     assert DriveTo.pose(wide, start, goal, floor=floor).duration > 0
+
+
+@pytest.mark.parametrize(
+    ("base", "half"),
+    [
+        (
+            dqc.MecanumBase(wheel_radius=0.05, half_track=0.15, half_wheelbase=0.24, rim_speed=0.8),
+            (0.29, 0.17),
+        ),
+        (dqc.OmniBase(wheel_radius=0.05, wheel_distance=0.2, first_angle=0.0, rim_speed=0.8), (0.22, 0.2155)),
+    ],
+    ids=["mecanum", "omni"],
+)
+def test_a_base_on_rollers_is_at_least_as_wide_as_its_wheels(base, half):
+    """Without a size it is the box around them; a base that moves in any direction and has no wheels needs one."""
+    robot = dqc.WholeBody([base, dqc.load_robot("ax18")])
+    start = np.array([0, 0, 0.5, 0, -0.9, 0.9, 0.9, 0])
+    body = body_points(robot, start)
+    c, s = np.cos(0.5), np.sin(0.5)
+    own = body.points[~body.carried, :2] @ np.array([[c, -s], [s, c]])
+    radius = body.radius[~body.carried]
+    ends = (np.abs(own) + radius[:, None]).max(axis=0)
+    assert (np.array(half) - 1e-3 <= ends).all()
+    assert (ends <= np.array(half) + 0.025).all()
+    floor = dqc.geometry.FloorMap([[[1, 0.5], [1.4, 0.5], [1.4, 0.9], [1, 0.9]]])
+    goal = robot.fkm([0.5, 0, 0, 0, -0.9, 0.9, 0.9, 0])
+    assert DriveTo.pose(robot, start, goal, floor=floor).duration > 0
+    bare = dqc.WholeBody([dqc.HolonomicBase(speed=0.5, turn_rate=1.0), dqc.load_robot("ax18")])
+    with pytest.raises(ShapeError, match="a holonomic base a size"):
+        DriveTo.pose(bare, start, goal, floor=floor)

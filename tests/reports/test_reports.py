@@ -321,7 +321,8 @@ def test_the_verdicts_of_repeats_count_those_that_failed():
         "seed": 0,
         "stopped": "duration",
         "limit_margin": 0.1,
-        "task": "reached",
+        "verdict": "reached",
+        "failure": "",
     }
     bad = row | {"repeat": 1, "stopped": "diverged at 1 s", "limit_margin": -0.2}
     rows: Any = study_verdicts([row | {"repeat": 0}, bad]).rows

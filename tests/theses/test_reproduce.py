@@ -166,13 +166,16 @@ def test_sentences_on_laws_that_did_not_follow_are_not_decided():
 
 def test_one_rule_gives_all_verdicts():
     def verdict(**cases):
-        return str(by_cases(cases, "", "its reason").verdict)
+        return str(by_cases(cases, "").verdict)
 
     assert verdict(a=True, b=True) == "supported"
     assert verdict(a=False, b=False) == verdict(a=False, b=None) == "not supported"
-    assert verdict(a=None, b=None) == "cannot be decided: its reason"
+    assert verdict(a=None, b=None) == "cannot be decided: the law did not follow"
+    assert verdict(a="the goal") == verdict(a="the goal", b=None) == "depends on the goal"
+    assert verdict(a="the goal", b=False) == "not supported"
     assert verdict(a=True, b=False) == "partly supported: a; not b"
-    assert verdict(a=True, b=None) == "partly supported: a; not tested b, its reason"
+    assert verdict(a=True, b=None) == "partly supported: a; not tested b, the law did not follow"
+    assert verdict(a=True, b="the goal") == "partly supported: a; b depends on the goal"
 
 
 def test_sets_of_weights_that_are_one_controller_differ_in_nothing():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -15,6 +16,7 @@ from dqcontrol import algebra
 from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, inline, kernel
+from dqcontrol.errors import CollisionWarning
 from dqcontrol.geometry import Box, Capsule, FloorMap, Plane, Shape, Sphere, distance_kernels as kernels
 from dqcontrol.geometry.distance_kernels import (
     ALONG,
@@ -35,11 +37,13 @@ from dqcontrol.laws.constrained.kept_scene import Surroundings
 from dqcontrol.loop.record import Record
 from dqcontrol.plants import CompliantPlant, MobilePlant, Plant
 from dqcontrol.plants.mobile.scene import TableBlock
+from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot, SerialArm, TwoArms, WholeBody
-from dqcontrol.robots.bases import DifferentialDrive
+from dqcontrol.robots.bases import CLEARANCE, Chassis, DifferentialDrive
 from dqcontrol.robots.collision_shapes import known_shapes
 from dqcontrol.robots.link_shapes import LinkShape, moved_rows
 from dqcontrol.robots.robot import base_coordinates
+from dqcontrol.robots.roller_bases import RollerBase
 from dqcontrol.robots.urdf import UrdfTree
 from dqcontrol.robots.urdf_xml import CheckedXml
 
@@ -216,15 +220,19 @@ class Contacts:
 
     def of_run(self, record: Record) -> list[Contact]:
         """Return where a run went through something, the deepest first."""
-        if not self._watched or not np.isfinite(record.q).all():
+        if not np.isfinite(record.q).all():
             return []
-        depths, samples = self._deepest(record)
-        found = [
-            Contact(each.words, float(depth), float(record.time[k]))
-            for each, depth, k in zip(self._watched, depths, samples, strict=True)
-            if depth > _TOUCH
-        ]
-        return sorted(found, key=lambda contact: -contact.depth)
+        found = []
+        if self._watched:
+            depths, samples = self._deepest(record)
+            found = [
+                Contact(each.words, float(depth), float(record.time[k]))
+                for each, depth, k in zip(self._watched, depths, samples, strict=True)
+            ]
+        inside = _inside_chassis(self._robot, record.q, record.position)
+        k = int(inside.argmax())
+        found.append(Contact(f"in its own base: {HAND}", float(inside[k]), float(record.time[k])))
+        return sorted((each for each in found if each.depth > _TOUCH), key=lambda contact: -contact.depth)
 
     def _deepest(self, record: Record) -> tuple[Array, NDArray[np.intp]]:
         """Return how deep each pair got into each other, m, shape (P,), and at which sample.
@@ -339,6 +347,48 @@ class Contacts:
         return names
 
 
+def check_floor(robot: Robot, q0: Array, samples: Array) -> None:
+    """Warn if a hand on a mobile base starts inside the base or below the floor, or is to go below it.
+
+    Parameters
+    ----------
+    robot, q0
+        Where it starts, shape (n,).
+    samples
+        Desired motion, shape (N, 21), inertial frame.
+    """
+    if not isinstance(robot, WholeBody) or not base_coordinates(robot)[0]:
+        return
+    hand = algebra.translation(robot.fkm(q0))
+    inside = max(-hand[2], _inside_chassis(robot, q0[None], hand[None])[0])
+    if inside > 0:
+        warnings.warn(
+            f"start: the hand of {robot.name} is {1e3 * inside:.0f} mm inside its chassis or the floor; nothing stops "
+            "it there",
+            CollisionWarning,
+            stacklevel=4,
+        )
+    height = algebra.translation(samples[:, POSE])[:, 2]
+    lowest = int(height.argmin())
+    if height[lowest] < 0:
+        warnings.warn(
+            f"reference: at t = {samples[lowest, TIME]:.3g} s the hand shall be {-1e3 * height[lowest]:.0f} mm below "
+            "the floor (z = 0), which does not stop it",
+            CollisionWarning,
+            stacklevel=4,
+        )
+
+
+def _inside_chassis(robot: Robot, q: Array, position: Array) -> Array:
+    """Return how deep points (N, 3) are in a chassis, an upright cylinder, m; negative beside and above it."""
+    chassis = getattr(robot.parts[0], "chassis", None) if isinstance(robot, WholeBody) else None
+    if not isinstance(chassis, Chassis):
+        return np.full(len(q), -np.inf)
+    beside = chassis.radius - np.linalg.norm(position[:, :2] - q[:, :2], axis=1)
+    over = 0.5 * chassis.height - np.abs(position[:, 2] - CLEARANCE - 0.5 * chassis.height)
+    return np.minimum(beside, over)
+
+
 def _still(name: str, shape: Shape) -> LinkShape:
     return LinkShape(name, 0, shape)  # type: ignore[arg-type]  # also a plane or an endless cylinder, as none is a link
 
@@ -377,6 +427,8 @@ def _bodies(robot: Robot, first: int, *, fitted: bool) -> list[LinkShape]:
     if isinstance(drive, DifferentialDrive) and not any(0 < each.frame < first for each in known):
         axle = np.array([[0.0, side * drive.half_track, drive.wheel_radius] for side in (-1.0, 1.0)])
         known.append(LinkShape("wheels", first - 1, Capsule(axle[0], axle[1], drive.wheel_radius)))
+    if isinstance(drive, RollerBase) and not any(0 < each.frame < first for each in known):
+        known.append(LinkShape("wheels", first - 1, drive.around_wheels))
     ends = [end for end in robot.ends if end + 1 > 0]
     names = [HAND] if len(ends) == 1 else [f"{HAND} {k + 1}" for k in range(len(ends))]
     return known + [

@@ -18,7 +18,7 @@ from msgspec import UNSET
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.kernel_cache import source_hash
 from dqcontrol.errors import ReachError, ShapeError, ValueRangeError, error_prefix
-from dqcontrol.experiments.clearance import check_clearance
+from dqcontrol.experiments.contacts import check_floor
 from dqcontrol.experiments.reach import check_reach
 from dqcontrol.experiments.results_folder import folder_names
 from dqcontrol.experiments.slips import degrees_slip, length_slip, note_turns
@@ -299,7 +299,7 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
         check_reach(robot, start, samples)
     except ReachError as error:
         raise ReachError(f"{error}{length_slip(spec.reference, robot)}") from None
-    check_clearance(robot, start, samples)
+    check_floor(robot, start, samples)
     return PreparedRobot(robot, start, reference, samples, _tasks(spec, robot, start, folder, times))
 
 
@@ -312,13 +312,9 @@ def _widest(spec: Spec, robot: Robot) -> Robot:
 
 def _tasks(spec: Spec, robot: Robot, start: Array, folder: Path, times: Array) -> PreparedTasks | None:
     """Return what is to be done beside the law's task; raise if a task's reference is out of reach."""
-    if spec.tasks is None:
+    tasks = spec.prepared_tasks(robot, start, folder, times)
+    if tasks is None:
         return None
-    further = []
-    for i, each in enumerate(spec.tasks):
-        with error_prefix(f"tasks[{i}]"):
-            further.append(each.further_task(robot, start, folder))
-    tasks = PreparedTasks(robot, further, start, times)
     for i, (task, samples, part) in enumerate(zip(tasks.tasks, tasks.samples, tasks.parts, strict=True)):
         if task is not None and task.kind != "center_of_mass" and part in ("pose", "position"):
             with error_prefix(f"tasks[{i}]"):

@@ -16,7 +16,6 @@ from msgspec.structs import replace as replace_field
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.check import LoopCheck, warn_unstable
-from dqcontrol.experiments.clearance import least_clearance
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare
 from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.results_folder import PARENT, new_folder
@@ -178,7 +177,11 @@ class Run:
         spec = self._parts
         if spec is None:
             return Judge(self.robot)
-        return Judge.of(spec, self.robot, spec.variants[0].law, next(iter(spec.plant_by_label.values())))
+        times = spec.period * np.arange(len(self.record), dtype=np.float64)
+        tasks = spec.prepared_tasks(self.robot, self.record.q[0], Path(), times)
+        return Judge.of(
+            spec, self.robot, spec.variants[0].law, next(iter(spec.plant_by_label.values())), tasks
+        )
 
     @cached_property
     def task(self) -> TaskResult:
@@ -275,7 +278,6 @@ def measure(
     shown = as_measured(record, robot, metrics_from)
     skip_initial = min(skip_initial, record.duration)
     metrics = evaluate(shown, limits, skip_initial=skip_initial, law=law, robot=robot, low_pass=low_pass)
-    metrics = replace(metrics, hand_clearance=least_clearance(robot, shown))
     verdict = (judge or Judge(robot, law, plant)).verdict(shown, metrics, skip_initial)
     return replace(metrics, verdict=verdict.words, failure=verdict.failure)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -24,6 +25,7 @@ from dqcontrol.measures.margins import AT_LIMIT, UNSEEN
 
 Trials = Sequence[Mapping[str, Any]]  # metrics of the repeats of one case
 
+_MISSED = re.compile("not (reached|followed|kept)")
 _ROUNDING = 1e-9
 _OFTEN = 0.1  # of the samples at a velocity limit
 
@@ -93,16 +95,18 @@ def not_done(case: Combination, trials: Trials) -> str:
     """Say what is left of the task of one case, and what helps; nothing if all repeats did it."""
     if lost := [trial for trial in trials if trial["failure"] == "grip"]:
         return f"{case.names.label}: {lost[0]['verdict']}{_count(lost, trials, ', ')}"
-    short = [trial for trial in trials if trial["failure"] and str(trial["task"]).startswith("not ")]
+    short = [trial for trial in trials if trial["failure"] and _MISSED.search(str(trial["verdict"]))]
     if not short:
         return ""
     worst = max(short, key=lambda trial: trial["final_error"] or 0.0)
     help_ = "; ".join(_remedies(case, worst))
-    return f"{case.names.label}: {worst['task']}{_count(short, trials, ', ')}{': ' if help_ else ''}{help_}"
+    return (
+        f"{case.names.label}: {worst['verdict']}{_count(short, trials, ', ')}{': ' if help_ else ''}{help_}"
+    )
 
 
 def _remedies(case: Combination, trial: Mapping[str, Any]) -> Iterator[str]:
-    robot, law, task = case.scene.robot, case.variant.law, str(trial["task"])
+    robot, law, task = case.scene.robot, case.variant.law, str(trial["verdict"])
     if robot.input_size < 6 and not isinstance(law, PartialProportional):
         yield (
             f"{robot.name} has {robot.input_size} joints and a pose takes 6; law partial-proportional asks for its "
@@ -126,7 +130,7 @@ def _remedies(case: Combination, trial: Mapping[str, Any]) -> Iterator[str]:
         )
     elif isinstance(law, OpenLoop):
         yield "open-loop corrects no error; take a law that does"
-    elif task.startswith("not followed") and _feeds_nothing_forward(law):
+    elif "not followed" in task and _feeds_nothing_forward(law):
         yield "a law without feed-forward lags; take proportional-feedforward, more gain or a slower reference"
     elif "still moves" in task:
         yield "it takes more time (duration), or a loop that settles (dqcontrol check)"

@@ -14,7 +14,7 @@ from dqcontrol.experiments.contacts import HAND, Contacts
 from dqcontrol.experiments.spec import Spec
 from dqcontrol.experiments.spec.reference_base import ReferenceSpec
 from dqcontrol.geometry import FloorMap, load_map
-from dqcontrol.laws import Law, PartialProportional
+from dqcontrol.laws import Law, PartialProportional, PreparedTasks
 from dqcontrol.laws.constrained.constraints import Constraints
 from dqcontrol.laws.constrained.kept_scene import KeptScene
 from dqcontrol.laws.constrained.prepared_constraints import SELF
@@ -26,7 +26,7 @@ from dqcontrol.loop.record import Record, has_failed, row_norms
 from dqcontrol.measures.deadlock import deadlocks
 from dqcontrol.measures.margins import AT_LIMIT, UNSEEN, joint_margins
 from dqcontrol.measures.metrics import Metrics
-from dqcontrol.measures.task_result import TaskResult, task_result
+from dqcontrol.measures.task_result import TaskResult, further_results, task_result
 from dqcontrol.plants import MobilePlant, Plant
 from dqcontrol.plants.mobile.mobile_live import SLIDING
 from dqcontrol.plants.mujoco.carried_box import GRIP_FORCE
@@ -46,7 +46,11 @@ _BEHIND = (
 )
 _ENDED = 0.1  # s before the end of a run
 _TURNS_BACK = 0.1  # s; servos, which lag by less, still move away after a constraint has ceased to press
+_END = 0.1, 0.2  # of a run, and s at least: where it is looked at whether it shakes
+_TURNS = 10.0  # a second: faster than arms are led
+_SHAKING = 0.01  # of a velocity limit: ten times what 14 bit encoders make of a gain of 5 1/s
 _SAID = 2  # causes in one line
+_OF_THE_LAW = 1  # level of its task
 _SHAPES = ("circle", "spiral", "square", "drawing")
 
 
@@ -67,12 +71,8 @@ class Verdict(NamedTuple):
 
 def verdict_of(row: Mapping[str, Any]) -> Verdict:
     """Return what a row of a study says of its run."""
-    words = row.get("verdict") or row.get("task") or row["stopped"]
-    if "failure" not in row:  # of a study that was saved before there were verdicts
-        if has_failed(str(row["stopped"])):
-            return Verdict(str(row["stopped"]), "ended")
-        return Verdict(str(words), "" if row.get("task") in ("reached", "followed") else "task")
-    return Verdict(str(words), "ended" if row["failure"] is None else row["failure"])
+    words, failure = row["verdict"] or row["stopped"], row["failure"]
+    return Verdict(str(words), "ended" if failure is None else failure)
 
 
 def headline(verdicts: Sequence[tuple[str, Verdict]]) -> str:
@@ -105,6 +105,8 @@ class Judge:
         What is asked for.
     period
         s.
+    tasks
+        What is asked for beside it.
     """
 
     def __init__(
@@ -115,10 +117,11 @@ class Judge:
         supervisor: Supervisor | None = None,
         reference: ReferenceSpec | None = None,
         period: float = 1.0,
+        tasks: PreparedTasks | None = None,
     ) -> None:
         self.robot = robot
         self.law = law
-        self._plant, self._supervisor, self._period = plant, supervisor, period
+        self._plant, self._supervisor, self._period, self._tasks = plant, supervisor, period, tasks
         self._constraints: Constraints | None = None if law is None else law.constraints
         kind = "" if reference is None else str(reference.__struct_config__.tag)
         self._motion = kind if kind in _SHAPES else "reference"
@@ -126,9 +129,9 @@ class Judge:
         self._contacts = Contacts(robot, self._constraints, plant, load_map(file) if file else None)
 
     @classmethod
-    def of(cls, spec: Spec, robot: Robot, law: Law, plant: Plant) -> Judge:
-        """Return that of the runs of a spec with one of its robots, laws and plants."""
-        return cls(robot, law, plant, spec.supervisor_of(plant), spec.reference, spec.period)
+    def of(cls, spec: Spec, robot: Robot, law: Law, plant: Plant, tasks: PreparedTasks | None) -> Judge:
+        """Return that of the runs of a spec with one of its robots, laws and plants; its further tasks made ready."""
+        return cls(robot, law, plant, spec.supervisor_of(plant), spec.reference, spec.period, tasks)
 
     def verdict(self, record: Record, metrics: Metrics, skip_initial: float = 0.0) -> Verdict:
         """Return what a run came to.
@@ -140,24 +143,30 @@ class Judge:
         skip_initial
             As for `task_result`.
         """
-        if metrics.task.startswith("failed"):
+        if metrics.failure == "ended":
             diverged = "" if has_failed(record.stopped) else "diverged: "
             return Verdict(diverged + record.stopped.partition(";")[0], "ended")
         found: list[tuple[Failure, str]] = [
             *(("crossed", words) for words in (*self._crossed(record), *self._supervised(record))),
-            *(("contact", words) for words in self._touched(record, metrics)),
+            *(("contact", words) for words in self._touched(record)),
             *(("limits", words) for words in self._limits(record, metrics)),
             *(("grip", words) for words in self._grip(record)),
+            *(("task", words) for words in self._shakes(record, metrics)),
         ]
-        task = metrics.task
+        further = [] if self._tasks is None else list(self._further(record, self._tasks, skip_initial))
+        found.extend(("task", words) for words, failed in further if failed)
+        told = [words for words, failed in further if not failed]
+        task = metrics.verdict
         if task.startswith("not "):
             result = task_result(record, law=self.law, skip_initial=skip_initial, robot=self.robot)
             if not found and (left := self._left(record, result)):
-                return Verdict("; ".join([*self._kept(record), f"left the {self._motion} by {left}"]), "")
+                return Verdict(
+                    "; ".join([*self._kept(record), f"left the {self._motion} by {left}", *told]), ""
+                )
             cause = next(self._causes(record, metrics, result), "")
             found.append(("task", f"{cause}; {task}" if cause else task))
         elif not found:
-            return Verdict("; ".join([task, *self._kept(record), *self._done(record)]), "")
+            return Verdict("; ".join([task, *told, *self._kept(record), *self._done(record)]), "")
         else:
             found.append(("task", task))
         *breaches, (_, end) = found
@@ -222,7 +231,7 @@ class Judge:
             if beyond[k := int(beyond.argmax())] > given.measured_tolerance:
                 yield f"crossed: workspace {_length(-float(beyond[k]))} ({HAND}){_at(record, k)}"
 
-    def _touched(self, record: Record, metrics: Metrics) -> Iterator[str]:
+    def _touched(self, record: Record) -> Iterator[str]:
         found = self._contacts.of_run(record)
         told: set[str] = set()
         for each in found:  # of each thing the link that went deepest
@@ -230,9 +239,6 @@ class Judge:
             if thing not in told:
                 told.add(thing)
                 yield f"{thing}: {link} {_length(-each.depth)} at {each.time:.3g} s"
-        inside = metrics.hand_clearance
-        if inside < 0 and not any(thing.startswith("through") for thing in told):
-            yield f"in its own base: {HAND} {_length(inside)}"
 
     def _limits(self, record: Record, metrics: Metrics) -> Iterator[str]:
         if metrics.limit_margin < -UNSEEN:
@@ -287,6 +293,37 @@ class Judge:
         if len(scene.cubes) - len(outside) < min(carried, len(scene.cubes)):
             nearest = int(np.argmin(outside))
             yield f"not placed: {names[nearest]} {_length(outside[nearest])} from the basket"
+
+    def _shakes(self, record: Record, metrics: Metrics) -> Iterator[str]:
+        """Yield which input goes back and forth at the end of a run most, and what the supervisor held it by."""
+        if not metrics.peak_velocity_share > _SHAKING:
+            return
+        share, least = _END
+        first = int(np.searchsorted(record.time, record.time[-1] - max(share * record.duration, least)))
+        command = record.command[first:-1]
+        lasted = float(record.time[-1] - record.time[first])
+        turns = np.count_nonzero(command[1:] * command[:-1] < 0, axis=0) / lasted
+        sizes = np.abs(command).mean(axis=0) / self.robot.limits.velocity
+        shaking = (turns >= _TURNS) & (sizes > _SHAKING)
+        if shaking.any():
+            i = int(np.where(shaking, sizes, 0.0).argmax())
+            yield (
+                f"shakes: {record.input_names[i]} turns back {turns[i]:.0f} times a second, at "
+                f"{100 * sizes[i]:.3g} % of its velocity limit on average"
+            )
+            if held := _braked(record):
+                yield held
+
+    def _further(
+        self, record: Record, tasks: PreparedTasks, skip_initial: float
+    ) -> Iterator[tuple[str, bool]]:
+        """Yield what came of each further task, and whether the run failed by it.
+
+        Those on levels after the law's are done as far as the others leave room, and are told of only.
+        """
+        levels = dict(zip(tasks.labels, tasks.levels, strict=True))
+        for label, result in further_results(record, tasks, skip_initial).items():
+            yield f"{label}: {result.words}", not result.succeeded and levels[label] <= _OF_THE_LAW
 
     def _kept(self, record: Record) -> Iterator[str]:
         """Yield the constraint that had least room."""

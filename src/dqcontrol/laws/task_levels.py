@@ -426,6 +426,8 @@ class PreparedTasks:
         rows, blocks, at = [], [], _ROW * len(tasks)
         self.samples: list[Array] = []
         self.parts: list[str] = [each.part for each in tasks]
+        self.gains = [float(each.gain) for each in tasks]
+        self.levels = [each.level for each in tasks]
         for i, each in enumerate(tasks):
             with error_prefix(f"tasks[{i}]"):
                 task, table, samples = _made_ready(each, self.robot, start, times)
@@ -443,12 +445,11 @@ class PreparedTasks:
         most = max(
             _rows_of_level(level, rows, robot.input_size) for level in {1, *(row.level for row in rows)}
         )
-        levels = [row.level for row in rows]
         self.parameters: Array = task_levels.pack(
             tasks=len(tasks),
             rows=most,
-            first=min(*levels, 1),
-            last=max(*levels, 1),
+            first=min(*self.levels, 1),
+            last=max(*self.levels, 1),
             growth=0.0,
             late=0.0,
             driven=0.0,

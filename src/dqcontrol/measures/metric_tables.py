@@ -53,15 +53,13 @@ METRIC_COLUMNS: dict[str, Column] = {
     "limit_joint": Column("Nearest to limit"),
     "peak_contact": Column("Contact force peak", "N"),
     "recovery_time": Column("Recovery time", "s"),
-    "task": Column("Task"),
     "peak_velocity_share": Column("Velocity peak of its limit"),
     "saturation": Column("Samples at velocity limits"),
     "outside_range": Column("Outside the range of J"),
-    "hand_clearance": Column("Clearance of the hand", "m"),
 }
 """Heading, unit and format of every number in `Metrics.flat`."""
 
-TEXTS = ("verdict", "failure", "limit_joint", "task")
+TEXTS = ("verdict", "failure", "limit_joint")
 """Those that are words."""
 
 LARGE_IS_GOOD = ("limit_margin",)

@@ -144,9 +144,6 @@ class Metrics:
         Largest force of an obstacle on the hand, N; NaN without obstacles.
     recovery_time
         From the end of the last contact until the hand is back where it was, s; see ``contact.recovery_time``.
-    task
-        Whether the hand did what was asked, as ``"reached"`` or ``"not reached: rests 281 mm, 12° off"``; see
-        ``task_result``.
     peak_velocity_share
         Largest command over the velocity limit of its input, 1 at the limit; NaN without limits or commands, and where
         commands count from the measured joints.
@@ -155,14 +152,12 @@ class Metrics:
     outside_range
         How much of the twist that leads to the goal the robot cannot give its hand, ∫ outside dt / ∫ asked dt, 0 … 1;
         see `task_range`. NaN without differential drives.
-    hand_clearance
-        Least height of the hand above the floor, or distance from the chassis where the robot's file has one, m;
-        negative inside; see `clearance`. NaN without a mobile base.
     tasks
         Of each further task by its name; empty without any.
     verdict
         Whether the run did what was asked and kept what it was to keep, and if not, why, in one line; of `evaluate` no
-        more than ``task``.
+        more than whether the hand did what was asked, as ``"reached"`` or ``"not reached: rests 281 mm, 12° off"``; see
+        ``task_result``.
     failure
         In what way it failed: ``"ended"`` early, ``"crossed"``, ``"contact"``, ``"limits"``, ``"grip"`` or ``"task"``;
         empty if it did not.
@@ -189,11 +184,9 @@ class Metrics:
     limit_joint: str
     peak_contact: float
     recovery_time: float
-    task: str
     peak_velocity_share: float
     saturation: float
     outside_range: float
-    hand_clearance: float = math.nan
     tasks: dict[str, TaskDeviation] = field(default_factory=dict)
     verdict: str = ""
     failure: str = ""
@@ -329,7 +322,6 @@ def evaluate(
             limit_joint=joint,
             peak_contact=peak_contact(record),
             recovery_time=recovery_time(record),
-            task=task.words,
             peak_velocity_share=peak_share,
             saturation=saturation,
             outside_range=outside_range(record),

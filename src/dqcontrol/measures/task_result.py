@@ -14,17 +14,22 @@ from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ2, STATUS, WRITE, inline, kernel
 from dqcontrol.files.long_array import row_by_row
-from dqcontrol.laws import Law, PartialProportional
+from dqcontrol.laws import Law, PartialProportional, PreparedTasks
 from dqcontrol.loop.record import Record, has_failed, row_norms
 from dqcontrol.measures.task_range import inverse_of, lost_share
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
 
-Outcome = Literal["reached", "not reached", "followed", "not followed", "failed"]
+Outcome = Literal["reached", "not reached", "followed", "not followed", "kept", "not kept", "failed"]
 
 POSITION, ORIENTATION = 1e-3, 1e-2  # m, rad: nearer than that is there, for inverse kinematics too
 SETTLED = 0.02  # of what was asked: the settling criterion
 FOLLOWED = 0.1  # of what was asked: a sensitivity of −20 dB
+_MISSED: dict[Outcome, Outcome] = {
+    "reached": "not reached",
+    "followed": "not followed",
+    "kept": "not kept",
+}
 _SAME = 1e-9  # as poses: that a reference rests
 _SLOW = 0.1  # of its greatest speed
 _LOST = 0.5  # of what is left of an error at rest: from there on it is a singularity that is in the way
@@ -39,7 +44,8 @@ class TaskResult:
     ----------
     outcome
         ``"reached"`` or ``"not reached"`` where the reference ends at rest, ``"followed"`` or ``"not followed"`` where
-        it ends moving, ``"failed"`` of a run that diverged, faulted or was halted.
+        it ends moving, ``"kept"`` or ``"not kept"`` of a further task that holds what it found at the start,
+        ``"failed"`` of a run that diverged, faulted or was halted.
     position, orientation
         The error that decides, m and rad: the largest of the last tenth of the time in which the reference rests, or
         the RMS of the whole way. NaN where the law leaves that part free.
@@ -62,7 +68,7 @@ class TaskResult:
     @property
     def succeeded(self) -> bool:
         """Whether it did what was asked."""
-        return self.outcome in ("reached", "followed")
+        return self.outcome in ("reached", "followed", "kept")
 
     @property
     def rests(self) -> bool:
@@ -98,7 +104,26 @@ class TaskResult:
 
 
 class _Asked(NamedTuple):
-    """What a desired motion asks for, see `_measure_asked`.
+    """What is asked of a task.
+
+    Attributes
+    ----------
+    outcome
+        Of one that is done.
+    judged
+        At which samples, shape (N,).
+    distance, angle
+        How far it is asked to go and to turn, m and rad, of which the errors may be a share.
+    """
+
+    outcome: Outcome
+    judged: NDArray[np.bool_]
+    distance: float
+    angle: float
+
+
+class _Motion(NamedTuple):
+    """Numbers of a desired motion, see `_measure_motion`.
 
     Attributes
     ----------
@@ -131,8 +156,8 @@ def _angle_between(rotation, other):
 
 
 @kernel(STATUS(READ2, WRITE, WRITE))
-def _measure_asked(desired, mean, out):
-    """Write the numbers of `_Asked`; ``mean`` (7,) is scratch: mean rotation and position."""
+def _measure_motion(desired, mean, out):
+    """Write the numbers of `_Motion`; ``mean`` (7,) is scratch: mean rotation and position."""
     count = desired.shape[0]
     last_step, largest_step = 0.0, 0.0
     mean[:] = 0.0
@@ -172,10 +197,15 @@ def _measure_asked(desired, mean, out):
     return OK
 
 
-def _asked(record: Record) -> _Asked:
-    numbers = np.empty(len(_Asked._fields))
-    _measure_asked(record.desired, np.empty(7), numbers)
-    return _Asked(*numbers.tolist())
+def _asked(record: Record, skip_initial: float) -> _Asked:
+    """Return what the desired motion of a record asks for."""
+    numbers = np.empty(len(_Motion._fields))
+    _measure_motion(record.desired, np.empty(7), numbers)
+    motion = _Motion(*numbers.tolist())
+    if motion.ends_at_rest:
+        return _Asked("reached", _resting(record.desired[:, POSE]), *_to_the_end(record, motion))
+    judged = record.time >= record.time[0] + skip_initial * (1 - 1e-12)
+    return _Asked("followed", judged, motion.distance, motion.angle)
 
 
 def task_result(
@@ -213,31 +243,71 @@ def task_result(
     reached
     """
     part = law.part if isinstance(law, PartialProportional) else "pose"
-    desired, asked = record.desired[:, POSE], _asked(record)
-    ends_at_rest = asked.ends_at_rest
-    judged = _resting(desired) if ends_at_rest else record.time >= record.time[0] + skip_initial * (1 - 1e-12)
     distance = record.position_error if part in ("pose", "position") else None
-    orientation = _orientation_error(record, law)
+    found = _judged(record, _asked(record, skip_initial), distance, _orientation_error(record, law))
+    if record.stopped == "settled" and not found.succeeded:  # what `stop` asked for is reached
+        return replace(found, outcome="reached" if found.rests else "followed")
+    if robot is None or found.outcome != "not reached" or found.is_moving:
+        return found
+    lost = lost_share(robot, record.q[-1], record.desired[-1, POSE], part, inverse_of(law))
+    return replace(found, is_singular=lost > _LOST)
+
+
+def further_results(record: Record, tasks: PreparedTasks, skip_initial: float = 0.0) -> dict[str, TaskResult]:
+    """Return whether a run did each of its further tasks, by their labels.
+
+    One with a reference is judged as the law's task is. One without is kept if the RMS of how far it is from its start
+    is at most 1 mm and 0.01 rad. A posture is reached as a pose at rest is. What corrects nothing (gain 0) is not
+    judged.
+
+    Parameters
+    ----------
+    record, skip_initial
+        The run, as for `task_result`.
+    tasks
+        What it was to do beside the law's task.
+    """
+    found, errors = {}, tasks.errors(record.q)
+    for label, task, samples, gain in zip(tasks.labels, tasks.tasks, tasks.samples, tasks.gains, strict=True):
+        away, turned = errors[label].T
+        always = np.ones(len(record), dtype=np.bool_)
+        if gain == 0.0:
+            continue
+        if task is None:
+            last = np.arange(len(record)) >= len(record) - max(1, int(_LAST * len(record)))
+            found[label] = _judged(record, _Asked("reached", last, away[0], turned[0]), away, turned)
+        elif len(samples) == 1:
+            found[label] = _judged(record, _Asked("kept", always, 0.0, 0.0), away, turned)
+        else:
+            desired = samples[np.minimum(np.arange(len(record)), len(samples) - 1)]
+            shown = replace(record, pose=tasks.robot.pose_of(task, record.q), desired=desired)
+            found[label] = _judged(shown, _asked(shown, skip_initial), away, turned)
+    return found
+
+
+def _judged(record: Record, asked: _Asked, distance: Array | None, orientation: Array | None) -> TaskResult:
+    """Return what the errors of position and orientation, m and rad, come to; None or NaN of what does not count."""
+    rests = asked.outcome == "reached"
     errors, tolerances = [], []
-    share = SETTLED if ends_at_rest else FOLLOWED
-    way, turn = _to_the_end(record, asked) if ends_at_rest else (asked.distance, asked.angle)
-    for error, size, least in ((distance, way, POSITION), (orientation, turn, ORIENTATION)):
-        tolerances.append(max(least, share * size))
+    share = SETTLED if rests else FOLLOWED
+    for error, size, least in (
+        (distance, asked.distance, POSITION),
+        (orientation, asked.angle, ORIENTATION),
+    ):
+        tolerances.append(float(np.fmax(least, share * size)))
         if error is None:
             errors.append(np.nan)
-        elif ends_at_rest:
-            errors.append(float(error[judged].max()))
+        elif rests:
+            errors.append(float(error[asked.judged].max()))
         else:
-            errors.append(float(np.sqrt(np.mean(error[judged] ** 2))))
+            errors.append(float(np.sqrt(np.mean(error[asked.judged] ** 2))))
     good = all(
         error <= tolerance for error, tolerance in zip(errors, tolerances, strict=True) if error == error
     )
-    outcome: Outcome = "reached" if ends_at_rest else "followed"
+    outcome: Outcome = asked.outcome if good else _MISSED[asked.outcome]
     if has_failed(record.stopped) or not np.isfinite(record.q[-1]).all():
         outcome = "failed"
-    elif not good and record.stopped != "settled":  # what `stop` asked for is reached
-        outcome = "not reached" if ends_at_rest else "not followed"
-    found = TaskResult(
+    return TaskResult(
         outcome,
         position=errors[0],
         orientation=errors[1],
@@ -245,13 +315,9 @@ def task_result(
         orientation_tolerance=tolerances[1],
         speed=_speed(record),
     )
-    if robot is None or outcome != "not reached" or found.is_moving:
-        return found
-    lost = lost_share(robot, record.q[-1], desired[-1], part, inverse_of(law))
-    return replace(found, is_singular=lost > _LOST)
 
 
-def _to_the_end(record: Record, asked: _Asked) -> tuple[float, float]:
+def _to_the_end(record: Record, asked: _Motion) -> tuple[float, float]:
     """Return how far the hand had to go, and to turn, from where it started or from the farthest that was desired."""
     way = np.linalg.norm(record.position[0] - record.desired_position[-1])
     turn = 2 * np.arccos(min(abs(record.pose[0, :4] @ record.desired[-1, :4]), 1.0))

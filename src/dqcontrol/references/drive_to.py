@@ -238,7 +238,8 @@ class DriveTo(PlannedWay):
         On a floor with obstacles the base drives from straight to straight around them. Where its room is needed, the
         arm folds itself before and unfolds at the goal. The whole way is looked at before it is given. A robot from a
         file of a mobile robot has the shapes that `robots shapes` fits to it. Links of a robot without shapes count as
-        straight, 8 cm thick; a base without is refused. A base that steers finds a way only where nothing is in that
+        straight, 8 cm thick; a base on mecanum or omni wheels without takes the box around its wheels, and any other is
+        refused. A base that steers finds a way only where nothing is in that
         of its arcs.
 
         Parameters
@@ -345,8 +346,8 @@ def _way_around(
     if body_points(robot, start).carried.all():
         raise ShapeError(
             f"map: nothing says how wide the base of {robot.name} is: wheels alone do not; give its drive a chassis or "
-            "a base with rollers a size, in a robot file with parts; or plant.base of its physics a radius; or the "
-            "links of a mobile robot's own file collision shapes"
+            "a holonomic base a size, in a robot file with parts; or plant.base of its physics a radius; or the links "
+            "of a mobile robot's own file collision shapes"
         )
     x, y, z = algebra.translation(pose)
     if z < floor.height and floor.holds([[x, y]])[0]:

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.geometry import Box, Capsule, FloorMap, Sphere
-from dqcontrol.robots import Robot
+from dqcontrol.robots import Robot, WholeBody
 from dqcontrol.robots.collision_shapes import known_shapes
 from dqcontrol.robots.robot import base_coordinates
+from dqcontrol.robots.roller_bases import RollerBase
 
 _CELL = 0.05  # m
 _MOST_CELLS = 100_000
@@ -179,6 +180,9 @@ def body_points(robot: Robot, q: Array) -> Body:
             add(shape.center[None], shape.radius, each.frame > last)
         elif isinstance(shape, Box):
             add(*_balls(shape), each.frame > last)
+    base = robot.parts[0] if isinstance(robot, WholeBody) else None
+    if isinstance(base, RollerBase) and all(carried):
+        add(*_balls(base.around_wheels.moved(frames[last - 1])), False)
     if known and not all(carried):  # a body on wheels: they may stand out of it
         for _, _, radius, half_track, *_ in robot.drives[:1]:
             hubs = np.array(

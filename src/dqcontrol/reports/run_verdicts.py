@@ -51,7 +51,6 @@ def run_verdicts(run: Run, certificate: Certificate | None) -> Table:
         *_task(run.task),
         *_joint_limits(run),
         *_velocity_limits(run),
-        *_clearance(run),
         *_kept(run.record),
         *_held_box(run.record),
         *_interventions(run.record),
@@ -119,20 +118,6 @@ def _velocity_limits(run: Run) -> Iterator[Row]:
     if at_limits := float(np.mean(shares[:-1].max(axis=1) >= 1 - _ROUND_OFF)):
         words += f", there or beyond in {100 * at_limits:.2g} % of the samples"
     yield ["Velocity limits", VerdictCell("kept" if kept else "exceeded", kept), words]
-
-
-def _clearance(run: Run) -> Iterator[Row]:
-    least = run.metrics.hand_clearance
-    if np.isfinite(least):
-        where = (
-            f"hand {1e3 * abs(least):.3g} mm {'from' if least >= 0 else 'inside'} floor or chassis at least"
-        )
-        words = where if least >= 0 else where.replace(" at least", " at most")
-        yield [
-            "Floor and chassis",
-            VerdictCell(*(("kept", True) if least >= 0 else ("passed", False))),
-            words,
-        ]
 
 
 def _kept(record: Record) -> Iterator[Row]:

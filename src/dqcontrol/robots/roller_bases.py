@@ -9,9 +9,13 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
+from dqcontrol.geometry import Box
 from dqcontrol.robots.bases import HolonomicBase
+
+_HALF_WIDTH = 0.4  # of a wheel, as a share of its radius: as physics builds them
 
 
 class RollerWheel(NamedTuple):
@@ -59,6 +63,22 @@ class RollerBase(HolonomicBase):
                 self, "turn_rate", min(self.turn_rate, float(fastest / np.abs(matrix[:, 2]).max()))
             )
         super().__post_init__()
+
+    @property
+    def around_wheels(self) -> Box:
+        """The upright box that holds its wheels, in its own axes, m: the least that its body takes."""
+        radius, half = self.wheel_radius, np.zeros(2)
+        for wheel in self.wheels:
+            along, across = abs(math.cos(wheel.heading)), abs(math.sin(wheel.heading))
+            wide = _HALF_WIDTH * radius
+            half = np.maximum(
+                half,
+                [
+                    abs(wheel.x) + radius * along + wide * across,
+                    abs(wheel.y) + radius * across + wide * along,
+                ],
+            )
+        return Box(algebra.pose([1.0, 0, 0, 0], [0, 0, radius]), np.array([*(2 * half), 2 * radius]))
 
     def wheel_speeds(self, twist: ArrayLike) -> Array:
         """Return the speed of each wheel, shape (…, k), rad/s.

@@ -29,7 +29,7 @@ from dqcontrol.extensions.registry import union_of
 from dqcontrol.extensions.user_code import admit, place_of
 from dqcontrol.files.plain_data import yaml_text
 from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
-from dqcontrol.laws import Constraints, Law
+from dqcontrol.laws import Constraints, Law, PreparedTasks
 from dqcontrol.laws.null_space import AnyNullSpace
 from dqcontrol.laws.task_levels import POSTURE, FurtherTask, TaskPart
 from dqcontrol.limits import CommandLimits, Supervisor
@@ -343,6 +343,26 @@ class Spec(Part, frozen=True, kw_only=True):
             return self.supervisor
         wanted = plant.is_supervised if self.supervisor is None else self.supervisor
         return Supervisor() if wanted else None
+
+    def prepared_tasks(self, robot: Robot, start: Array, folder: Path, times: Array) -> PreparedTasks | None:
+        """Return what is to be done beside the law's task, made ready; None if nothing is.
+
+        Parameters
+        ----------
+        robot, start
+            Where it starts, shape (n,).
+        folder
+            That file names start from.
+        times
+            Of the samples, shape (N,), s.
+        """
+        if self.tasks is None:
+            return None
+        further = []
+        for i, each in enumerate(self.tasks):
+            with error_prefix(f"tasks[{i}]"):
+                further.append(each.further_task(robot, start, folder))
+        return PreparedTasks(robot, further, start, times)
 
     def limits_of(self, plant: AnyPlant, robot: Robot) -> CommandLimits:
         """Return what is done to commands before a plant."""

@@ -10,7 +10,6 @@ import numpy as np
 from dqcontrol.measures.metrics import evaluate
 from dqcontrol_theses.judgement import (
     ABOUT_THE_ROBOT,
-    HANGS_ON_A_CHOICE,
     Judgement,
     by_cases,
     listed,
@@ -88,12 +87,11 @@ def _by_both_simulators(
             getattr(evaluate(record_of(setting, law)), metric).integral for law in (_LQR, *PROPORTIONAL)
         )
         integrated = [lqr / other for other in others]
-        cases[where] = agreed(holds(chosen), holds(integrated))
+        cases[where] = agreed("what a target is counted from", holds(chosen), holds(integrated))
         texts.append(f"{where} {_range(chosen)} and {_range(integrated)}")
     return by_cases(
         cases,
         f"{name} over K's and K+FF's by targets from the measured angle, and from the last target: {'; '.join(texts)}",
-        HANGS_ON_A_CHOICE,
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
 from dqcontrol.experiments.run import execute
 from dqcontrol.loop import Record
-from dqcontrol_theses.judgement import Judgement, by_cases
+from dqcontrol_theses.judgement import Case, Judgement, by_cases
 from dqcontrol_theses.pereira2016.hundredfold import SUFFIX, with_hundredfold
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import PLANTS
 from dqcontrol_theses.pereira2016.published_numbers import published_cells
@@ -26,7 +26,7 @@ MOST_OVER_PRINTED = (
 START = 5.0  # s; "in the beginning of the trajectory"
 
 Look = Callable[[tuple[str, ...], str], tuple[bool, str]]
-Cases = dict[str, bool | None]
+Cases = dict[str, Case]
 
 
 @dataclass(frozen=True)
@@ -152,9 +152,13 @@ class Evidence:
         return prepare(data)
 
 
-def agreed(first: bool, second: bool) -> bool | None:
-    """Return what two choices that the source does not tell both say of a case; None where it hangs on them."""
-    return first if first == second else None
+def agreed(choice: str, first: bool, second: bool) -> Case:
+    """Return what both ways to choose what the source does not tell say of a case, or what it depends on."""
+    return first if first == second else choice
+
+
+RICCATI = "how (3.44) is solved"
+"""The choice of linear quadratic laws that P16 does not tell: by Euler steps or exactly."""
 
 
 Judge = Callable[[Evidence], Judgement]

@@ -13,7 +13,6 @@ from dqcontrol.references import Sample
 from dqcontrol_theses.judgement import (
     ABOUT_THE_PROGRAM,
     ABOUT_THE_ROBOT,
-    HANGS_ON_A_CHOICE,
     Judgement,
     by_cases,
     listed,
@@ -24,6 +23,7 @@ from dqcontrol_theses.pereira2016.published_specs import published_spec
 from dqcontrol_theses.pereira2016.verdicts.evidence import (
     LAWS,
     LQR,
+    RICCATI,
     Evidence,
     agreed,
     decides,
@@ -117,10 +117,14 @@ def _duration(evidence: Evidence) -> Judgement:
     exponent = math.log(printed / nominal) / math.log(longer / nominal)
     true, kept = ((error(longer, step) / before) ** exponent for step in (longer, nominal))
     return by_cases(
-        {law: agreed(*(abs(ratio - 1) <= _SAME for ratio in (true, kept)))},
+        {
+            law: agreed(
+                "which period the program multiplies commands by",
+                *(abs(ratio - 1) <= _SAME for ratio in (true, kept)),
+            )
+        },
         f"Err of {law} at the printed {1e3 * printed:.4g} ms over {1e3 * nominal:g} ms: {true:.3f} if the program "
         f"multiplies commands by the true period, {kept:.3f} if by the nominal one, which is nearer to its tables",
-        HANGS_ON_A_CHOICE,
     )
 
 
@@ -157,9 +161,8 @@ def _varies(evidence: Evidence) -> Judgement:
     text = ", ".join(f"{law} {100 * spread:.0f} %" for law, spread in spreads.items())
     euler, exact, dq = (spreads[law] > spreads["K"] for law in ("LQR-R8", "LQR-R8" + EXACT, "LQR-DQ"))
     return by_cases(
-        {"LQR-R8": agreed(euler, exact), "LQR-DQ": dq},
+        {"LQR-R8": agreed(RICCATI, euler, exact), "LQR-DQ": dq},
         f"spread of mean Err × gain × period over circle and spiral: {text}",
-        HANGS_ON_A_CHOICE,
     )
 
 
