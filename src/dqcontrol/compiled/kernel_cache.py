@@ -31,7 +31,9 @@ from dqcontrol.files.whole_file import whole_file
 _PACKAGE = Path(__file__).parent.parent
 _KEPT = 8  # versions of a module's kernels
 _SAID_EVERY = 5  # kernels: every few seconds
-_OF_ALL_KERNELS = "dqcontrol.compiled.numba_internals"  # imported by name
+_OF_ALL_KERNELS = (
+    "dqcontrol.compiled.numba_internals"  # numba_choice.py imports it in an `if`, which `_AT_IMPORT` skips
+)
 _IMPORT = r"from +(dqcontrol[\w.]*) +import +(\([^)]*\)|[^\n]*)|import +(dqcontrol[\w.]*)"
 _AT_IMPORT = re.compile(f"^(?:{_IMPORT})", re.MULTILINE)
 _ANYWHERE = re.compile(rf"^[ \t]*(?:{_IMPORT})", re.MULTILINE)
