@@ -9,6 +9,7 @@ import dqcontrol
 ROOT = Path(dqcontrol.__file__).parent
 FILES = sorted(ROOT.rglob("*.py"))
 MOST = 0.15  # of all lines, in one package
+LOADERS = {"import_module", "__import__", "find_spec", "resolve_name"}
 
 
 def test_no_two_classes_have_one_name():
@@ -36,3 +37,20 @@ def test_no_results_of_a_run_lie_in_the_repository():
     found = {f"/{marker.parent.name}/" for marker in root.glob("*/.dqcontrol-results")}
     assert {"/results/", "/figures/"} <= set(ignored)
     assert found <= set(ignored), found - set(ignored)
+
+
+def test_no_layer_is_reached_by_the_name_of_a_module():
+    """What `import_module` loads, lint-imports does not see: it is for other packages, and for what users name."""
+    found = []
+    for path in FILES:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in LOADERS:
+                text = "".join(
+                    part.value
+                    for argument in [*node.args, *(each.value for each in node.keywords)]
+                    for part in ast.walk(argument)
+                    if isinstance(part, ast.Constant) and isinstance(part.value, str)
+                )
+                if text.startswith(("..", "dqcontrol")):
+                    found.append(f"{path.relative_to(ROOT)}:{node.lineno}: {ast.unparse(node)}")
+    assert found == []

@@ -33,7 +33,8 @@ from dqcontrol.files.whole_file import whole_file
 _OURS = __name__.partition(".")[0]
 _KEPT = 8  # versions of a module's kernels
 _SAID_EVERY = 5  # kernels: every few seconds
-_OF_ALL_KERNELS = "dqcontrol.compiled.numba_internals"  # imported by name
+# numba_choice.py imports it in an `if`, which `_AT_IMPORT` skips
+_OF_ALL_KERNELS = "dqcontrol.compiled.numba_internals"
 _IMPORT = r"from +([\w.]+) +import +(\([^)]*\)|[^\n]*)|import +([\w.]+)"
 _AT_IMPORT = re.compile(f"^(?:{_IMPORT})", re.MULTILINE)
 _ANYWHERE = re.compile(rf"^[ \t]*(?:{_IMPORT})", re.MULTILINE)

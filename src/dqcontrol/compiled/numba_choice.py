@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import os
-from importlib import import_module
 from typing import Any
 
 IS_PLAIN: bool = os.environ.get("DQCONTROL_NUMBA") == "plain"
 
-# By name, so that internals which a new release of Numba lacks are not imported where they are not used.
-numba_used: Any = import_module(f"dqcontrol.compiled.numba_{'public' if IS_PLAIN else 'internals'}")
+# Internals that a new release of Numba lacks are not imported where they are not used.
+if IS_PLAIN:
+    from dqcontrol.compiled import numba_public as _used
+else:
+    from dqcontrol.compiled import numba_internals as _used
+
+numba_used: Any = _used

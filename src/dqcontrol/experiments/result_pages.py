@@ -1,23 +1,22 @@
-"""What experiments need of the rooms above: figures and pages in the folders of results.
+"""Figures and pages in the folders of results, which packages above write.
 
-Reports import experiments, so experiments cannot import reports: they know only what is to be written, and where the
-module is that does it.
+Reports import experiments, so experiments cannot import reports: they know only what is to be written. The package
+`dqcontrol` itself, above all layers, hands in what writes it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from importlib import import_module
-from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, cast
-
-from dqcontrol.loop.record import Record
-from dqcontrol.measures.tables import Table
+from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
+
     from dqcontrol.experiments.ranking import Ranking
     from dqcontrol.experiments.run import Run
     from dqcontrol.experiments.study import Study
+    from dqcontrol.loop.record import Record
+    from dqcontrol.measures.tables import Table
     from dqcontrol.tuning import Learning, Tuning
 
 
@@ -58,6 +57,15 @@ class ResultPages(Protocol):
         ...
 
 
+_handed_in: list[Callable[[], ResultPages]] = []
+
+
+def hand_in(load: Callable[[], ResultPages]) -> None:
+    """Take the function that returns what writes figures and reports; it is called when the first is written."""
+    _handed_in[:] = [load]
+
+
 def result_pages() -> ResultPages:
     """Return what writes them."""
-    return cast(ResultPages, import_module("dqcontrol.reports.written_by_experiments"))
+    (load,) = _handed_in
+    return load()

@@ -84,8 +84,9 @@ class Run:
         lines = self.spec.splitlines()
         if not any(line.startswith(("name:", "evaluation:", "{")) for line in lines):
             raise ShapeError(
-                "spec: must be the YAML text that repeats the run; without one use its record: record.metrics, "
-                'record.save(path), summary({"mine": record})'
+                "spec: must be the YAML text that repeats the run; without one use its record: "
+                "measures.evaluate(record), recording.save_record(record, path), "
+                'summary({"mine": record})'
             )
 
     def __repr__(self) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.metric_tables import fitting_unit
+from dqcontrol.measures.metrics import evaluate
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.robots import Robot
 
@@ -64,7 +65,10 @@ def summary(runs: Mapping[str, Run | Record], title: str = "") -> Table:
     mine
     """
     records = {label: run if isinstance(run, Record) else run.record for label, run in runs.items()}
-    rows = ((label, {**run.metrics.flat(), "stopped": records[label].stopped}) for label, run in runs.items())
+    metrics = {
+        label: evaluate(run) if isinstance(run, Record) else run.metrics for label, run in runs.items()
+    }
+    rows = ((label, {**metrics[label].flat(), "stopped": records[label].stopped}) for label in runs)
     robots = [run.robot for run in runs.values() if not isinstance(run, Record)]
     return summary_of(rows, title, unit_of_way(robots) if len(robots) == len(runs) else "rad or m")
 

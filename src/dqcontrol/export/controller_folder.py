@@ -8,7 +8,6 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import dqcontrol
 from dqcontrol.compiled.compile import Kernel
 from dqcontrol.compiled.object_code import (
     TargetProcessor,
@@ -28,6 +27,7 @@ from dqcontrol.limits.supervisor import supervisor_layout as layout
 from dqcontrol.limits.supervisor.interventions import REASONS, SOFT_STOP
 from dqcontrol.limits.supervisor.prepared_supervisor import START_TOLERANCE
 from dqcontrol.loop.target_motion import MOVING_SIZE
+from dqcontrol.version import __version__
 
 VERSION = (1, 1, 0)  # of the interface of dqc_controller.h
 
@@ -201,7 +201,7 @@ def _header_values(
     interventions = ", ".join(f'"{REASONS[2**i]}"' for i in range(len(REASONS)))
     return {
         "DESCRIPTION": f"{law} for {parts.robot.name}, from the spec '{spec.name}'.",
-        "DQCONTROL": dqcontrol.__version__,
+        "DQCONTROL": __version__,
         "TARGET": target.name,
         "MAJOR": VERSION[0],
         "MINOR": VERSION[1],

@@ -6,9 +6,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from importlib import import_module
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +18,6 @@ from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.files.long_array import long_array, row_by_row
 from dqcontrol.loop.signals import Signal
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE
-
-if TYPE_CHECKING:
-    from dqcontrol.measures.metrics import Metrics
 
 
 @kernel(types.void(READ2, READ2, WRITE2))
@@ -59,6 +53,7 @@ class Record:
     Row k holds what was true, measured, desired and commanded at ``time[k]``; ``command[k]`` is held until
     ``time[k + 1]``, so the last row's command moved nothing. Arrays become read-only float64 views; a run
     that diverged may hold NaN or infinity anywhere but in the time.
+    `dqcontrol.measures.evaluate` measures it, `dqcontrol.recording.save_record` and `export_record` write it.
 
     Parameters
     ----------
@@ -161,29 +156,6 @@ class Record:
     def __repr__(self) -> str:
         end = f"ended by {self.stopped}" if " " not in self.stopped else self.stopped
         return f"Record({len(self)} samples over {self.duration:g} s, {self.q.shape[1]} coordinates, {end})"
-
-    def _repr_markdown_(self) -> str:
-        """Return what notebooks show: the metrics."""
-        return f"**{self!r}**\n\n{self.metrics._repr_markdown_()}"
-
-    @cached_property
-    def metrics(self) -> Metrics:
-        """The numbers that judge it, of all samples; `dqcontrol.measures.evaluate` takes limits and a settling time."""
-        return import_module("dqcontrol.measures.metrics").evaluate(self)  # a room above: by name
-
-    def save(self, path: str | Path) -> Path:
-        """Write it as a new file: ``.mcap``, or for other programs ``.csv``, ``.parquet`` or ``.mat``.
-
-        Raises
-        ------
-        ExistsError
-            If the file exists.
-        UnknownNameError
-            If the suffix is another.
-        """
-        recording = import_module("dqcontrol.recording")  # a room above: by name
-        write = recording.save_record if Path(path).suffix == ".mcap" else recording.export_record
-        return write(self, path)
 
     @property
     def duration(self) -> float:

@@ -320,7 +320,7 @@ class RunMeasure:
     >>> target = dqc.references.SetPoint(arm.fkm(q))
     >>> record = dqc.simulate(arm, target, dqc.laws.Proportional(gain=2.0), dqc.plants.Integrator(), q, 0.01, 1.0)
     >>> numbers = RunMeasure(arm, arm.limits)(record.desired, record.q, record.command, skipped=0)
-    >>> round(float(numbers[NUMBERS.index("effort")]), 9) == round(record.metrics.effort, 9)
+    >>> round(float(numbers[NUMBERS.index("effort")]), 9) == round(dqc.measures.evaluate(record).effort, 9)
     True
     """
 

@@ -40,7 +40,7 @@ def about(
     joints: Sequence[str], inputs: Sequence[str], spec: str, signals: Sequence[Signal]
 ) -> dict[str, str]:
     """Return what a recording says about itself."""
-    from dqcontrol import __version__
+    from dqcontrol.version import __version__
 
     return {
         "format": FORMAT,

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-import dqcontrol
 from dqcontrol.algebra import conjugate, multiply, pose
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
@@ -30,6 +29,7 @@ from dqcontrol.robots import Robot, SerialArm, load_robot
 from dqcontrol.robots.dh import shift
 from dqcontrol.robots.poses import positions
 from dqcontrol.robots.robot_file import plain_arm
+from dqcontrol.version import __version__
 
 Interval = tuple[float, float]
 
@@ -253,7 +253,7 @@ class Calibration:
         write_json(folder / CALIBRATION, self.to_dict())
         digest = hashlib.sha256(self.path.read_bytes()).hexdigest() if self.path.is_file() else ""
         plain = plain_arm(self.arm) | {
-            "description": f"{self.robot}, geometry corrected by dqcontrol {dqcontrol.__version__}",
+            "description": f"{self.robot}, geometry corrected by dqcontrol {__version__}",
             "sources": [f"{self.path.resolve()} (SHA-256 {digest})", CALIBRATION],
         }
         head = "# An arm with geometry calibrated from measured poses; calibration.json says how. m, rad.\n"

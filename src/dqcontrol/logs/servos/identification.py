@@ -13,7 +13,6 @@ from typing import Any
 import msgspec
 import numpy as np
 
-import dqcontrol
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError
 from dqcontrol.experiments.results_folder import made_folder
@@ -29,6 +28,7 @@ from dqcontrol.measures.metric_tables import fitting_unit
 from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.plants.servo import Servo
 from dqcontrol.robots import Robot, load_robot
+from dqcontrol.version import __version__
 
 _MODE_SAMPLES, _MOVED = (
     1500,
@@ -246,7 +246,7 @@ class Identification:
                 for log in self.logs
                 for path in _files(log)
             ],
-            "by": f"dqcontrol {dqcontrol.__version__}",
+            "by": f"dqcontrol {__version__}",
             "assumed": assumed,
         }
         head = "# Servos identified from logs; in specs: plant: {kind: servo, file: …}. s, rad, N·m/rad.\n"
