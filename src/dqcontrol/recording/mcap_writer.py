@@ -65,7 +65,7 @@ class SampleWriter:
         import zstandard
         from mcap.records import Header
 
-        from dqcontrol import __version__
+        from dqcontrol.version import __version__
 
         self._stream, self._place = stream, 0
         self._compressor = zstandard.ZstdCompressor(level=_LEVEL)
