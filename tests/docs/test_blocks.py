@@ -200,3 +200,13 @@ def parse(words):
 def test_a_wrong_option_would_be_found():
     with pytest.raises(Exception, match="--jbs"):
         assert_exists("dqcontrol run spec.yaml --jbs 2")
+
+
+def test_commands_of_the_makefile_are_understood():
+    """What draws the demo's picture may fail without OpenGL, and so would hide an option that is refused."""
+    text = (ROOT / "Makefile").read_text(encoding="utf-8")
+    given = dict(re.findall(r"^(\w+) :?= (.*)$", text, re.MULTILINE))
+    commands = re.findall(r"\$\(BIN\)/dqcontrol (.*?)(?: \|\|.*)?$", text, re.MULTILINE)
+    assert len(commands) >= 2
+    for command in commands:
+        parse(shlex.split(re.sub(r"\$\((\w+)\)", lambda name: given[name[1]], command)))

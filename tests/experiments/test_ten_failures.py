@@ -9,6 +9,8 @@ import yaml
 
 import dqcontrol as dqc
 from dqcontrol import cli
+from dqcontrol.experiments.verdict import Judge
+from dqcontrol.loop import Record
 
 IIWA = {"robot": "iiwa7", "start": [0, 0.6, 0, 1.6, 0, 0.6, 0], "period": 0.01}
 PANDA = {"robot": "panda", "start": [0, 0.3, 0, -1.8, 0, 2.1, 0.78], "period": 0.01}
@@ -216,6 +218,20 @@ def test_a_failure_is_said_first_with_cause_and_number_and_by_the_exit_status(na
 def test_a_good_run_says_so_and_ends_with_0(name, said):
     spec, words = GOOD[name]
     assert said(spec) == (words, 0)
+
+
+@pytest.mark.parametrize(("comes", "words"), [(True, "too late: "), (False, "not reached: still moves ")])
+def test_a_hand_that_sways_below_its_goal_is_not_late(comes, words):
+    """It hangs 20 mm low and goes to and fro by a millimetre at 3 Hz; or it still comes nearer at the end."""
+    robot, time = dqc.load_robot("iiwa7"), np.linspace(0, 2, 401)
+    q = np.tile(np.array(IIWA["start"], float), (len(time), 1))
+    q[:, 0] += 0.1 * np.exp(-time) if comes else 2e-3 * np.sin(6 * np.pi * time)
+    goal = robot.fkm(np.array(IIWA["start"], float)) if comes else robot.fkm(q[0])
+    if not comes:
+        goal = dqc.algebra.pose(goal[:4], np.add(dqc.algebra.translation(goal), [0, 0, 0.02]))
+    desired = np.hstack([np.tile(goal, (len(time), 1)), np.zeros((len(time), 13))])
+    record = Record(time, q, q, np.zeros_like(q), robot.fkm(q), desired, robot.joint_names)
+    assert Judge(robot).verdict(record, record.metrics).words.startswith(words)
 
 
 TWO_ARMS = {

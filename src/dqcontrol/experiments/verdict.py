@@ -44,6 +44,7 @@ _CLOSING = 0.1  # s in which hands close on what they carry
 _BEHIND = (
     0.7  # cosine of 45° between an error and the way: beyond it the hand is late rather than beside its way
 )
+_STEADILY = 0.9  # of the last twentieth's samples, over which the hand's speed is taken, too
 _ENDED = 0.1  # s before the end of a run
 _TURNS_BACK = 0.1  # s; servos, which lag by less, still move away after a constraint has ceased to press
 _END = 0.1, 0.2  # of a run, and s at least: where it is looked at whether it shakes
@@ -451,10 +452,15 @@ def _braked(record: Record) -> str:
 
 
 def _behind(record: Record, result: TaskResult) -> float:
-    """Return by how much the hand is behind on its way, m: the mean while the reference moves, or what is left."""
+    """Return by how much the hand is behind on its way, m: the mean while the reference moves, or what is left.
+
+    Of a reference at rest only a hand that comes nearer all the time is behind: others hang or sway beside their goal.
+    """
     error = record.desired_position - record.position
     if result.rests:
-        return float(record.position_error[-1]) if result.position > result.position_tolerance else 0.0
+        steps = np.diff(record.position_error[-max(2, len(record) // 20) :])
+        comes = np.mean(steps < 0) > _STEADILY and result.position > result.position_tolerance
+        return float(record.position_error[-1]) if comes else 0.0
     ahead = np.gradient(record.desired_position, record.time, axis=0)
     speed = row_norms(ahead)
     moves = speed > 1e-3 * speed.max(initial=0.0)

@@ -69,7 +69,9 @@ def _worse(evidence: Evidence) -> Judgement:
 
 @decides("simulated-lqr-slower-hand")
 def _slower(evidence: Evidence) -> Judgement:
-    return _by_both_simulators(evidence, "hand_speed", lambda ratios: max(ratios) < 1, "L.Vel")
+    return _by_both_simulators(
+        evidence, "hand_speed", lambda ratios: max(ratios) < 1 - _NO_DIFFERENCE, "L.Vel"
+    )
 
 
 def _by_both_simulators(
@@ -210,7 +212,7 @@ def _surface_effort(evidence: Evidence) -> Judgement:
         shares.append(100 * float((steps < 0).sum() / np.isfinite(steps).sum()))
     return by_cases(
         {"iiwa": shares[0] > 50, "meka, of which the reverse is said": shares[1] < 50},
-        f"steps of r in which Eff falls: iiwa {shares[0]:.0f} %, meka {shares[1]:.0f} %",
+        f"steps of r in which Eff falls: iiwa {shares[0]:.0f} %, meka, of which the reverse is said, {shares[1]:.0f} %",
     )
 
 
