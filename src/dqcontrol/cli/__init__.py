@@ -10,12 +10,15 @@ from contextlib import suppress
 from functools import cache
 from typing import NoReturn
 
+import lazy_loader
 from cyclopts import App, CycloptsError
 from cyclopts.exceptions import UnusedCliTokensError
 
 import dqcontrol
 from dqcontrol.cli.offered import add_offered
 from dqcontrol.extensions import POLICY, REFUSED
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 USER_ERROR = 2
 INTERRUPTED = 130
