@@ -56,7 +56,7 @@ chromium:
 	    && apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium >/dev/null; } \
 	  || echo "the tests of the browser view are left out; for them: apt-get install chromium" >&2
 
-LOOK := --width 1280 --height 960 --azimuth -65deg --elevation -10deg
+LOOK := --size 1280x960 --azimuth=-65deg --elevation=-10deg
 
 demo: $(VENV)/demo
 	@$(BIN)/dqcontrol run examples/demo.yaml --out results/demo --force

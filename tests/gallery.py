@@ -7,7 +7,7 @@ import numpy as np
 
 import dqcontrol as dqc
 from dqcontrol import figures as view
-from dqcontrol.figures.parity import parity
+from dqcontrol.figures import parity
 from dqcontrol.films.light_painting import light_painting, light_paintings
 from dqcontrol.laws import FeedbackLinearization
 from dqcontrol.loop import Timing

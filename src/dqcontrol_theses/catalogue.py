@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
 
 from dqcontrol.errors import unknown_name
-from dqcontrol.measures.tables import Column, Table
+from dqcontrol.measures import Column, Table
 
 if TYPE_CHECKING:
-    from dqcontrol.experiments.study import Study
+    from dqcontrol.experiments import Study
     from dqcontrol_theses.reproduced import Reproduced
 
 P = TypeVar("P")
@@ -74,7 +74,7 @@ class Conditions:
 
     def run_study(self, label: str, source: dict[str, Any]) -> Study:
         """Run one study of an experiment; it resumes with the trials that are left."""
-        from dqcontrol.experiments.run_study import run_study
+        from dqcontrol.experiments import run_study
 
         return run_study(source, jobs=self.jobs, progress=self.of(label), journal=self.journal(label))
 
@@ -82,7 +82,7 @@ class Conditions:
         self, label: str, function: Callable[[P], R], kind: type[R], parts: Sequence[P], spec: str
     ) -> list[R]:
         """Return what a function gives for each part of an experiment; see `work_through`."""
-        from dqcontrol_theses.parts import work_through
+        from dqcontrol.experiments import work_through
 
         return work_through(function, kind, parts, spec, self.jobs, self.of(label), self.journal(label))
 

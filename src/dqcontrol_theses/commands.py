@@ -9,8 +9,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from dqcontrol.cli.options import Force, Out
-from dqcontrol.cli.screen import print_table, progress_bar
+from dqcontrol.cli import Force, Out, print_table, progress_bar
 
 
 def reproduce(
@@ -50,8 +49,7 @@ def reproduce(
 
     import dqcontrol_theses as published
     from dqcontrol.errors import TaskWarning
-    from dqcontrol.experiments.results_folder import check_new
-    from dqcontrol.experiments.working_folder import working_folder
+    from dqcontrol.experiments import check_new, working_folder
 
     warnings.simplefilter("ignore", TaskWarning)  # its verdicts say what was reached, as it was published
     if name is None:
@@ -128,10 +126,10 @@ def pereira2016(
     force
         Replace an earlier folder of results.
     """
-    from dqcontrol.ros2 import middleware
+    from dqcontrol.ros2 import check_installed
     from dqcontrol_theses.pereira2016.nodes import launch
 
-    middleware.check_installed()
+    check_installed()
     code = launch(robot, law, plant, _recording(out, force=force))
     if code:
         sys.exit(code)
@@ -157,10 +155,10 @@ def silva2017(
     force
         Replace an earlier folder of results.
     """
-    from dqcontrol.ros2 import middleware
+    from dqcontrol.ros2 import check_installed
     from dqcontrol_theses.silva2017.whole_body_graph import launch
 
-    middleware.check_installed()
+    check_installed()
     code = launch(law, plant, _recording(out, force=force))
     if code:
         sys.exit(code)

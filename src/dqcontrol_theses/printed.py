@@ -11,17 +11,18 @@ from typing import Annotated, Any, TypeVar
 import msgspec
 from msgspec.structs import replace
 
-from dqcontrol.files.yaml_file import read_yaml
-from dqcontrol.laws.feedback_linearization import IN_BODY_TWISTS
-from dqcontrol.laws.inverses import FilteredInverse
+from dqcontrol.files import read_yaml
+from dqcontrol.laws import FeedbackLinearization, FilteredInverse
 
 T = TypeVar("T")
 
 PRINTED_INVERSE = FilteredInverse(growth=0.0)
 """What the sources' laws have: its damping depends on the Jacobian alone."""
-_PRINTED_OF_KIND = {
-    kind: replace(IN_BODY_TWISTS, growth=0.0) for kind in ("feedback-linearization", "cascade")
-}
+PRINTED_IN_BODY_TWISTS = replace(FeedbackLinearization(stiffness=1.0, damping=1.0).inverse, growth=0.0)
+"""The same of feedback linearisation, whose measure is that of its Lyapunov function."""
+_PRINTED_OF_KIND = dict.fromkeys(
+    ("feedback-linearization", "published-linearization", "cascade"), PRINTED_IN_BODY_TWISTS
+)
 
 
 @dataclass(frozen=True, kw_only=True)

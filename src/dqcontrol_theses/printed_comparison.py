@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from dqcontrol.experiments.prepared_experiment import PreparedExperiment
-from dqcontrol.measures.table_cells import Ratio
-from dqcontrol.measures.tables import Cell, Column, Table
+from dqcontrol.experiments import PreparedExperiment
+from dqcontrol.measures import Cell, Column, Ratio, Table
 from dqcontrol_theses.printed import PublishedCell
 from dqcontrol_theses.results import Results
 

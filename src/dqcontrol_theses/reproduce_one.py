@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from dqcontrol.errors import ValueRangeError, unknown_name
-from dqcontrol.experiments.results_folder import SPEC_FILE
+from dqcontrol.experiments import SPEC_FILE
 from dqcontrol_theses.catalogue import (
     SAMPLES,
     Conditions,

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dqcontrol.experiments.results_folder import SPEC_FILE, new_folder
-from dqcontrol.experiments.run_comparison import write_table
-from dqcontrol.experiments.study import Study
-from dqcontrol.measures.table_cells import VerdictCell
-from dqcontrol.measures.tables import Table
-from dqcontrol.reports.provenance import RERUN_FOLDER, command, origins
+from dqcontrol.experiments import SPEC_FILE, Study, new_folder, write_table
+from dqcontrol.measures import Table, VerdictCell
+from dqcontrol.reports import origins
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -79,7 +77,7 @@ class Reproduced:
                 new,
                 self.name,
                 facts=f"on {self.plant}" if self.plant else "",
-                command=f"{self.command} --out {RERUN_FOLDER}",
+                command=f"{self.command} --out again",
                 verdicts=[table for table in self.tables if _judges(table)],
                 tables=[table for table in self.tables if not _judges(table)],
                 figures=figures,
@@ -96,7 +94,9 @@ class Reproduced:
     @property
     def command(self) -> str:
         """The line that gives it again."""
-        return command("reproduce", self.name, plant=self.plant or None, **self.conditions)
+        options = ({"plant": self.plant} if self.plant else {}) | dict(self.conditions)
+        words = [word for key, value in options.items() for word in (f"--{key}", str(value))]
+        return shlex.join(["dqcontrol", "reproduce", self.name, *words])
 
 
 def _judges(table: Table) -> bool:

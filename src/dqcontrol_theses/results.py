@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.loop.record import has_failed
+from dqcontrol.loop import has_failed
 
 METRICS = {  # of the published tables: Err., θ̇, Eff., L.Vel., L.Acc. [P16 5.2]
     "error": "error.integral",

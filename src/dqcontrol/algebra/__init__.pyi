@@ -1,5 +1,8 @@
 from . import dual_quaternion_kernels as dual_quaternion_kernels
-from .batch import as_unit as as_unit
+from .batch import (
+    apply as apply,
+    as_unit as as_unit,
+)
 from .conversions import (
     as_unit_quaternion as as_unit_quaternion,
     axis_angle_from_rotation as axis_angle_from_rotation,

@@ -11,6 +11,7 @@ from difflib import get_close_matches
 from functools import cache
 from typing import NoReturn
 
+import lazy_loader
 from cyclopts import App, CycloptsError, Group
 from cyclopts.exceptions import UnknownCommandError, UnusedCliTokensError
 
@@ -18,6 +19,8 @@ import dqcontrol
 from dqcontrol.cli import screen
 from dqcontrol.cli.offered import add_offered
 from dqcontrol.extensions import POLICY, REFUSED
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 USER_ERROR = 2
 INTERRUPTED = 130

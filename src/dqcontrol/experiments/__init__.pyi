@@ -9,16 +9,32 @@ from .load_results import (
     load_runs as load_runs,
     load_study as load_study,
 )
+from .prepared_experiment import (
+    Combination as Combination,
+    PreparedExperiment as PreparedExperiment,
+    PreparedRobot as PreparedRobot,
+    prepare as prepare,
+)
 from .ranking import (
     Ranking as Ranking,
     rank as rank,
 )
 from .real_time import run_in_real_time as run_in_real_time
+from .results_folder import (
+    SPEC_FILE as SPEC_FILE,
+    check_new as check_new,
+    new_folder as new_folder,
+)
 from .run import (
     Run as Run,
+    execute as execute,
+    measure as measure,
     run as run,
 )
-from .run_comparison import summary as summary
+from .run_comparison import (
+    summary as summary,
+    write_table as write_table,
+)
 from .run_study import (
     run_study as run_study,
     run_study_to as run_study_to,
@@ -29,3 +45,5 @@ from .spec import (
     read_spec as read_spec,
 )
 from .study import Study as Study
+from .worked_parts import work_through as work_through
+from .working_folder import working_folder as working_folder

@@ -15,6 +15,7 @@ from .disturbances import disturbance as disturbance
 from .figure_files import save_figures as save_figures
 from .histograms import histogram as histogram
 from .lyapunov_plot import lyapunov as lyapunov
+from .parity_plot import parity as parity
 from .paths import (
     compare_paths as compare_paths,
     path_3d as path_3d,
@@ -41,7 +42,12 @@ from .save import (
     save_comparison as save_comparison,
     save_plots as save_plots,
 )
-from .style import column_width as column_width
+from .style import (
+    COLOURS as COLOURS,
+    DESIRED as DESIRED,
+    column_width as column_width,
+    new_figure as new_figure,
+)
 from .surfaces import (
     surface as surface,
     surface_figure as surface_figure,
@@ -53,3 +59,4 @@ from .timing_plot import (
     timing_histogram as timing_histogram,
     timing_table as timing_table,
 )
+from .tuning_plots import search_figure as search_figure

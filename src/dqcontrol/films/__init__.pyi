@@ -8,4 +8,5 @@ from .light_painting import (
     light_paintings as light_paintings,
     painting_clip as painting_clip,
 )
+from .offscreen import offscreen as offscreen
 from .physics_picture import render_run as render_run

@@ -3,9 +3,16 @@ from .clock import (
     Timing as Timing,
 )
 from .closed_loop import close_loop as close_loop
-from .record import Record as Record
+from .record import (
+    Record as Record,
+    has_failed as has_failed,
+    part_of as part_of,
+)
 from .signals import Signal as Signal
-from .simulate import simulate as simulate
+from .simulate import (
+    simulate as simulate,
+    simulate_prepared as simulate_prepared,
+)
 from .supervision import Supervision as Supervision
 from .trace import (
     Stop as Stop,

@@ -24,7 +24,14 @@ from .repeat_tables import (
     means_table as means_table,
     repeatability_table as repeatability_table,
 )
+from .stability import gain_limits as gain_limits
+from .statistics import mean_of as mean_of
+from .table_cells import (
+    Ratio as Ratio,
+    VerdictCell as VerdictCell,
+)
 from .tables import (
+    Cell as Cell,
     Column as Column,
     PlusMinus as PlusMinus,
     Table as Table,

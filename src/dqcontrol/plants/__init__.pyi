@@ -43,6 +43,7 @@ from .own_plant import OwnPlant as OwnPlant
 from .plant import (
     CompiledPlant as CompiledPlant,
     Plant as Plant,
+    lagging_mode as lagging_mode,
     limits_before as limits_before,
 )
 from .servo import (

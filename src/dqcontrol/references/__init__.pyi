@@ -18,7 +18,12 @@ from .previewed import Previewed as Previewed
 from .random_goals import random_goals as random_goals
 from .reference import Reference as Reference
 from .rigid_motion import motion_samples as motion_samples
-from .sample import Sample as Sample
+from .sample import (
+    POSE as POSE,
+    TIME as TIME,
+    TWIST as TWIST,
+    Sample as Sample,
+)
 from .sequence import (
     Repeat as Repeat,
     Sequence as Sequence,

@@ -2,3 +2,7 @@
 
 Only `dqcontrol.ros2.middleware.check_installed` may be called without rclpy; the nodes' own modules import it.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

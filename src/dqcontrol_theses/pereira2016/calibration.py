@@ -6,10 +6,8 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from dqcontrol.experiments.prepared_experiment import prepare
-from dqcontrol.experiments.run import execute, measure
-from dqcontrol.measures.metrics import Metrics
-from dqcontrol.measures.tables import Cell, Column, Table
+from dqcontrol.experiments import execute, measure, prepare
+from dqcontrol.measures import Cell, Column, Metrics, Table
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import PHYSICS, PLANTS, SERVO
 from dqcontrol_theses.pereira2016.published_numbers import published_cells
 from dqcontrol_theses.pereira2016.published_specs import published_spec

@@ -6,10 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from dqcontrol.measures.repeat_tables import confidence_table
-from dqcontrol.measures.statistics import mean_of
-from dqcontrol.measures.table_cells import Cell, Column
-from dqcontrol.measures.tables import Table
+from dqcontrol.measures import Cell, Column, Table, confidence_table, mean_of
 from dqcontrol.tuning import Tuning, learn, tune
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.judgement import Judgement, verdict_table
@@ -207,6 +204,6 @@ def _learnt(data: dict[str, Any], tuning: Tuning, conditions: Conditions) -> Tab
 
 
 def _figures(tuning: Tuning) -> dict[str, Any]:
-    from dqcontrol.figures.tuning_plots import search_figure
+    from dqcontrol.figures import search_figure
 
     return {"search": lambda: search_figure(tuning)}

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from dqcontrol.errors import unknown_name
-from dqcontrol.ros2.launch import launch_pair
+from dqcontrol.ros2 import launch_pair
 from dqcontrol_theses.pereira2016 import published_spec
 
 CONTROLLER = "robot_controlling_node"

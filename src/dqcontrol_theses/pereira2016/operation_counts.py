@@ -12,10 +12,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dqcontrol.algebra.batch import apply
-from dqcontrol.algebra.elementary import conjugate, conjugate_multiply, multiply, position, rotated
-from dqcontrol.compiled.compile import inline
-from dqcontrol.measures.tables import Cell, Column, Table
+from dqcontrol.algebra import apply
+from dqcontrol.algebra.dual_quaternion_kernels import (
+    conjugate,
+    conjugate_multiply,
+    multiply,
+    position,
+    rotated,
+)
+from dqcontrol.compiled import inline
+from dqcontrol.measures import Cell, Column, Table
 
 Operation = Callable[[Any, Any, Any], None]
 
@@ -160,8 +166,7 @@ def count(operation: Operation) -> int:
 
     Examples
     --------
-    >>> from dqcontrol.algebra.elementary import multiply
-    >>> count(multiply)  # 48 products and 40 sums
+    >>>     >>> count(multiply)  # 48 products and 40 sums
     88
     """
     one = _Counted()

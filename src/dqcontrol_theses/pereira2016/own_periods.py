@@ -14,12 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare
-from dqcontrol.experiments.run import measure
+from dqcontrol.experiments import Combination, PreparedExperiment, measure, prepare
 from dqcontrol.loop import Record
-from dqcontrol.plants.compliant import CompliantPlant
-from dqcontrol.plants.compliant.elastic_model import TICK
-from dqcontrol.references.sample import TIME
+from dqcontrol.plants import CompliantPlant
+from dqcontrol.references import TIME
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import PHYSICS
 from dqcontrol_theses.pereira2016.published_numbers import published_cells
 from dqcontrol_theses.pereira2016.published_specs import published_spec
@@ -70,7 +68,8 @@ def late_record(setting: PreparedExperiment, case: Combination, factor: float) -
     robot, samples, period = case.scene.robot, case.scene.samples, setting.spec.period
     assert isinstance(case.plant, CompliantPlant)
     count = len(samples)
-    ends = TICK * np.rint(factor * period / TICK * np.arange(count + 1, dtype=np.float64))
+    tick = case.plant.tick
+    ends = tick * np.rint(factor * period / tick * np.arange(count + 1, dtype=np.float64))
     law = case.prepare_law(setting.spec)
     arm = case.plant.start(robot, case.scene.start, period, count, setting.spec.seed)
     state = law.initial_state(arm.measured.copy())

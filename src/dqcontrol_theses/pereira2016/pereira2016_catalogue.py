@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib.resources import files
 from pathlib import Path
 
 from dqcontrol.errors import UnknownNameError
@@ -12,6 +13,8 @@ from dqcontrol_theses.catalogue import Experiment
 SOURCE = "pereira2016"
 SERVO, PHYSICS = "servo", "meka-physics"
 PLANTS = (PHYSICS, SERVO)  # what can stand for the Meka, the default first: all of these ran on the arm
+
+MEKA_CONTROLLERS = Path(str(files("dqcontrol") / "plants/compliant/controllers/meka-a2.yaml"))
 
 EXACT = " exact"
 """Appended to the label of LQR-R8 where its Riccati equation is solved exactly, not as printed."""

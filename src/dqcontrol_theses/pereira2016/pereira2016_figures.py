@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.experiments.run import execute
-from dqcontrol.experiments.sampling_time import SamplingTime
-from dqcontrol.experiments.study import Study
-from dqcontrol.loop.record import Record
-from dqcontrol.references.sample import TWIST
+from dqcontrol.experiments import Study, execute
+from dqcontrol.loop import Record
+from dqcontrol.references import TWIST
 from dqcontrol_theses.pereira2016.hundredfold import LAWS, SUFFIX
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import EXACT
 from dqcontrol_theses.pereira2016.published_numbers import published_cells
+from dqcontrol_theses.pereira2016.sampling_time import SamplingTime
 from dqcontrol_theses.pereira2016.verdicts.evidence import Evidence, record_of
 from dqcontrol_theses.pereira2016.verdicts.grid import grid_of
 from dqcontrol_theses.printed import PublishedCell
@@ -126,7 +125,7 @@ def period_figures(rows: Sequence[SamplingTime]) -> dict[str, Draw]:
 
 def painting_figures(records: Mapping[str, Record]) -> dict[str, Draw]:
     """Return all paintings side by side, as Figure 5.7, and one by one, by file name."""
-    from dqcontrol.films.light_painting import light_painting, light_paintings
+    from dqcontrol.films import light_painting, light_paintings
 
     lit = {name: lamp_on(record) for name, record in records.items()}
     single: dict[str, Draw] = {
@@ -162,7 +161,7 @@ def _histogram(rows: Sequence[SamplingTime], period: float) -> Figure:
 
 
 def _parity(cells: Sequence[PublishedCell], ours: Results, suffixes: Sequence[str]) -> Figure:
-    from dqcontrol.figures.parity import parity
+    from dqcontrol.figures import parity
 
     panels: dict[str, dict[str, list[tuple[float, float]]]] = {}
     for cell in cells:

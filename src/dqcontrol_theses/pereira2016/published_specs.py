@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.errors import unknown_name
-from dqcontrol.files.yaml_file import parse_yaml, read_text
+from dqcontrol.files import read_yaml
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import PHYSICS, PLANTS, drawings, spec_path
 from dqcontrol_theses.printed import with_printed_inverse
 
@@ -54,4 +54,4 @@ def drawing_specs(plant: str = PLANTS[0]) -> dict[str, dict[str, Any]]:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    return parse_yaml(str(path), read_text(path))
+    return read_yaml(path, dict[str, Any])

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from dqcontrol.experiments.run_comparison import summary
-from dqcontrol.experiments.sampling_time import bare_loops, sampling_table, sampling_times
-from dqcontrol.experiments.study import Study
-from dqcontrol.measures.attenuation import attenuation_table
-from dqcontrol.measures.tables import Table
+from dqcontrol.experiments import Study, summary
+from dqcontrol.measures import Table, attenuation_table
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.judgement import verdict_table
 from dqcontrol_theses.pereira2016.calibration import calibrate
@@ -33,6 +30,7 @@ from dqcontrol_theses.pereira2016.pereira2016_figures import (
 )
 from dqcontrol_theses.pereira2016.published_numbers import claims, published_cells
 from dqcontrol_theses.pereira2016.published_specs import drawing_specs, published_spec
+from dqcontrol_theses.pereira2016.sampling_time import bare_loops, sampling_table, sampling_times
 from dqcontrol_theses.pereira2016.verdicts import Evidence, judge
 from dqcontrol_theses.pereira2016.verdicts.h_infinity_verdicts import attenuations
 from dqcontrol_theses.pereira2016.verdicts.sampling_time_verdicts import PERIODS

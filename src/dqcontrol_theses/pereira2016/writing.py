@@ -9,10 +9,8 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.loop import Record
-from dqcontrol.measures.table_cells import Cell, Column, VerdictCell
-from dqcontrol.measures.tables import Table
-from dqcontrol.plants import Servo
-from dqcontrol.plants.compliant import CompliantPlant
+from dqcontrol.measures import Cell, Column, Table, VerdictCell
+from dqcontrol.plants import CompliantPlant, Servo
 from dqcontrol.robots import load_robot
 from dqcontrol.tuning import learn, tune
 from dqcontrol_theses.catalogue import Conditions
@@ -30,6 +28,8 @@ _IN_PHYSICS = 8
 _POSTURE = 1.0  # 1/s; the 10 of the other experiments would alone use up the margin
 _SLOW = 0.2  # Hz
 _GOAL = 1.0  # mm
+
+_WIDTH = 7.16  # in, of a journal's page
 
 
 def reproduce_writing(conditions: Conditions) -> Reproduced:
@@ -158,13 +158,13 @@ def _table(records: Mapping[str, Record], asked: Array) -> Table:
 
 def writing_figure(records: Mapping[str, Record], asked: Array) -> Figure:
     """Return one picture: what each means draws, errors shown ten times as large, in the plane of the drawing."""
-    from dqcontrol.figures.style import COLOURS, DESIRED, DOUBLE, new_figure
+    from dqcontrol.figures import COLOURS, DESIRED, new_figure
 
     enlarged = 10.0
     centred = asked - asked.mean(axis=0)
     _, _, axes_of_plane = np.linalg.svd(centred, full_matrices=False)
     across, up = _upright(axes_of_plane)
-    figure = new_figure(DOUBLE, 0.4 + 2.2 * -(-len(records) // 3))
+    figure = new_figure(_WIDTH, 0.4 + 2.2 * -(-len(records) // 3))
     grid = figure.subplots(-(-len(records) // 3), 3, squeeze=False)
     for i, (axes, (label, record)) in enumerate(zip(grid.flat, records.items(), strict=False)):
         count = min(len(record), len(asked))

@@ -9,12 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dqcontrol.experiments.prepared_experiment import prepare
+from dqcontrol.experiments import prepare
 from dqcontrol.laws import Law
-from dqcontrol.loop.record import Record
-from dqcontrol.loop.signals import ACTUATORS
-from dqcontrol.loop.simulate import simulate
-from dqcontrol.measures.tables import Cell, Column, Table
+from dqcontrol.loop import Record, simulate
+from dqcontrol.measures import Cell, Column, Table
 from dqcontrol.plants import Integrator
 from dqcontrol.references import Sample, SetPoint
 from dqcontrol.robots import Robot
@@ -223,7 +221,7 @@ def _figures(records: dict[str, Record]) -> dict[str, Draw]:
 
     def told():
         chosen = (S17, _SALAZAR, PARSIMONIOUS)
-        signals = {label: records[label].readings[ACTUATORS] for label in chosen}
+        signals = {label: records[label].readings["actuator_command"] for label in chosen}
         inputs = {label: (records[label].time, each.values) for label, each in signals.items()}
         return view("compare_inputs")(inputs, [f"{name} [rad/s]" for name in signals[S17].parts])
 

@@ -6,11 +6,10 @@ import numpy as np
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.experiments.prepared_experiment import Combination
+from dqcontrol.experiments import Combination
 from dqcontrol.limits import CommandLimits, ModifiedClamping
-from dqcontrol.loop.record import Record, part_of
-from dqcontrol.loop.simulate import simulate_prepared
-from dqcontrol.measures.tables import Cell, Column, Table
+from dqcontrol.loop import Record, part_of, simulate_prepared
+from dqcontrol.measures import Cell, Column, Table
 from dqcontrol.plants import Integrator
 from dqcontrol.references import SetPoint, random_goals
 from dqcontrol.robots import Robot

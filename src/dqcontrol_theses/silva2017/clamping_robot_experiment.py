@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from dqcontrol import algebra
-from dqcontrol.experiments.prepared_experiment import Combination
+from dqcontrol.experiments import Combination
 from dqcontrol.limits import CommandLimits, ModifiedClamping
-from dqcontrol.loop.record import Record
-from dqcontrol.loop.simulate import simulate_prepared
-from dqcontrol.measures.tables import Cell, Column, Table
-from dqcontrol.plants import TiringMotors
+from dqcontrol.loop import Record, simulate_prepared
+from dqcontrol.measures import Cell, Column, Table
 from dqcontrol.robots import Robot
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.judgement import ABOUT_THE_ROBOT, Judgement
@@ -18,6 +16,7 @@ from dqcontrol_theses.reproduced import Draw, Reproduced
 from dqcontrol_theses.silva2017.pictures import ghosted_strip, if_drawable
 from dqcontrol_theses.silva2017.race import until_good_enough
 from dqcontrol_theses.silva2017.specs import OURS, S17, setting_of, spec_data, verdicts
+from dqcontrol_theses.variants import TiringMotors
 
 LIMITS = {
     "no clamping": CommandLimits(),

@@ -10,14 +10,11 @@ import msgspec
 import numpy as np
 
 from dqcontrol import algebra
-from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
-from dqcontrol.experiments.run import Run
-from dqcontrol.loop.record import Record
-from dqcontrol.loop.signals import ACTUATORS
-from dqcontrol.loop.simulate import simulate, simulate_prepared
-from dqcontrol.measures.tables import Cell, Column, Table
+from dqcontrol.experiments import PreparedExperiment, Run, prepare
+from dqcontrol.loop import Record, simulate, simulate_prepared
+from dqcontrol.measures import Cell, Column, Table
 from dqcontrol.plants import Camera, Integrator, MobilePlant
-from dqcontrol.references.sample import POSE
+from dqcontrol.references import POSE
 from dqcontrol.robots import WholeBody
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.judgement import ABOUT_THE_ROBOT, Judgement
@@ -332,7 +329,7 @@ def _figures(ideal: dict[str, Run], camera: dict[str, Run]) -> dict[str, Draw]:
     def told():
         from dqcontrol.figures import compare_inputs
 
-        signals = {label: ideal[label].record.readings[ACTUATORS] for label in two}
+        signals = {label: ideal[label].record.readings["actuator_command"] for label in two}
         inputs = {label: (ideal[label].record.time, each.values) for label, each in signals.items()}
         return compare_inputs(inputs, [f"{name} [rad/s]" for name in signals[S17].parts])
 

@@ -8,12 +8,10 @@ from typing import cast
 import numpy as np
 from msgspec.structs import replace
 
-from dqcontrol.experiments.prepared_experiment import PreparedExperiment
+from dqcontrol.experiments import PreparedExperiment
 from dqcontrol.laws import FeedbackLinearization
-from dqcontrol.loop.record import Record
-from dqcontrol.loop.simulate import simulate_prepared
-from dqcontrol.measures.lyapunov import certificate
-from dqcontrol.measures.tables import Cell, Column, Table
+from dqcontrol.loop import Record, simulate_prepared
+from dqcontrol.measures import Cell, Column, Table, certificate
 from dqcontrol.plants import Integrator
 from dqcontrol.references import SetPoint
 from dqcontrol_theses.catalogue import Conditions

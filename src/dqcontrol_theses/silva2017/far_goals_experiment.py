@@ -10,12 +10,11 @@ import msgspec
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.experiments.prepared_experiment import PreparedExperiment, PreparedRobot
+from dqcontrol.experiments import PreparedExperiment, PreparedRobot
 from dqcontrol.laws import FilteredInverse, GuidedProportional, Law
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Record
-from dqcontrol.measures import task_range
-from dqcontrol.measures.tables import Cell, Column, Table
+from dqcontrol.measures import Cell, Column, Table, task_range
 from dqcontrol.plants import Integrator, MobilePlant, Plant
 from dqcontrol.robots import WholeBody
 from dqcontrol_theses.catalogue import Conditions

@@ -11,13 +11,10 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.laws import Constraints, GuidedProportional, Law
 from dqcontrol.limits import CommandLimits, ModifiedClamping
-from dqcontrol.loop import Record, Stop
-from dqcontrol.loop.simulate import simulate
+from dqcontrol.loop import Record, Stop, simulate
 from dqcontrol.plants import Integrator, Plant
-from dqcontrol.references import DriveTo, Reference, SetPoint
-from dqcontrol.references.sample import POSE
+from dqcontrol.references import POSE, DriveTo, Reference, SetPoint
 from dqcontrol.robots import Robot, WholeBody
-from dqcontrol.robots.driving import RIM_LEVER
 from dqcontrol_theses.silva2017.race import RaceOutcome
 
 SECONDS = 120.0
@@ -28,6 +25,7 @@ COUNTED = "first below 0.04, below it for good, below 0.001 at the end"
 JOINT_ACCELERATION, BASE_ACCELERATION, BASE_TURN_ACCELERATION = 2.0, 0.5, 2.0  # rad/s², m/s², rad/s²; assumed
 ALL_LIMITS = Constraints(acceleration=JOINT_ACCELERATION, self_collision=False)
 _AFTERWARDS = 60.0  # s; S17's law takes up to that to settle
+_RIM_LEVER = 5  # column of `Robot.drives`: how much faster a rim is for each rad/s of turning, m
 _SAMPLES = 50  # in a row below `ARRIVED` end a run
 
 
@@ -52,7 +50,7 @@ def beyond_limits(robot: Robot, record: Record, period: float) -> float:
     ]
     for k, drive in enumerate(robot.drives):
         v = int(drive[0]) - k
-        shares.append((np.abs(u[:, v]) + drive[RIM_LEVER] * np.abs(u[:, v + 1])) / limits.velocity[v])
+        shares.append((np.abs(u[:, v]) + drive[_RIM_LEVER] * np.abs(u[:, v + 1])) / limits.velocity[v])
     beyond = max(0.0, *(float(each.max()) - 1 for each in shares))
     return max(beyond, float(np.maximum(limits.lower - record.q, record.q - limits.upper).max()))
 

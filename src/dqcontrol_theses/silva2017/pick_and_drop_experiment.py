@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from dqcontrol import algebra
-from dqcontrol.measures.tables import Cell, Column, Table
+from dqcontrol.measures import Cell, Column, Table
 from dqcontrol.robots import load_robot
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.judgement import Judgement
@@ -150,7 +150,7 @@ def _judge(runs: Sequence[PickAndDrop]) -> Judgement:
 
 def _files(done: PickAndDrop, by_law: Mapping[str, PickAndDrop]) -> dict[str, Write]:
     """Return what draws the clip and the strip; nothing, and a warning, where there is no OpenGL."""
-    from dqcontrol.films.clip import render_strip
+    from dqcontrol.films import render_strip
 
     end = float(done.record.time[-1])
     closed, opened = (event.time for event in done.errand.schedule)

@@ -7,26 +7,22 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import as_array
 from dqcontrol.laws import FeedbackLinearization, Law
-from dqcontrol.laws.feedback_linearization import IN_BODY_TWISTS
 from dqcontrol.limits import CommandLimits
-from dqcontrol.loop import Record
-from dqcontrol.loop.simulate import simulate, simulate_prepared
-from dqcontrol.plants import Basket, Camera, Cube, Gripper, GripperEvent, MobilePlant, Scene
-from dqcontrol.plants.plant import lagging_mode
-from dqcontrol.references import Points
-from dqcontrol.references.sample import POSE, TIME
+from dqcontrol.loop import Record, simulate, simulate_prepared
+from dqcontrol.plants import Basket, Camera, Cube, Gripper, GripperEvent, MobilePlant, Scene, lagging_mode
+from dqcontrol.references import POSE, TIME, Points
 from dqcontrol.robots import load_robot
+from dqcontrol_theses.printed import PRINTED_IN_BODY_TWISTS
 
 ROBOT, PERIOD = "little-john", 0.02
 START = (0.0, 0.0, 0.0, 0.0, -0.504, 1.397, 0.0, 0.0)
-LAW = FeedbackLinearization(stiffness=16.0, damping=6.0, inverse=replace(IN_BODY_TWISTS, growth=0.0))
+LAW = FeedbackLinearization(stiffness=16.0, damping=6.0, inverse=PRINTED_IN_BODY_TWISTS)
 CAMERA = Camera(rate=30.0, delay=0.04, position_noise=0.002, angle_noise=0.004, filter_time=0.1)
 LINK_MASS = [0.125, 0.405, 0.18, 0.12, 0.13]
 CUBE, BASKET = Cube(position=(0.8, 0.2), yaw=0.3), Basket(position=(0.5, 0.9))
@@ -160,7 +156,8 @@ def pick_and_drop(
 
     Examples
     --------
-    >>> from dqcontrol_theses.silva2017.pick_and_drop_task import pick_and_drop
+    >>> from dqcontrol_theses.printed import PRINTED_IN_BODY_TWISTS
+    from dqcontrol_theses.silva2017.pick_and_drop_task import pick_and_drop
     >>> pick_and_drop().is_in_basket  # doctest: +SKIP
     True
     """

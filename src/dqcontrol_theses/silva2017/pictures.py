@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from dqcontrol.errors import MissingExtraError
-from dqcontrol.loop.record import Record
+from dqcontrol.loop import Record
 from dqcontrol.plants import Plant
 from dqcontrol.robots import Robot, load_robot
 from dqcontrol_theses.reproduced import Write
@@ -18,7 +18,7 @@ _AZIMUTH, _ELEVATION = 100.0, -25.0  # degrees; across the way of the base
 
 def if_drawable(files: Mapping[str, Write]) -> dict[str, Write]:
     """Return the files, or none and a warning where MuJoCo or OpenGL is missing."""
-    from dqcontrol.films.offscreen import offscreen
+    from dqcontrol.films import offscreen
 
     try:
         with offscreen(16, 16):
@@ -35,12 +35,12 @@ def filmed(
     robot = load_robot(ROBOT)
 
     def clip(path: Path) -> None:
-        from dqcontrol.films.clip import render_clip
+        from dqcontrol.films import render_clip
 
         render_clip(robot, plant, record, path, speed=speed, rate=12.5, width=480, height=360, overwrite=True)
 
     def strip(path: Path) -> None:
-        from dqcontrol.films.clip import render_strip
+        from dqcontrol.films import render_strip
 
         render_strip(robot, plant, record, path, times, width=440, height=330, overwrite=True)
 
@@ -51,7 +51,7 @@ def ghosted_strip(robot: Robot, records: Mapping[str, Record], times: Sequence[f
     """Return what draws runs at some times in one scene, others through the first. [S17 Fig. 5.4]"""
 
     def write(path: Path) -> None:
-        from dqcontrol.films.clip import render_strip
+        from dqcontrol.films import render_strip
 
         first, *others = records.values()
         render_strip(

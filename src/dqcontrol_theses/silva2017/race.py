@@ -10,13 +10,10 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.laws import GuidedProportional, Law
-from dqcontrol.loop.record import Record, part_of
-from dqcontrol.loop.signals import ACTUATORS
-from dqcontrol.loop.simulate import simulate_prepared
-from dqcontrol.measures.metrics import evaluate
+from dqcontrol.loop import Record, part_of, simulate_prepared
+from dqcontrol.measures import evaluate
 from dqcontrol.plants import Integrator
-from dqcontrol.references import DriveTo
-from dqcontrol.references.sample import POSE
+from dqcontrol.references import POSE, DriveTo
 from dqcontrol.robots import Robot
 from dqcontrol_theses.printed import PRINTED_INVERSE
 from dqcontrol_theses.silva2017.specs import GOOD_ENOUGH
@@ -58,7 +55,7 @@ class RaceOutcome:
     def of(cls, record: Record, period: float) -> RaceOutcome:
         """Measure a whole run of a body with drives."""
         metrics = evaluate(record, tolerance=GOOD_ENOUGH)
-        told = record.readings[ACTUATORS].values
+        told = record.readings["actuator_command"].values
         changes = np.linalg.norm(np.diff(told, axis=0, prepend=np.zeros((1, told.shape[1]))), axis=1)
         below = np.flatnonzero(record.error < GOOD_ENOUGH)
         return cls(

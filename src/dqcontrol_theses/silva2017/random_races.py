@@ -12,9 +12,9 @@ import msgspec
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.experiments.prepared_experiment import PreparedRobot
+from dqcontrol.experiments import PreparedRobot
 from dqcontrol.laws import DampedPoseInverse, Law
-from dqcontrol.measures.tables import Cell, Column, Table
+from dqcontrol.measures import Cell, Column, Table
 from dqcontrol.references import SetPoint, random_goals
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.silva2017.inverses import UNDAMPED

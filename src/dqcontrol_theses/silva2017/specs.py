@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
-from dqcontrol.files.yaml_file import read_yaml
-from dqcontrol.measures.tables import Table
+from dqcontrol.experiments import PreparedExperiment, prepare
+from dqcontrol.files import read_yaml
+from dqcontrol.measures import Table
 from dqcontrol_theses.judgement import Judgement, verdict_table
 from dqcontrol_theses.printed import PublishedCell, read_claims, read_table, with_printed_inverse
 

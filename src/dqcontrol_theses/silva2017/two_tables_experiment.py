@@ -13,9 +13,8 @@ from dqcontrol.arrays import Array
 from dqcontrol.geometry import FloorMap
 from dqcontrol.laws import GuidedProportional, Law
 from dqcontrol.limits import CommandLimits
-from dqcontrol.loop import Record
-from dqcontrol.loop.simulate import simulate
-from dqcontrol.measures.tables import Cell, Column, Table
+from dqcontrol.loop import Record, simulate
+from dqcontrol.measures import Cell, Column, Table
 from dqcontrol.plants import Basket, Cube, Gripper, GripperEvent, MobilePlant, Scene, TableBlock
 from dqcontrol.references import DriveThrough, DriveTo
 from dqcontrol.robots import DifferentialDrive, Robot, WholeBody, load_robot

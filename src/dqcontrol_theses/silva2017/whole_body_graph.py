@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from dqcontrol.errors import unknown_name
-from dqcontrol.ros2.launch import launch_pair
+from dqcontrol.ros2 import launch_pair
 from dqcontrol_theses.silva2017.specs import spec_data
 
 ROBOT, CONTROLLER = "little_john", "whole_body_controller"

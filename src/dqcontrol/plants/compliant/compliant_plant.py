@@ -114,6 +114,7 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
     """
 
     has_velocity_limits: ClassVar[bool] = True
+    tick: ClassVar[float] = TICK  # s, of the joint controllers
     file_keys: ClassVar[tuple[str, ...]] = ("controllers",)
     mode: Mode = "THETA_GC"
     command_mode: CommandMode = "integrated"

@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.experiments.prepared_experiment import prepare
-from dqcontrol.experiments.run import execute, measure
+from dqcontrol.experiments import execute, measure, prepare
 from dqcontrol.laws.parts import at_times, moving_target
-from dqcontrol.measures.tables import Column, Table
+from dqcontrol.measures import Column, Table
 from dqcontrol_theses.pereira2016 import published_cells, published_spec
 from dqcontrol_theses.pereira2016.own_periods import late_record, stretch
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import PHYSICS

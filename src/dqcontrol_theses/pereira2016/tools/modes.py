@@ -10,10 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from dqcontrol.experiments.check import check
-from dqcontrol.experiments.prepared_experiment import prepare
-from dqcontrol.measures.stability import gain_limits
-from dqcontrol.measures.tables import Column, Table
+from dqcontrol.experiments import check, prepare
+from dqcontrol.measures import Column, Table, gain_limits
 from dqcontrol_theses.pereira2016 import published_spec
 from dqcontrol_theses.pereira2016.hundredfold import with_hundredfold
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import PHYSICS

@@ -17,14 +17,13 @@ from typing import Any
 import numpy as np
 import yaml
 
-from dqcontrol.experiments.prepared_experiment import prepare
-from dqcontrol.experiments.run import execute, measure
-from dqcontrol.files.yaml_file import read_text
-from dqcontrol.loop.record import has_failed
-from dqcontrol.measures.tables import Cell, Column, Table
-from dqcontrol.plants.compliant import controller_file
+from dqcontrol.experiments import execute, measure, prepare
+from dqcontrol.files import read_yaml
+from dqcontrol.loop import has_failed
+from dqcontrol.measures import Cell, Column, Table
 from dqcontrol_theses.pereira2016 import published_cells, published_spec
 from dqcontrol_theses.pereira2016.hundredfold import SUFFIX, with_hundredfold
+from dqcontrol_theses.pereira2016.pereira2016_catalogue import MEKA_CONTROLLERS
 
 SEED, COUNT, SHOWN = 17, 40, 8
 CELLS = (
@@ -79,8 +78,7 @@ def worst(row: list[Any], cells: slice) -> float:
 
 def arm(factors: dict[str, float], exchange: float | None, path: Path) -> dict[str, Any]:
     """Return a plant, its controller file written."""
-    folder = Path(controller_file.__file__).parent / "controllers"
-    data = yaml.safe_load(read_text(folder / "meka-a2.yaml"))
+    data = read_yaml(MEKA_CONTROLLERS, dict[str, Any])
     springs = [factors["springs"] * value for value in data["springs"]["default"]]
     for joint in data["joints"]:
         joint["motor"]["friction"] *= factors["viscous friction"]

@@ -23,17 +23,13 @@ from typing import Any
 
 from scipy.optimize import root_scalar
 
-from dqcontrol.experiments.prepared_experiment import prepare
-from dqcontrol.experiments.run import execute, measure
-from dqcontrol.files.yaml_file import read_text
-from dqcontrol.loop.record import has_failed
-from dqcontrol.measures.metrics import Metrics
-from dqcontrol.measures.tables import Column, Table
-from dqcontrol.plants.compliant import controller_file
+from dqcontrol.experiments import execute, measure, prepare
+from dqcontrol.loop import has_failed
+from dqcontrol.measures import Column, Metrics, Table
 from dqcontrol_theses.pereira2016 import PLANTS, published_cells, published_spec
 from dqcontrol_theses.pereira2016.calibration import FITS
 from dqcontrol_theses.pereira2016.hundredfold import SUFFIX, with_hundredfold
-from dqcontrol_theses.pereira2016.pereira2016_catalogue import PHYSICS, SERVO
+from dqcontrol_theses.pereira2016.pereira2016_catalogue import MEKA_CONTROLLERS, PHYSICS, SERVO
 
 PERIOD = 0.008  # s, of the spiral
 USUAL_SPRINGS = [150, 150, 75, 75, 20, 20, 20]  # N·m/rad, a usual guess for the arm's springs
@@ -309,7 +305,7 @@ def printed_of_iiwa(shape: str, law: str, parameters: str) -> float:
 
 def with_feedforward(folder: str) -> str:
     """Write the Meka's controllers with feed-forward in their torque loops, and return the file."""
-    text = read_text(Path(controller_file.__file__).parent / "controllers" / "meka-a2.yaml")
+    text = MEKA_CONTROLLERS.read_text(encoding="utf-8")
     path = Path(folder) / "feedforward.yaml"
     path.write_text(text.replace("feedforward: 0}", "feedforward: 1}"), encoding="utf-8")
     return str(path)

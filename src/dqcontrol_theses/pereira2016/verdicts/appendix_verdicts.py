@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dqcontrol.measures.metrics import evaluate
+from dqcontrol.measures import evaluate
 from dqcontrol_theses.judgement import (
     ABOUT_THE_ROBOT,
     Judgement,

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
-from dqcontrol.experiments.run import execute
+from dqcontrol.experiments import PreparedExperiment, execute, prepare
 from dqcontrol.loop import Record
 from dqcontrol_theses.judgement import Case, Judgement, by_cases
 from dqcontrol_theses.pereira2016.hundredfold import SUFFIX, with_hundredfold

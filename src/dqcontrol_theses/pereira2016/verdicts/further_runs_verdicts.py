@@ -7,8 +7,8 @@ import time
 
 import numpy as np
 
-from dqcontrol.experiments.prepared_experiment import PreparedExperiment
-from dqcontrol.measures.metrics import evaluate
+from dqcontrol.experiments import PreparedExperiment
+from dqcontrol.measures import evaluate
 from dqcontrol.references import Sample
 from dqcontrol_theses.judgement import (
     ABOUT_THE_PROGRAM,

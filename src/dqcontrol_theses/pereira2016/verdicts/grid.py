@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.loop.record import has_failed
+from dqcontrol.loop import has_failed
 from dqcontrol_theses.results import Row
 
 

@@ -6,8 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from dqcontrol.measures.attenuation import Attenuation
-from dqcontrol.measures.attenuation_cases import verify_attenuation
+from dqcontrol.measures import Attenuation, verify_attenuation
 from dqcontrol_theses.judgement import ABOUT_THE_ROBOT, Judgement, by_cases, listed
 from dqcontrol_theses.pereira2016.verdicts.evidence import Evidence, decides
 

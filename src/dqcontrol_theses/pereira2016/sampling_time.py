@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.errors import ValueRangeError, as_count, as_positive
-from dqcontrol.experiments.prepared_experiment import prepare
+from dqcontrol.experiments import prepare
 from dqcontrol.loop import Clock, Timing, close_loop
-from dqcontrol.measures.tables import Column, Table
+from dqcontrol.measures import Column, Table
 
 BARE = "bare loop"  # label of loops without law or plant
 
@@ -83,7 +83,7 @@ def sampling_times(
 
     Examples
     --------
-    >>> from dqcontrol.experiments.sampling_time import sampling_times
+    >>> from dqcontrol_theses.pereira2016.sampling_time import sampling_times
     >>> rows = sampling_times({
     ...     "name": "pace", "robot": "iiwa7", "start": [0, 0.6, 0, 1.6, 0, 0.6, 0], "period": 0.01,
     ...     "reference": {"kind": "circle", "radius": 0.07, "duration": 2},

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from dqcontrol.errors import Error, ValueRangeError
-from dqcontrol.experiments.sampling_time import SamplingTime, sampling_table, sampling_times
 from dqcontrol.loop import Clock, Timing
+from dqcontrol_theses.pereira2016.sampling_time import SamplingTime, sampling_table, sampling_times
 
 SPEC = {
     "name": "pace",

@@ -1,0 +1,1 @@
+from .yaml_file import read_yaml as read_yaml
