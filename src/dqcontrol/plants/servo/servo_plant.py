@@ -15,6 +15,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each_positive, as_positive, unknown_name
 from dqcontrol.files.long_array import long_array
 from dqcontrol.laws.constrained.constraints import Lag
+from dqcontrol.limits.lag_weights import lag_weights
 from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import (
@@ -284,19 +285,11 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
 
 
 def _answer(delay: float, bandwidth: float, damping: float, tau: float, dt: float) -> _Answer:
-    """Return how a joint follows its targets.
-
-    A target that is followed for the first share f of a period, before the next one is for the rest, counts with
-    (exp(−(1 − f)T/τ) − exp(−T/τ))/(1 − exp(−T/τ)).
-    """
+    """Return how a joint follows its targets."""
     late, share = begun_periods("plant.delay", delay, dt)
     if bandwidth:
         return _Answer(late, share, 0.0, _second_order(bandwidth, damping, (1 - share) * dt, dt))
-    if not tau:
-        return _Answer(late, 1.0 if share == 1 else 0.0, 0.0)
-    decay = math.exp(-dt / tau)
-    oldest = 1.0 if share == 1 else (math.exp((share - 1) * dt / tau) - decay) / -math.expm1(-dt / tau)
-    return _Answer(late, oldest, decay)
+    return _Answer(late, *lag_weights(share, tau, dt))
 
 
 class _SecondOrder(NamedTuple):
