@@ -24,7 +24,7 @@ from dqcontrol.robots import Robot
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
 
-# How sharply a drive beside its line turns towards it, 1/m²: over the way s, y″ + (α/v) y′ + 4 y = 0 brings it back with
+# How sharply a drive beside its line turns towards it, 1/m²: along it, y″ + (α/v) y′ + 4 y = 0 brings it back with
 # 2 rad/m, and without overshoot as long as v ≤ α/4.
 _STEERING = 4.0
 _HANDOVER = 1.0  # s

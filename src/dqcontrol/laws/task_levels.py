@@ -61,8 +61,8 @@ if TYPE_CHECKING:
 TaskPart = Literal["pose", "position", "orientation", "axis", "line"]
 POSTURE = "posture"
 
-# Weights of tasks before and after the law's where constraints make something give way: errors count a hundred times and
-# a tenth. Their ratio, 1e6, leaves ten of sixteen digits to the last one.
+# Weights of tasks before and after the law's where constraints make something give way: errors count a hundred times
+# and a tenth. Their ratio, 1e6, leaves ten of sixteen digits to the last one.
 _BEFORE, _AFTER = 1e4, 1e-2
 _THRESHOLD, _DAMPING, _LENGTH = 0.04, 0.02, 0.3  # m; as of `FilteredInverse`
 

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 # Rounding of q + T u may not carry a joint over its limit: each of the five operations errs by 2⁻⁵³ at most.
 _JUST_SHORT = 1.0 - 8 * 2.0**-53
 
-# No joint is taken to be further behind its target than what it goes in this time, s: what lags more is held by something
-# else. It changes nothing for servos that lag by less.
+# No joint is taken to be further behind its target than what it goes in this time, s: what lags more is held by
+# something else. It changes nothing for servos that lag by less.
 _MOST_LAG = 0.25
 
 
