@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.compiled.compile import kernel
-from dqcontrol.errors import ValueRangeError, as_positive, unknown_name
+from dqcontrol.errors import ValueRangeError, unknown_name
 from dqcontrol.laws.inverses import FilteredInverse, Inverse
 from dqcontrol.laws.law import LAW, Law
 from dqcontrol.laws.linearization import (
@@ -154,8 +154,8 @@ class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linear
             inverse=self.inverse.parameters(),
             hysteresis=checked_hysteresis(self.hysteresis),
             period=dt,
-            stiffness=as_positive("stiffness", self.stiffness),
-            damping=as_positive("damping", self.damping),
+            stiffness=self.stiffness,
+            damping=self.damping,
             velocity_state=get_args(VelocityState).index(self.velocity_state),
             logarithm=get_args(Logarithm).index(self.logarithm),
             smooth=self.null_space is not None,

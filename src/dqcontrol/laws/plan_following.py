@@ -11,7 +11,7 @@ from msgspec import Meta
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.errors import Error, as_positive
+from dqcontrol.errors import Error
 from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.laws.law import LAW, check_steps
 from dqcontrol.laws.pose_error import left_error, solve_left_error
@@ -147,7 +147,7 @@ class GuidedProportional(PoseLaw, frozen=True, kw_only=True, tag="guided-proport
         times = dt * np.arange(steps, dtype=np.float64)
         return plan_parameters.pack(
             **pose_parameters(self.parameter_rows(robot, times))._asdict(),
-            pull=as_positive("pull", self.pull),
+            pull=self.pull,
             share=np.clip(reference.rested(times) / _HANDOVER, 0.0, 1.0),
             drives=drive_table(robot),
             planned=reference.configurations(times),

@@ -12,7 +12,6 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, inline, kernel
 from dqcontrol.compiled.law_signature import call_law
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.errors import as_positive
 from dqcontrol.limits.position_limit import (
     FIXED,
     POSITION_LIMIT,
@@ -237,7 +236,7 @@ class ModifiedClamping(PositionLimit, frozen=True, kw_only=True, tag="modified-c
 
     def parameters(self, robot: Robot, dt: float, command_mode: str, velocity: np.ndarray) -> np.ndarray:
         """Return period, tolerance, command mode, position limits, longest lags and velocity limits."""
-        tolerance = as_positive("limits.position.tolerance", self.tolerance, zero_allowed=True)
+        tolerance = self.tolerance
         return clamping_parameters.pack(
             period=dt,
             tolerance=tolerance,

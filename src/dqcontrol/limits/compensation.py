@@ -14,7 +14,7 @@ from dqcontrol.compiled.compile import OK, Kernel, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.compiled.law_signature import call_law
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each_positive, as_positive
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each_positive
 from dqcontrol.limits.lag_weights import lag_weights
 from dqcontrol.limits.position_limit import POSITION_LIMIT
 from dqcontrol.named_fields import NamedFields
@@ -214,11 +214,7 @@ class Compensation(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
         answers = [self._answer(delay, lag, dt) for delay, lag in zip(*self._model(n), strict=True)]
         delays, oldest, decays = np.array(answers).T
         weights, table = self._bodies(robot)
-        share = (
-            -math.expm1(-dt / as_positive("limits.compensation.observer", self.observer))
-            if self.observer
-            else 0.0
-        )
+        share = -math.expm1(-dt / self.observer) if self.observer else 0.0
         rest = compensation_parameters.pack(
             period=dt,
             share=share,

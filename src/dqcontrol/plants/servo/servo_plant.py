@@ -148,7 +148,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
             raise unknown_name("plant.command_mode", str(self.command_mode), COMMAND_MODES)
         answers = self._answers(n, dt)
         gain, stiffness = (self._each(field, n, zero_allowed=False) for field in ("gain", "stiffness"))
-        sag = as_positive("plant.sag", self.sag, zero_allowed=True)
+        sag = self.sag
         compliance = sag / stiffness
         sag0 = compliance * robot.gravity_torque(q0, self.gravity) if sag else np.zeros(n)
         target = q0 + sag0
