@@ -128,7 +128,6 @@ def test_a_changed_file_is_another_study(tmp_path):
 
 
 def test_two_at_once_do_not_disturb_each_other(tmp_path):
-    pytest.importorskip("fcntl")
     with (
         Journal(tmp_path / ".a.part", prepare(spec())),
         pytest.raises(Error, match=r"\.a\.part: another process is at work on this study$"),

@@ -1,10 +1,9 @@
 import math
-import sys
 
 import numpy as np
 import pytest
 
-from dqcontrol.errors import MissingExtraError, ShapeError, ValueRangeError
+from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.measures.statistics import mean_of, paired_difference, spread_ratio
 
 # Student, The probable error of a mean, Biometrika 6 (1908): hours of sleep gained with two drugs, ten patients.
@@ -140,10 +139,3 @@ def test_ninety_five_of_a_hundred_intervals_hold_the_truth():
 def test_bad_input(call, kind, message):
     with pytest.raises(kind, match=message):
         call()
-
-
-def test_without_scipy_the_message_says_what_to_install(monkeypatch):
-    monkeypatch.setitem(sys.modules, "scipy", None)
-    assert mean_of([1.0, 2.0]).deviation == pytest.approx(math.sqrt(0.5))
-    with pytest.raises(MissingExtraError, match=r"scipy: .*pip install 'dqcontrol\[data\]'"):
-        mean_of([1.0, 2.0]).half_width()

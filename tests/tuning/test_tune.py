@@ -164,11 +164,10 @@ def test_a_joint_at_its_limit_is_named_as_the_cause(tuned):
     assert any("comes to its position limit on what was searched" in line for line in lines)
 
 
-@pytest.mark.parametrize(("module", "name"), [("nlopt", "nlopt"), ("scipy.stats", "scipy")])
-def test_a_library_that_is_missing_is_named_with_its_cure(monkeypatch, module, name):
-    monkeypatch.setitem(sys.modules, module, None)
+def test_a_library_that_is_missing_is_named_with_its_cure(monkeypatch):
+    monkeypatch.setitem(sys.modules, "nlopt", None)
     with pytest.raises(
-        MissingExtraError, match=rf"^{name}: .* install it with: pip install 'dqcontrol\[data\]'$"
+        MissingExtraError, match=r"^nlopt: .* install it with: pip install 'dqcontrol\[data\]'$"
     ):
         SimplexSearch(lambda point: (0.0, sum(point)), 2, 20, seed=0).run()
 

@@ -31,10 +31,12 @@ def scipy_from_rotation(rotation: ArrayLike) -> Any:
     """Return a ``scipy.spatial.transform.Rotation`` of unit quaternions (…, 4).
 
     More than one leading axis needs SciPy ≥ 1.17. Raises `ShapeError`, `ValueRangeError` if the shape is
-    wrong or a norm is not 1; `MissingExtraError` without SciPy.
+    wrong or a norm is not 1.
     """
+    from scipy.spatial.transform import Rotation
+
     r = as_unit_quaternion("rotation", rotation)
-    return _library("scipy.spatial.transform").Rotation.from_quat(r[..., [1, 2, 3, 0]])
+    return Rotation.from_quat(r[..., [1, 2, 3, 0]])
 
 
 def pose_from_se3(placement: Any) -> Array:

@@ -16,7 +16,9 @@ def cholesky(gram, m):
         pivot = gram[j, j]
         for k in range(j):
             pivot -= gram[j, k] * gram[j, k]
-        if not pivot > 1e-14:
+        if (
+            not pivot > 1e-14
+        ):  # m², of Jacobians in metres: rounding of a Gram matrix, 2⁻⁵² |G|, is little less
             return False
         pivot = 1.0 / math.sqrt(pivot)
         gram[j, j] = pivot  # the reciprocal: every later use divides
@@ -73,7 +75,7 @@ def diagonalise(gram, m, vectors):
             diagonal += gram[i, i] * gram[i, i]
             for j in range(i):
                 off += gram[i, j] * gram[i, j]
-        if off <= 1e-30 * diagonal:
+        if off <= 1e-30 * diagonal:  # squares: what is left is the rounding of a rotation, 1e-15
             break
         for p in range(m - 1):
             for r in range(p + 1, m):

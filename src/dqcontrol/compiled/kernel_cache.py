@@ -27,7 +27,6 @@ import llvmlite.binding
 import numba
 
 from dqcontrol.errors import CacheWarning
-from dqcontrol.files.file_lock import locked
 from dqcontrol.files.whole_file import whole_file
 
 _OURS = __name__.partition(".")[0]
@@ -194,9 +193,9 @@ def one_process_at_a_time(function: Callable[..., Any]) -> Iterator[None]:
     with ExitStack() as held:
         with suppress(OSError):  # a cache that cannot be written: each compiles its own
             if root() is not None:
-                name = module_folder(function.__module__) / f"{_place(function)}.lock"
-                if (lock := locked(name, waits=True)) is not None:
-                    held.callback(os.close, lock)
+                from filelock import FileLock  # an eighth of Numba's import: only where something is compiled
+
+                held.enter_context(FileLock(module_folder(function.__module__) / f"{_place(function)}.lock"))
         yield
 
 

@@ -8,11 +8,12 @@ import re
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from filelock import FileLock
+
 from dqcontrol.errors import Error, ExistsError, ValueRangeError, writing
-from dqcontrol.files.file_lock import locked
 from dqcontrol.files.whole_file import whole_file
 
 SPEC_FILE = "spec.yaml"  # every folder of results holds what it came from
@@ -87,10 +88,9 @@ def new_folder(folder: str | Path, *, force: bool) -> Iterator[Path]:
     with writing(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         draft = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
-        lock = None
-        with suppress(OSError):  # a file system without locks
-            lock = locked(draft)
+        lock = FileLock(_lock_of(draft))
         try:
+            lock.acquire()
             (draft / _CONTENTS).touch()  # says that it is ours, if this process is killed
             yield draft
             note_contents(draft)
@@ -101,8 +101,8 @@ def new_folder(folder: str | Path, *, force: bool) -> Iterator[Path]:
             shutil.rmtree(draft, ignore_errors=True)
             raise
         finally:
-            if lock is not None:
-                os.close(lock)
+            lock.release()
+            _lock_of(draft).unlink(missing_ok=True)
 
 
 @contextmanager
@@ -142,14 +142,21 @@ def _clear_up(target: Path) -> None:
             continue
         if not (draft / _CONTENTS).is_file():
             continue
-        with suppress(OSError), ExitStack() as held:  # it may be in use
-            if (lock := locked(draft)) is None:
-                continue
-            held.callback(os.close, lock)
+        with (
+            suppress(OSError),
+            FileLock(_lock_of(draft), blocking=False),
+        ):  # a `Timeout`, an OSError, if it is in use
             if draft.name.endswith("-old") and not target.exists():
                 draft.rename(target)
             else:
                 shutil.rmtree(draft)
+        if not draft.exists():
+            _lock_of(draft).unlink(missing_ok=True)
+
+
+def _lock_of(draft: Path) -> Path:
+    """Return what the maker of a hidden folder locks: a file beside it, as Windows moves no folder with one in use."""
+    return draft.with_name(f"{draft.name.removesuffix('-old')}.lock")
 
 
 def note_contents(folder: Path, more: Iterable[str] = ()) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from dqcontrol.errors import MissingExtraError, ShapeError, ValueRangeError
+from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.experiments.spec.reference_base import Part
 
 _MOST_POINTS = 10_000_000
@@ -100,8 +100,6 @@ class Sampling(Part, frozen=True, kw_only=True):
         ------
         ValueRangeError, ShapeError
             Naming the key.
-        MissingExtraError
-            If the method needs SciPy, and it is not installed.
         """
         grid = self.method == "grid"
         for key, values in self.over.items():
@@ -175,19 +173,9 @@ def quasi_random(method: str, size: int, seed: int, first: int, last: int) -> ND
         Scrambles the sequence.
     first, last
         Numbers of points, counted from 0.
-
-    Raises
-    ------
-    MissingExtraError
-        If SciPy is not installed.
     """
-    try:
-        from scipy.stats import qmc  # takes as long to load as all of ours: only where it is used
-    except ImportError:
-        raise MissingExtraError(
-            f"scipy: is needed for the method '{method}' and not installed; "
-            "install it with: pip install 'dqcontrol[data]'"
-        ) from None
+    from scipy.stats import qmc  # takes as long to load as all of ours: only where it is used
+
     engine = qmc.Sobol if method == "sobol" else qmc.Halton
     sequence = engine(size, rng=np.random.default_rng(seed))
     if first:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from filelock import FileLock, Timeout
+
 from dqcontrol.errors import Error, ExistsError, writing
 from dqcontrol.experiments.results_folder import SPEC_FILE
 from dqcontrol.experiments.row_file import import_pyarrow
-from dqcontrol.files.file_lock import locked
 from dqcontrol.files.yaml_file import read_text
 
 _FINGERPRINT = "fingerprint"
@@ -53,9 +53,10 @@ class WorkingFolder:
             folder.mkdir(parents=True, exist_ok=True)
             if not (folder / _FINGERPRINT).exists() and (foreign := _names(folder) - _FIRST):
                 raise ExistsError(f"{folder}: holds '{foreign.pop()}' and no unfinished study; move it away")
+            self._lock = FileLock(folder / _LOCK, thread_local=False)
             try:
-                self._lock: int | None = locked(folder / _LOCK)
-            except BlockingIOError:
+                self._lock.acquire(blocking=False)
+            except Timeout:
                 raise Error(f"{folder}: another process is at work on this study") from None
         try:
             self._begin(force)
@@ -105,9 +106,7 @@ class WorkingFolder:
 
     def close(self) -> None:
         """Release the lock."""
-        if self._lock is not None:
-            os.close(self._lock)
-            self._lock = None
+        self._lock.release()
 
     def discard(self) -> None:
         """Remove the folder."""

@@ -58,8 +58,6 @@ def repeats_figure(rows: Sequence[Row], key: str = "error.integral", *, level: f
         If there are no rows.
     UnknownNameError
         If the key does not exist.
-    MissingExtraError
-        If SciPy is not installed.
 
     Examples
     --------
@@ -127,8 +125,6 @@ def gain_figure(
         If there are no rows, or none has the number.
     UnknownNameError
         If the key or the label does not exist.
-    MissingExtraError
-        If SciPy is not installed.
 
     Examples
     --------

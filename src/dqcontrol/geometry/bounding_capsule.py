@@ -1,4 +1,8 @@
-"""Tight capsules around points, such as the corners of a mesh."""
+"""Tight capsules around points, such as the corners of a mesh.
+
+The simplex search is by hand, although SciPy has one: in the same time it finds the same volumes, to 2e-7, but in their
+flat valleys other ends, up to 0.2 mm off for each metre of size, which would move all distances of known robots.
+"""
 
 from __future__ import annotations
 
@@ -118,7 +122,7 @@ def _volume(parameters: Parameters, points: Array) -> float:
 
 
 def _minimised(value: Callable[[Parameters], float], start: Parameters) -> tuple[Parameters, float]:
-    """Minimise by the simplex method of Nelder and Mead; SciPy, which has it, is an extra of this package."""
+    """Minimise by the simplex method of Nelder and Mead."""
     numbers, axis, across = start
     n = len(numbers)
 

@@ -9,7 +9,6 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.compiled.compile import kernel
-from dqcontrol.errors import as_positive
 from dqcontrol.laws.inverses import FilteredInverse, Inverse
 from dqcontrol.laws.law import LAW, Law
 from dqcontrol.laws.linearization import (
@@ -118,8 +117,8 @@ class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linear
             inverse=self.inverse.parameters(),
             hysteresis=checked_hysteresis(self.hysteresis),
             period=dt,
-            stiffness=as_positive("stiffness", self.stiffness),
-            damping=as_positive("damping", self.damping),
+            stiffness=self.stiffness,
+            damping=self.damping,
             smooth=self.null_space is not None,
         )[None]
 

@@ -14,7 +14,6 @@ from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, rotate
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.errors import as_positive
 from dqcontrol.laws.growth import pose_error
 from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
 from dqcontrol.laws.inverses import inverse_parameters
@@ -148,9 +147,9 @@ class IntegralPoseLaw(PoseLaw, frozen=True, kw_only=True):
     def rows(self, robot: Robot, reference: Reference | None, dt: float) -> np.ndarray:
         """Return inverse, hysteresis, gains, k_I T, T/T_t and bounds, one row a sample as long as they change."""
         rows = super().rows(robot, reference, dt)
-        gain = as_positive("integral_gain", self.integral_gain, zero_allowed=True)
-        position = as_positive("integral_position_limit", self.integral_position_limit)
-        orientation = as_positive("integral_orientation_limit", self.integral_orientation_limit)
+        gain = self.integral_gain
+        position = self.integral_position_limit
+        orientation = self.integral_orientation_limit
         return integral_parameters.pack(
             **pose_parameters(rows)._asdict(),
             step=gain * dt,

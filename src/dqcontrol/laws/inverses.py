@@ -77,9 +77,7 @@ class DampedInverse(CheckedFields, frozen=True, tag="damped", tag_field="kind", 
 
     def parameters(self) -> InverseParameters:
         """Return kind and numbers as compiled code reads them."""
-        return InverseParameters(
-            DAMPED, as_positive("inverse.damping", self.damping), 0.0, _length(self), 0.0, 0.0
-        )
+        return InverseParameters(DAMPED, self.damping, 0.0, _length(self), 0.0, 0.0)
 
 
 class FilteredInverse(
@@ -119,10 +117,10 @@ class FilteredInverse(
         """Return kind and numbers as compiled code reads them."""
         return InverseParameters(
             FILTERED,
-            as_positive("inverse.threshold", self.threshold),
-            as_positive("inverse.damping", self.damping),
+            self.threshold,
+            self.damping,
             _length(self),
-            as_positive("inverse.growth", self.growth, zero_allowed=True) if self.growth is not None else 0.0,
+            self.growth if self.growth is not None else 0.0,
             0.0,
         )
 
@@ -146,8 +144,8 @@ class ManipulabilityInverse(
         """Return kind and numbers as compiled code reads them."""
         return InverseParameters(
             BY_MANIPULABILITY,
-            as_positive("inverse.threshold", self.threshold),
-            as_positive("inverse.damping", self.damping),
+            self.threshold,
+            self.damping,
             _length(self),
             0.0,
             0.0,

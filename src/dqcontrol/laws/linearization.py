@@ -83,7 +83,7 @@ def is_fixed(jacobian, i):
     size = 0.0
     for k in range(6):
         size += abs(jacobian[k, i])
-    return size < 100.0 * FIXED
+    return size < 100.0 * FIXED  # a column that is not fixed sums to less than 100 on robots of up to 50 m
 
 
 @inline

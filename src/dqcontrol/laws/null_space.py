@@ -13,7 +13,7 @@ from dqcontrol.algebra.symmetric import cholesky, cholesky_solve
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import INPUT, OK, READ, READ2, STATUS, WRITE, Kernel, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.errors import as_array, as_positive
+from dqcontrol.errors import as_array
 from dqcontrol.laws.best_heading import heading_work, turn_to_best_heading
 from dqcontrol.limits.gradient import repulsion
 from dqcontrol.limits.position_limit import position_limits
@@ -94,7 +94,7 @@ class Posture(NullSpace, frozen=True, kw_only=True, tag="posture"):
     def parameters(self, robot: Robot) -> NDArray[np.float64]:
         """Return gains and rest configuration."""
         n = robot.configuration_size
-        rates = np.full(n, as_positive("null_space.gain", self.gain))
+        rates = np.full(n, self.gain)
         if self.rest is None:
             rates[base_coordinates(robot)] = 0.0
             rest = middle_of_range(robot)
@@ -133,7 +133,7 @@ class JointCentring(NullSpace, frozen=True, kw_only=True, tag="joint-centring"):
         """Return rates and middles."""
         position_limits("null_space", robot)
         half = (robot.limits.upper - robot.limits.lower) / 2
-        rates = 2 * as_positive("null_space.gain", self.gain) / (len(half) * half * half)
+        rates = 2 * self.gain / (len(half) * half * half)
         return posture_parameters.pack(pull=rates, rest=middle_of_range(robot), drives=robot.drives)
 
     def loop_rate(self, robot: Robot) -> float:
@@ -187,8 +187,8 @@ class LimitAvoidance(NullSpace, frozen=True, kw_only=True, tag="limit-avoidance"
 
     def parameters(self, robot: Robot) -> NDArray[np.float64]:
         """Return gain, largest speed and limits."""
-        gain = as_positive("null_space.gain", self.gain)
-        fastest = as_positive("null_space.fastest", self.fastest)
+        gain = self.gain
+        fastest = self.fastest
         limits = position_limits("null_space", robot)
         return avoidance_parameters.pack(gain=gain, fastest=fastest, **limits._asdict())
 
@@ -326,7 +326,7 @@ class ManipulabilityAscent(NullSpace, frozen=True, kw_only=True, tag="manipulabi
 
     def parameters(self, robot: Robot) -> NDArray[np.float64]:
         """Return the gain, and which inputs are forward speeds of drives."""
-        gain = as_positive("null_space.gain", self.gain)
+        gain = self.gain
         return heading_parameters.pack(gain=gain, drives=_headings(robot))
 
 
@@ -369,7 +369,7 @@ class BestHeading(NullSpace, frozen=True, kw_only=True, tag="best-heading"):
 
     def parameters(self, robot: Robot) -> NDArray[np.float64]:
         """Return the gain and the input v of each drive."""
-        gain = as_positive("null_space.gain", self.gain)
+        gain = self.gain
         return heading_parameters.pack(gain=gain, drives=_headings(robot))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, InterpretedKernel, Kernel, compile_own
-from dqcontrol.errors import ShapeError, as_array, as_count
+from dqcontrol.errors import ShapeError, as_array
 from dqcontrol.extensions.user_code import function_at, numbers_in
 from dqcontrol.laws.law import LAW, Law
 from dqcontrol.robots.kinematics_kernels import fill_pose_jacobian
@@ -96,7 +96,7 @@ class OwnLaw(Law, frozen=True, kw_only=True, tag="own"):
 
     def state_size(self, robot: Robot) -> int:
         """Return the length of the state."""
-        return as_count("memory", self.memory)
+        return self.memory
 
     def parameter_rows(self, robot: Robot, times: np.ndarray) -> np.ndarray:
         """Return the parameters."""
@@ -108,4 +108,4 @@ class OwnLaw(Law, frozen=True, kw_only=True, tag="own"):
 
     def work_size(self, robot: Robot) -> int:
         """Return room for the preferred motion and the function's scratch."""
-        return robot.input_size + as_count("scratch", self.scratch)
+        return robot.input_size + self.scratch

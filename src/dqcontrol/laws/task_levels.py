@@ -61,10 +61,9 @@ if TYPE_CHECKING:
 TaskPart = Literal["pose", "position", "orientation", "axis", "line"]
 POSTURE = "posture"
 
-_BEFORE, _AFTER = (
-    1e4,
-    1e-2,
-)  # weights of tasks before and after the law's where constraints make something give way
+# Weights of tasks before and after the law's where constraints make something give way: errors count a hundred times
+# and a tenth. Their ratio, 1e6, leaves ten of sixteen digits to the last one.
+_BEFORE, _AFTER = 1e4, 1e-2
 _THRESHOLD, _DAMPING, _LENGTH = 0.04, 0.02, 0.3  # m; as of `FilteredInverse`
 
 # q, pose, twist Jacobian and sample of the law's task, number of the sample, parameters, work, command

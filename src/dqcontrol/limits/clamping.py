@@ -12,7 +12,6 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, inline, kernel
 from dqcontrol.compiled.law_signature import call_law
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.errors import as_positive
 from dqcontrol.limits.position_limit import (
     FIXED,
     POSITION_LIMIT,
@@ -26,7 +25,9 @@ if TYPE_CHECKING:
 # Rounding of q + T u may not carry a joint over its limit: each of the five operations errs by 2⁻⁵³ at most.
 _JUST_SHORT = 1.0 - 8 * 2.0**-53
 
-_MOST_LAG = 0.25  # s: no joint is further behind its target than what it goes in this time
+# No joint is taken to be further behind its target than what it goes in this time, s: what lags more is held by
+# something else. It changes nothing for servos that lag by less.
+_MOST_LAG = 0.25
 
 
 class ClampingParameters(NamedTuple):
@@ -34,8 +35,8 @@ class ClampingParameters(NamedTuple):
 
     Attributes
     ----------
-    moves_target
-        1 where commands move a target that joints follow with a lag.
+    memory
+        Size of the `LagMemory`, where commands move a target that joints follow with a lag; else 0.
     lower, upper, coordinate
         As `position_limits` has them.
     longest
@@ -46,7 +47,7 @@ class ClampingParameters(NamedTuple):
 
     period: float
     tolerance: float
-    moves_target: float
+    memory: float
     lower: Annotated[Array, "m"]
     upper: Annotated[Array, "m"]
     coordinate: Annotated[Array, "m"]
@@ -129,9 +130,7 @@ def modified_clamping(
     lower, upper, input_coordinates = given.lower, given.upper, given.coordinate
     own = clamping_work(work, n, state.shape[0])
     is_held, value, state_before = own.is_held, own.value, own.state_before
-    law_size, moves_target = state.shape[0], given.moves_target != 0.0
-    if moves_target:
-        law_size -= 1 + 3 * n  # the lags' own
+    moves_target, law_size = given.memory != 0.0, state.shape[0] - int(given.memory)
     kept = lag_memory(state[law_size:], n)
     if moves_target:
         _follow_lags(kept, q, input_coordinates, period, given.longest)
@@ -175,7 +174,9 @@ def modified_clamping(
             distance = upper[i] - above if out[i] > 0.0 else below - lower[i]
             allowed = min(fastest, max(distance / period * _JUST_SHORT, 0.0))
             beyond = abs(out[i]) - allowed
-            if beyond > max(most_beyond, 1e-9 * allowed):
+            if beyond > max(
+                most_beyond, 1e-9 * allowed
+            ):  # rounding of the law's solution is no reason to hold
                 worst, most_beyond, bound = i, beyond, math.copysign(allowed, out[i])
         if not again and worst >= 0:
             is_held[worst], value[worst] = 2.0, bound
@@ -234,11 +235,11 @@ class ModifiedClamping(PositionLimit, frozen=True, kw_only=True, tag="modified-c
 
     def parameters(self, robot: Robot, dt: float, command_mode: str, velocity: np.ndarray) -> np.ndarray:
         """Return period, tolerance, command mode, position limits, longest lags and velocity limits."""
-        tolerance = as_positive("limits.position.tolerance", self.tolerance, zero_allowed=True)
+        tolerance = self.tolerance
         return clamping_parameters.pack(
             period=dt,
             tolerance=tolerance,
-            moves_target=command_mode == "integrated",
+            memory=self.memory(robot, command_mode, dt),
             **position_limits("limits.position", robot)._asdict(),
             longest=_MOST_LAG * robot.limits.velocity,
             velocity=velocity,

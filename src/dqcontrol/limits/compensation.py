@@ -14,7 +14,8 @@ from dqcontrol.compiled.compile import OK, Kernel, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.compiled.law_signature import call_law
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each_positive, as_positive
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each_positive
+from dqcontrol.limits.lag_weights import lag_weights
 from dqcontrol.limits.position_limit import POSITION_LIMIT
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.robots.gravity import WORK, robot_gravity_torque
@@ -56,8 +57,9 @@ class CompensationParameters(NamedTuple):
 
 
 class CompensationSizes(NamedTuple):
-    """What stands before the parameters: how many targets are remembered, how many bodies sag, and their table."""
+    """What stands before the parameters: the size of the memory, and how many targets, bodies and columns there are."""
 
+    memory: float
     late: float
     bodies: float
     columns: float
@@ -104,8 +106,7 @@ def compensate(
     sizes = compensation_sizes(parameters)
     late, bodies, columns = int(sizes.late), int(sizes.bodies), int(sizes.columns)
     given = compensation_parameters(sizes.rest, n, bodies, columns)
-    size = 1 + n * (6 + late) + WORK * bodies
-    kept = compensation_memory(state[state.shape[0] - size :], n, late, bodies)
+    kept = compensation_memory(state[state.shape[0] - int(sizes.memory) :], n, late, bodies)
     targets, torque, before = kept.targets, kept.torque, kept.before
     scratch = as_matrix(kept.scratch, 1, WORK * bodies)[0]
     for i in range(n):
@@ -213,11 +214,7 @@ class Compensation(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
         answers = [self._answer(delay, lag, dt) for delay, lag in zip(*self._model(n), strict=True)]
         delays, oldest, decays = np.array(answers).T
         weights, table = self._bodies(robot)
-        share = (
-            -math.expm1(-dt / as_positive("limits.compensation.observer", self.observer))
-            if self.observer
-            else 0.0
-        )
+        share = -math.expm1(-dt / self.observer) if self.observer else 0.0
         rest = compensation_parameters.pack(
             period=dt,
             share=share,
@@ -231,7 +228,11 @@ class Compensation(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
             table=table,
         )
         return compensation_sizes.pack(
-            late=self._late(n, dt), bodies=len(weights), columns=table.shape[1], rest=rest
+            memory=self.memory(robot, command_mode, dt),
+            late=self._late(n, dt),
+            bodies=len(weights),
+            columns=table.shape[1],
+            rest=rest,
         )
 
     def memory(self, robot: Robot, command_mode: str, dt: float) -> int:
@@ -266,11 +267,7 @@ class Compensation(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
         periods = delay / dt
         begun = round(periods) if abs(round(periods) - periods) * dt <= 1e-9 else math.ceil(periods)
         share = 1.0 if begun - periods < 1e-9 / dt else periods - math.floor(periods)
-        if not lag:
-            return float(begun), 1.0 if share == 1 else 0.0, 0.0
-        decay = math.exp(-dt / lag)
-        oldest = 1.0 if share == 1 else (math.exp((share - 1) * dt / lag) - decay) / -math.expm1(-dt / lag)
-        return float(begun), oldest, decay
+        return float(begun), *lag_weights(share, lag, dt)
 
     def behind(self, transition: Array, inputs: Array, n: int, dt: float) -> tuple[Array, Array] | None:
         """Return a plant's linear model x⁺ = A x + B u with the observer before it; None without an observer.

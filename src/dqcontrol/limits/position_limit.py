@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
 # Where a limit fixes an input at a value, it hands the law this share of its column of J and z = value/share: the law
-# then reckons with the value in y − J z, and its inverse moves the input by no more than the share's square.
+# then reckons with the value in y − J z, and its inverse moves the input by no more than the share's square: rounding.
 FIXED = 1e-8
 
 # law, what it takes, the limit's own parameters and work (2 m numbers and as many as the state), out; the state ends

@@ -20,7 +20,9 @@ from dqcontrol.loop.targets import Target
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot
 
-FASTEST_REFERENCE = 1.5  # periods that the reference's time advances a step at most, if nobody says how long
+# Periods that the reference's time advances a step at most, if nobody says how long: it follows a step that is late by
+# less than half a period, and waits for one that is missing.
+FASTEST_REFERENCE = 1.5
 _EARLY = 0.1  # periods by which a measurement may come before its time
 _NOTHING: Array = np.zeros(0)
 

@@ -61,8 +61,6 @@ def confidence_table(
     ------
     ShapeError, UnknownNameError
         As for `means_table`.
-    MissingExtraError
-        If SciPy is not installed.
 
     Examples
     --------
@@ -118,8 +116,6 @@ def differences_table(
         If there are no rows, or two runs of one group have the same seed.
     UnknownNameError
         If the key or the baseline does not exist.
-    MissingExtraError
-        If SciPy is not installed.
 
     Examples
     --------
@@ -179,8 +175,6 @@ def repeatability_table(
         If there are no rows.
     UnknownNameError
         If a key or the baseline does not exist.
-    MissingExtraError
-        If SciPy is not installed.
 
     Examples
     --------

@@ -10,11 +10,10 @@ import math
 import statistics
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
-from types import ModuleType
 
 from numpy.typing import ArrayLike
 
-from dqcontrol.errors import MissingExtraError, ShapeError, ValueRangeError, as_array
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 
 LEVEL = 0.95
 
@@ -49,8 +48,6 @@ class Mean:
         ------
         ValueRangeError
             If the level is not between 0 and 1.
-        MissingExtraError
-            If SciPy is not installed.
 
         Examples
         --------
@@ -60,7 +57,9 @@ class Mean:
         _check_level(level)
         if self.count < 2:
             return math.nan
-        quantile = float(_special().stdtrit(self.count - 1, (1 + level) / 2))
+        from scipy import special  # half of Numba's import: only where it is used
+
+        quantile = float(special.stdtrit(self.count - 1, (1 + level) / 2))
         return quantile * self.deviation / math.sqrt(self.count)
 
 
@@ -152,8 +151,6 @@ def paired_difference(
     ------
     ValueRangeError
         If a number is not finite or the level not between 0 and 1.
-    MissingExtraError
-        If SciPy is not installed.
 
     Examples
     --------
@@ -161,6 +158,8 @@ def paired_difference(
     >>> found.pairs, round(found.mean, 3), found.excludes_zero
     (3, 1.1, True)
     """
+    from scipy import special
+
     _check_level(level)
     differences = [value - second[seed] for seed, value in first.items() if seed in second]
     if not differences:
@@ -172,7 +171,7 @@ def paired_difference(
         p_value = 0.0 if found.mean else 1.0
     else:
         t = abs(found.mean) / (found.deviation / math.sqrt(found.count))
-        p_value = 2 * float(_special().stdtr(found.count - 1, -t))
+        p_value = 2 * float(special.stdtr(found.count - 1, -t))
     return Difference(found.count, found.mean, found.half_width(level), p_value)
 
 
@@ -190,18 +189,18 @@ def spread_ratio(first: Mean, second: Mean, level: float = LEVEL) -> SpreadRatio
     ------
     ValueRangeError
         If the level is not between 0 and 1.
-    MissingExtraError
-        If SciPy is not installed.
 
     Examples
     --------
     >>> spread_ratio(mean_of([1.0, 5.0, 9.0]), mean_of([1.0, 2.0, 3.0])).ratio
     4.0
     """
+    from scipy import special
+
     _check_level(level)
     if first.count < 2 or second.count < 2 or second.deviation == 0:
         return SpreadRatio(math.nan, math.nan, math.nan, math.nan)
-    special, ratio = _special(), first.deviation / second.deviation
+    ratio = first.deviation / second.deviation
     freedom = first.count - 1, second.count - 1
     upper, lower = (float(special.fdtri(*freedom, (1 + sign * level) / 2)) for sign in (1, -1))
     tails = float(special.fdtr(*freedom, ratio**2)), float(special.fdtrc(*freedom, ratio**2))
@@ -211,14 +210,3 @@ def spread_ratio(first: Mean, second: Mean, level: float = LEVEL) -> SpreadRatio
 def _check_level(level: float) -> None:
     if not 0 < level < 1:
         raise ValueRangeError(f"level: must be between 0 and 1, got {level:g}")
-
-
-def _special() -> ModuleType:
-    try:
-        from scipy import special
-    except ImportError:
-        raise MissingExtraError(
-            "scipy: is needed for confidence intervals and not installed; "
-            "install it with: pip install 'dqcontrol[data]'"
-        ) from None
-    return special

@@ -11,7 +11,7 @@ from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ValueRangeError, as_array, as_positive
+from dqcontrol.errors import ValueRangeError, as_array
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.plant import begun_periods
@@ -19,15 +19,6 @@ from dqcontrol.plants.plant import begun_periods
 CAMERA_CHANNELS = (Channel("camera_age", (), "s"), Channel("command_share", (), ""))  # of plants with one
 
 _SNAP = 1e-9  # periods or seconds; times that differ by less are equal
-_NOT_NEGATIVE = (
-    "delay",
-    "position_noise",
-    "angle_noise",
-    "outlier_probability",
-    "outlier_position",
-    "outlier_angle",
-    "filter_time",
-)
 
 
 class FiducialLoss(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -42,10 +33,6 @@ class FiducialLoss(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
     spec_key: ClassVar[str] = "plant.camera.losses"
     time: Annotated[float, Meta(ge=0, le=1e6, description="s")]
     duration: Annotated[float, Meta(gt=0, le=1e6, description="s")]
-
-    def __post_init__(self) -> None:
-        as_positive("plant.camera.losses.time", self.time, zero_allowed=True)
-        as_positive("plant.camera.losses.duration", self.duration)
 
 
 @dataclass(frozen=True)
@@ -132,14 +119,6 @@ class Camera(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True)
     stopping_time: Annotated[float, Meta(gt=0, le=1e6, description="s")] = 0.5
 
     def __post_init__(self) -> None:
-        for field in ("rate", "timeout", "stopping_time"):
-            as_positive(f"plant.camera.{field}", getattr(self, field))
-        for field in _NOT_NEGATIVE:
-            as_positive(f"plant.camera.{field}", getattr(self, field), zero_allowed=True)
-        if self.outlier_probability > 1:
-            raise ValueRangeError(
-                f"plant.camera.outlier_probability: must be ≤ 1, got {self.outlier_probability:g}"
-            )
         if self.timeout <= 1 / self.rate:
             raise ValueRangeError(
                 f"plant.camera.timeout: must be longer than {1 / self.rate:.4g} s, the time from frame to frame, "

@@ -74,7 +74,6 @@ class SinusoidalTwist(DisturbanceSource, frozen=True, kw_only=True, tag="sinusoi
 
     def __post_init__(self) -> None:
         _numbers("disturbance.amplitude", self.amplitude, 6)
-        as_positive("disturbance.frequency", self.frequency)
         as_array("disturbance.phase", self.phase, ())
 
     def values(self, times: Array, seed: list[int]) -> Array:
@@ -112,8 +111,6 @@ class BandLimitedTwist(DisturbanceSource, frozen=True, kw_only=True, tag="band-l
     def __post_init__(self) -> None:
         if (_numbers("disturbance.rms", self.rms, 6) < 0).any():
             raise ValueRangeError(f"disturbance.rms: must be ≥ 0, got {self.rms}")
-        as_positive("disturbance.bandwidth", self.bandwidth)
-        as_positive("disturbance.seed", self.seed, zero_allowed=True)
 
     def values(self, times: Array, seed: list[int]) -> Array:
         """Return the twist at each time, shape (N, 6)."""
@@ -165,7 +162,6 @@ class WorstCase(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     ]
 
     def __post_init__(self) -> None:
-        as_positive("disturbance.worst_case.level", self.level)
         if not _numbers("disturbance.worst_case.direction", self.direction, 3).any():
             raise ValueRangeError("disturbance.worst_case.direction: must not be zero")
         if (_numbers("disturbance.worst_case.gammas", self.gammas, 2) <= 0).any():

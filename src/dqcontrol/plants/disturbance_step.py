@@ -19,7 +19,8 @@ from dqcontrol.robots.driving import DRIVE_COLUMNS, advance
 from dqcontrol.robots.kinematics_kernels import call_chain, split
 from dqcontrol.robots.robot import Robot
 
-# A robot that is pushed knows nothing of the law's weight between angles and positions, nor of its thresholds.
+# A robot that is pushed knows nothing of the law's weight between angles and positions, nor of its thresholds: these
+# are those of feedback linearisation, whose V measures twists in the same way (docs/laws.md).
 _INVERSE = FilteredInverse(threshold=0.02, damping=0.05, characteristic_length=1.0)
 ROW = 12  # of a disturbance: inertial twist, then twist of the hand in its own axes
 

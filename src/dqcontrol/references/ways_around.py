@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import heapq
 import math
 from itertools import pairwise
 from typing import NamedTuple
@@ -77,7 +76,7 @@ class WaysAround:
         self._places = grid.reshape(*shape, 2)
         free = (clear >= radius).reshape(shape)
         free[begin] = True
-        self._before = _ways_from(free, begin)
+        self._lengths = _lengths_from(free, begin)
 
     def to(self, goal: Array) -> list[Array] | None:
         """Return the points between start and goal, each (2,), m; None if there is no way on the grid."""
@@ -86,15 +85,15 @@ class WaysAround:
         if self.floor.clearance(goal[None])[0] < self.radius:
             return None
         here = min(
-            (each for each in self._around(goal) if each in self._before),
+            (each for each in self._around(goal) if self._is_reached(each)),
             key=lambda each: self._off(each, goal),
             default=None,
         )
         if here is None:
             return None
         cells = [here]
-        while self._before[here] != here:
-            here = self._before[here]
+        while self._lengths[here] > 0.0:
+            here = self._before(here)
             cells.append(here)
         inner = np.array([self._places[each] for each in cells[-2::-1]]).reshape(-1, 2)
         return self._straightened(np.vstack([self.start, inner, goal]))
@@ -117,6 +116,17 @@ class WaysAround:
         i, j = np.round((point - self._low) / self._cell).astype(int).tolist()
         return i, j
 
+    def _is_reached(self, cell: tuple[int, int]) -> bool:
+        i, j = cell
+        rows, columns = self._lengths.shape
+        return 0 <= i < rows and 0 <= j < columns and math.isfinite(self._lengths[cell])
+
+    def _before(self, cell: tuple[int, int]) -> tuple[int, int]:
+        """Return the cell before another on a shortest way; of several the one nearest to the start."""
+        i, j = cell
+        beside = {(i + k, j + m): math.hypot(k, m) for k, m in _STEPS if self._is_reached((i + k, j + m))}
+        return min(beside, key=lambda each: (self._lengths[each] + beside[each], self._lengths[each], each))
+
     def _around(self, point: Array) -> list[tuple[int, int]]:
         i, j = self._cell_of(point)
         return [(i, j), *((i + k, j + m) for k, m in _STEPS)]
@@ -137,23 +147,27 @@ class WaysAround:
         return kept[:-1]
 
 
-def _ways_from(free: NDArray[np.bool_], start: tuple[int, int]) -> dict[tuple[int, int], tuple[int, int]]:
-    """Return the cell before each cell that can be reached, on a shortest way over eight neighbours each."""
-    costs, before, done = {start: 0.0}, {start: start}, set()
-    queue = [(0.0, start)]
-    steps = [(i, j, math.hypot(i, j)) for i, j in _STEPS]
-    open_cells = set(map(tuple, np.argwhere(free).tolist()))
-    while queue:
-        cost, here = heapq.heappop(queue)
-        if here in done:
-            continue
-        done.add(here)
-        for i, j, length in steps:
-            there = here[0] + i, here[1] + j
-            if there in open_cells and cost + length < costs.get(there, math.inf):
-                costs[there], before[there] = cost + length, here
-                heapq.heappush(queue, (cost + length, there))
-    return before
+def _lengths_from(free: NDArray[np.bool_], start: tuple[int, int]) -> Array:
+    """Return the length of a shortest way to each cell over eight neighbours each, in cells; infinite without one."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import dijkstra
+
+    number = np.arange(free.size).reshape(free.shape)
+    links = []
+    for i, j in _STEPS:
+        here, there = _overlap(i, j), _overlap(-i, -j)
+        both = free[here] & free[there]
+        ends = number[here][both], number[there][both]
+        links.append((*ends, np.full(len(ends[0]), math.hypot(i, j))))
+    rows, columns, lengths = map(np.concatenate, zip(*links, strict=True))
+    graph = coo_array((lengths, (rows, columns)), shape=(free.size, free.size)).tocsr()
+    return np.asarray(dijkstra(graph, indices=number[start])).reshape(free.shape)
+
+
+def _overlap(i: int, j: int) -> tuple[slice, slice]:
+    """Return the part of a grid whose cells have a neighbour (i, j) cells farther."""
+    along, across = (slice(max(0, -k), -k if k > 0 else None) for k in (i, j))
+    return along, across
 
 
 def body_points(robot: Robot, q: Array) -> Body:

@@ -20,9 +20,9 @@ from dqcontrol.robots.kinematics_kernels import REVOLUTE, compose_fixed, half_si
 SOLVE = STATUS(READ2, READ2, READ2, READ2, READ, WRITE2, WRITE2, WRITE)
 
 _PATIENCE = 6  # iterations in a row that hardly reduce the error, after which a start is given up
-_HARDLY = 0.95
+_STALL_RATIO = 0.95  # of the squared residual: what reduces it by less hardly does
 _DAMPING = 0.15  # times the squared residual, so that the last steps are Newton's
-_LEAST_DAMPING = 1e-9  # relative to the trace of JJᵀ
+_LEAST_DAMPING = 1e-9  # relative to the trace of JJᵀ: 10⁷ times its rounding, so that the factors exist
 
 
 def work_size(joints: int) -> int:
@@ -129,7 +129,7 @@ def _step(jacobian, residual, q, limits, damping, gram, y, left, held, out):
                         gram[i, j] += jacobian[m, i] * jacobian[m, j]
         for i in range(6):
             trace += gram[i, i]
-        extra = damping + _LEAST_DAMPING * trace + 1e-300
+        extra = damping + _LEAST_DAMPING * trace + 1e-300  # where all joints are held, the trace is 0
         for i in range(6):
             gram[i, i] += extra
             y[i] = left[i]
@@ -217,7 +217,7 @@ def solve(chain, limits, starts, poses, options, q, reports, work):
                     factor = max(0.25 * factor, 1e-6)
                 else:
                     factor *= 8.0
-                waited = waited + 1 if square > _HARDLY * before else 0
+                waited = waited + 1 if square > _STALL_RATIO * before else 0
                 if waited >= _PATIENCE:
                     break
             done = _reached(residual, turns, moves, position_tolerance, orientation_tolerance)

@@ -16,7 +16,7 @@ from dqcontrol.robots.poses import unit_poses
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.whole_body import WholeBody
 
-_ANGULAR = 0.3  # m: 1 rad is as far as that
+_ANGULAR = 0.3  # m: 1 rad is as far as that, as of `FilteredInverse`
 _STARTS, _REFINED = 64, 6
 _STEPS = 200
 _PRESSED = 1e-6  # of the error: what a bound must hold back to be named

@@ -29,7 +29,7 @@ from dqcontrol.robots.pose_task_kernels import task_twist_kinematics
 SOLVE_TASKS = STATUS(READ2, READ, READ2, READ2, READ2, READ, WRITE2, WRITE2, WRITE)
 
 _PATIENCE = 6  # iterations in a row that hardly reduce the error, after which a start is given up
-_HARDLY = 0.95
+_STALL_RATIO = 0.95
 _DAMPING = 0.15  # times the squared residual, so that the last steps are Newton's
 _LEAST_DAMPING = 1e-9  # relative to the trace of JJᵀ
 
@@ -191,7 +191,7 @@ def solve_tasks(tables, begins, limits, starts, poses, options, q, reports, work
                     factor = max(0.25 * factor, 1e-6)
                 else:
                     factor *= 8.0
-                waited = waited + 1 if square > _HARDLY * before else 0
+                waited = waited + 1 if square > _STALL_RATIO * before else 0
                 if waited >= _PATIENCE:
                     break
             done = _reached(own.residual, options)

@@ -35,7 +35,7 @@ from dqcontrol.tuning.stability_slack import StabilityJudge
 from dqcontrol.tuning.tune_spec import TuneProblem
 
 _EVERY = 2.0  # s between writings of what was evaluated
-_TRUE = 1e-3
+_GRID_TOLERANCE = 1e-3  # of a margin or range: limits are found on a grid
 _MORE = 0.02  # of a gain: less is no room
 _FASTER = 4  # higher gains that are tried beside the best damped one
 
@@ -248,7 +248,7 @@ class LawSearch:
         slack = self._evaluate.slack(law)
         if not law.gain_powers or not slack.share < (1 + _MORE) or not math.isfinite(slack.of_margin):
             return None
-        factors = np.geomspace(1.0, slack.of_margin * (1 - _TRUE), _FASTER + 1)[1:].tolist()
+        factors = np.geomspace(1.0, slack.of_margin * (1 - _GRID_TOLERANCE), _FASTER + 1)[1:].tolist()
         laws = [law.scaled(factor) for factor in factors]
         tried = [(each, self._evaluate(each, damped=False)) for each in laws if slack.of_margin > 1 + _MORE]
         best = min(tried, key=lambda each: each[1].rank, default=None)
@@ -260,8 +260,8 @@ class LawSearch:
         """Return the law of a point, slower by the little that its margin is short of what is asked for."""
         law, found = self.space.law_at(point), self.evaluate(point)
         share = self._evaluate.slack(law).share
-        if 1 - 2 * _TRUE < share < 1 + _TRUE and law.gain_powers:
-            law = law.scaled(share * (1 - 2 * _TRUE))  # limits were found on a grid
+        if 1 - 2 * _GRID_TOLERANCE < share < 1 + _GRID_TOLERANCE and law.gain_powers:
+            law = law.scaled(share * (1 - 2 * _GRID_TOLERANCE))  # limits were found on a grid
             found = self._evaluate(law)
         return law, found
 
@@ -270,7 +270,7 @@ class LawSearch:
         sides = []
         for name, share in zip(self.space.names, point, strict=True):
             by_margin = name == "loop_gain" and self.space.ranges[name] is None
-            if share < 2 * _TRUE or share > 1 - 2 * _TRUE:
+            if share < 2 * _GRID_TOLERANCE or share > 1 - 2 * _GRID_TOLERANCE:
                 sides.append(f"{name} (margin)" if by_margin and share > 0.5 else name)
         return sides
 

@@ -19,7 +19,7 @@ LOOP_GAIN, INTEGRAL_SHARE = "loop_gain", "integral_share"
 _SLOWEST = 50.0  # times the gain at the side where the margin ends
 _SHARES = SearchRange(low=2e-3, high=0.25)
 _INTEGRAL = "integral_gain"
-_TRUE = 1e-3  # relative error of a margin that is asked for
+_MARGIN_TOLERANCE = 1e-3  # relative error of a margin that is asked for
 _MOST_STEPS = 4
 
 Judge = Callable[[Law], Slack]
@@ -100,7 +100,7 @@ class SearchSpace:
         """Raise if no gain of the range is stable enough."""
         size = len(self.ranges)
         corners = [np.zeros(size), *(np.eye(size)), np.ones(size), np.full(size, 0.5)]
-        if any(self.slack(self.law_at(corner)).share >= 1 - _TRUE for corner in corners):
+        if any(self.slack(self.law_at(corner)).share >= 1 - _MARGIN_TOLERANCE for corner in corners):
             return
         slowest = self.slack(self.law_at(corners[0]))
         spans = [
@@ -157,7 +157,7 @@ class SearchSpace:
             if _scales(law):
                 break
             found = self.slack(scaled).share
-            if not 0 < found < math.inf or abs(found / wanted - 1) < _TRUE:
+            if not 0 < found < math.inf or abs(found / wanted - 1) < _MARGIN_TOLERANCE:
                 break
         return scaled
 

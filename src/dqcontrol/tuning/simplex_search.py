@@ -50,7 +50,7 @@ class SimplexSearch:
     Raises
     ------
     MissingExtraError
-        If NLopt or SciPy is not installed.
+        If NLopt is not installed.
 
     Attributes
     ----------

@@ -10,7 +10,7 @@ from msgspec import Meta
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled import LAW, MemoryLayout, inline, kernel
-from dqcontrol.errors import ValueRangeError, as_positive
+from dqcontrol.errors import ValueRangeError
 from dqcontrol.laws import PoseLaw
 from dqcontrol.laws.parts import (
     drive_table,
@@ -199,9 +199,7 @@ class Cascade(PublishedLinearization, frozen=True, kw_only=True, tag="cascade"):
     def rows(self, robot: Robot, reference: Reference | None, dt: float) -> np.ndarray:
         """Return the row of `PublishedLinearization` and κ."""
         _constrained_drives(robot, "cascade")
-        return cascade_parameters.pack(
-            outer=super().rows(robot, reference, dt), inner_gain=as_positive("inner_gain", self.inner_gain)
-        )
+        return cascade_parameters.pack(outer=super().rows(robot, reference, dt), inner_gain=self.inner_gain)
 
     def loop_rates(self, parameters: np.ndarray) -> None:
         """Return None: the inner loop has a share in them."""
@@ -261,7 +259,7 @@ class ClassicCascade(PoseLaw, frozen=True, kw_only=True, tag="classic-cascade"):
         """Return inverse, hysteresis, gain diagonal, κ, period and the table of drives at each time."""
         drives = _constrained_drives(robot, "classic-cascade")
         given = pose_parameters(super().rows(robot, reference, dt))
-        inner_gain = as_positive("inner_gain", self.inner_gain)
+        inner_gain = self.inner_gain
         return classic_cascade_parameters.pack(
             **given._asdict(), inner_gain=inner_gain, period=dt, drives=drives
         )

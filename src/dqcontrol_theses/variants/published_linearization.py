@@ -33,7 +33,8 @@ if TYPE_CHECKING:
 LOGARITHMS = ("body", "inertial", "inertial-unguarded")
 BODY, INERTIAL, INERTIAL_UNGUARDED = range(3)
 
-# Of the decrease 2 k_v |ξ̃|² of V that the body logarithm has, the inertial one may give up this share.
+# Of the decrease 2 k_v |ξ̃|² of V that the body logarithm has, the inertial one may give up this share: below 1 V still
+# decreases; at 0 the inertial logarithm would be left wherever it does worse at all.
 _GIVEN_UP = 0.5
 
 
@@ -99,7 +100,7 @@ def spring(relative, error_twist, stiffness, damping, logarithm, out):
             gain = min(gain, needed / second)
         if logarithm == INERTIAL and (
             gain < 0.0 or gain > 4.0 * stiffness or gain * second < needed - 1e-12 * abs(needed)
-        ):
+        ):  # rounding: needed / second · second is needed to some 2⁻⁵³
             log_body(relative, out)
             gain = 0.5 * stiffness
     for i in range(6):

@@ -9,7 +9,7 @@ from msgspec import Meta, field
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ShapeError, as_array, as_positive
+from dqcontrol.errors import ShapeError, as_array
 from dqcontrol.plants import Channel, Plant
 from dqcontrol.robots import Robot
 
@@ -63,8 +63,6 @@ class TiringMotors(Plant, frozen=True, kw_only=True, tag="tiring-motors"):
         ShapeError, ValueRangeError
             If the robot has fewer joints than there are masses, or a number is out of range.
         """
-        as_positive("plant.torque", self.torque)
-        as_positive("plant.patience", self.patience, zero_allowed=True)
         count, joints = len(as_array("plant.masses", self.masses, (None,))), robot.configuration_size
         if count > joints:
             raise ShapeError(f"plant.masses: {robot.name} has {joints} joints, got {count} masses")

@@ -8,6 +8,9 @@ squares D, hence G = N D Nᵀ. DAQP (Arnström, Bemporad, Axehill 2022) makes su
 rows is squared and lost below 1e-8; P grows by Gram–Schmidt steps, repeated where they cancel, and shrinks by rotations
 without roots. Multipliers are never negative and the dual objective only grows, so that no set returns.
 
+By hand, although there are libraries: compiled steps call it, without Python and without allocation, and programs of a
+robot's loop take 0.52 of DAQP's own time cold, 0.26 from their own active sets (``benchmarks/quadratic_programs.py``).
+
 A *soft* row may give way: it costs ½ s²/softness, as if it had an input s of its own. Its m has a coordinate more, the
 root of the softness; then even more rows than inputs are independent, and the violation is s = softness · y.
 

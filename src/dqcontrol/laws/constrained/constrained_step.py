@@ -102,18 +102,23 @@ from dqcontrol.references.sample import TIME
 from dqcontrol.robots.driving import RIM_LEVER, advance
 from dqcontrol.robots.kinematics_kernels import call_chain, hand_jacobian, split
 
+# What has to hold now is asked for ten times as exactly as it is accepted, so that a round of added rows gets there.
+# What lies ahead is looked at again in each period before it holds, and is the less exact the further it is.
 _SMALL = 1e-11  # of a row, m/s: less is rounding
 _SHORT = 1e-10  # m or rad: how much less than promised a distance may be after a period
 _FAR_SHORT = 1e-7  # m or rad: the same of one that is looked at ahead
 _STOP_SHORT = 1e-6  # m or rad: the same on the way to rest where that is not settled
 _ACCEPTED = 1e-9  # m or rad: more than that is scaled back
-_GAVE_WAY = 1e-8  # m/s or rad/s
+_GAVE_WAY = 1e-8  # m/s or rad/s: in a period of 10 ms `_SHORT`
 _ITERATIONS = 300
 _SOFT = 1e-6  # softness of limits of acceleration, to be compared with inverses of H
 _HALVINGS = 5
 _STOP_POINTS = 3  # of the way to rest that are looked at
 _ASKED_MORE = 4  # how often more is asked for
-_HELD, _ASIDE = 0.4, 1.0  # s: how long a hand is held before it goes aside, and for how long it does
+_HELD_TIME, _ASIDE_TIME = (
+    0.4,
+    1.0,
+)  # s: how long a hand is held before it goes aside, and for how long it does
 _POSTURE = 2.0  # s: for how long joints go to another posture at most
 _STUCK, _ASKED = 0.1, 1e-3  # share of the speed that the law asks for; m/s, less is no wish
 _TRIES = 8
@@ -802,7 +807,7 @@ def _watch_for_deadlock(limits, box, objective, memory, settings, report, u):
     asked, speed = report.numbers[4], report.numbers[5]
     is_held = report.numbers[0] > 0.0 and asked > _ASKED and speed < _STUCK * asked
     memory.escape[0] = memory.escape[0] + settings.period if is_held else 0.0
-    if memory.escape[0] < _HELD + 1.5 * settings.period or memory.escape[2] >= _TRIES:
+    if memory.escape[0] < _HELD_TIME + 1.5 * settings.period or memory.escape[2] >= _TRIES:
         return
     x, y, z = 0.0, 0.0, 0.0
     for j in range(objective.wish.shape[0]):
@@ -827,7 +832,7 @@ def _watch_for_deadlock(limits, box, objective, memory, settings, report, u):
         a, b, c = y * c - z * b, z * a - x * c, x * b - y * a
     sign = 1.0 if way < 2 else -1.0
     memory.aside[0], memory.aside[1], memory.aside[2] = sign * a, sign * b, sign * c
-    memory.escape[1] = _ASIDE
+    memory.escape[1] = _ASIDE_TIME
 
 
 @shared

@@ -31,12 +31,12 @@ from dqcontrol.laws.constrained.active_set import (
 )
 
 _RIDGE = 1e-7  # ρ² of least squares, relative to the largest row's square
-_ROUNDS = 30
+_ROUNDS = 30  # each leaves ρ²/(σ² + ρ²) of what moves: where that is a half, `_ROUNDING` of it after 30
 _RESTS = 1e-12  # how far a round moves z, relative to 1 + |z|, that has come to rest
 _ROUNDING = 1e-9  # the same of one that may move it by rounding, if it moves it no less than the one before
-_VIOLATED = 1e-10  # relative to 1 + |bound|
+_VIOLATED = 1e-10  # relative to 1 + |bound|; upper levels lose 4·10⁻¹² at most (docs/constraints.md)
 _FIXED = 1e-10  # part of a row in the subspace, relative to the row, below which nothing moves it
-_EQUAL = 0.5
+_EQUAL = 0.5  # marks are 0 or 1
 
 
 class LevelsWork(NamedTuple):

@@ -6,7 +6,7 @@ import math
 
 from dqcontrol.compiled.compile import inline
 
-_MORE = 1.01
+_MORE = 1.01  # a hundredth is more than all rounding
 _SMOOTH = 1e12  # steps² of braking from which on sampling no longer matters
 
 
@@ -25,7 +25,9 @@ def fastest_stoppable(distance, acceleration, dt):
         return distance / dt
     step = acceleration * dt
     ratio = distance / (step * dt)
-    if not ratio < _SMOOTH:
+    if (
+        not ratio < _SMOOTH
+    ):  # v²/(2a) + vT/2 = room: v is less than √(2a room) by 1/(2N) of it, N ≥ √2·10⁶ periods
         return math.sqrt(2.0 * acceleration) * math.sqrt(distance) * (1.0 - 1e-6)
     count = max(math.ceil(0.5 * (math.sqrt(1.0 + 8.0 * ratio) - 1.0)), 1.0)
     return (distance / dt + 0.5 * step * count * (count - 1.0)) / count

@@ -17,7 +17,7 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
 )
 from dqcontrol.robots.driving import advance, steer
 
-_BRAKING_STEPS = 20_000  # whoever brakes longer than that goes no faster
+_BRAKING_STEPS = 20_000  # whoever brakes longer than that goes no faster; see `supervisor_geometry`
 _LEAST_SHARE = 0.1  # of what is wanted beyond full braking
 
 

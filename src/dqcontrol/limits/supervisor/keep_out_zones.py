@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive, error_prefix
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, error_prefix
 from dqcontrol.geometry import FloorMap, load_map
 from dqcontrol.limits.supervisor.supervisor_layout import ZONE_COLUMNS
 from dqcontrol.named_fields import NamedFields
@@ -36,7 +36,7 @@ class CircularZone(KeepOutZone, frozen=True, kw_only=True, tag="circle"):
     def rows(self) -> Array:
         """Return the disc."""
         x, y = as_array("center", self.center, (2,))
-        return np.array([[x, y, x, y, as_positive("radius", self.radius), 1.0]])
+        return np.array([[x, y, x, y, self.radius, 1.0]])
 
 
 class PolygonalZone(KeepOutZone, frozen=True, kw_only=True, tag="polygon"):
@@ -122,7 +122,7 @@ class KeepOutZones(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
                 f"supervisor.keep_out: is for robots whose first part is their only mobile base; {robot.name} is not"
             )
         if self.footprint is not None:
-            return as_positive("supervisor.keep_out.footprint", self.footprint)
+            return self.footprint
         body = body_points(robot, np.zeros(robot.configuration_size))
         own = ~body.carried
         if not own.any():

@@ -222,7 +222,7 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
                 f"supervisor.velocity: {robot.name} has no limits of its own; give them here"
             )
         acceleration = _in_curves(robot, _each("acceleration", self.acceleration, m))
-        margin = self._number("position_margin", zero_allowed=True)
+        margin = self.position_margin
         input_coordinates = robot.input_coordinates
         lower, upper = (
             robot.limits.lower[input_coordinates] + margin,
@@ -258,45 +258,32 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         )
         return PreparedSupervisor(robot, bounds)
 
-    def _number(self, field: str, *, zero_allowed: bool = False, most: float = math.inf) -> float:
-        """Return a single number, inf if it is omitted, and check it: from Python as from YAML."""
-        value = getattr(self, field)
-        if value is None:
-            return math.inf
-        number = as_positive(f"supervisor.{field}", value, zero_allowed=zero_allowed)
-        if number > most:
-            raise ValueRangeError(f"supervisor.{field}: must be ≤ {most:g}, got {number:g}")
-        return number
-
     def _fill_head(self, head: Array, margin: float) -> None:
-        dt, ramp = head[layout.DT], self._number("ramp", zero_allowed=True, most=_LONGEST_RAMP)
-        stale = self._number("stale_after")
-        head[layout.STALE] = stale if self.stale_after is not None else _STALE_PERIODS * dt
-        longest = stale if self.stale_after is not None else _LONGEST_STEP
+        dt, ramp = head[layout.DT], self.ramp
+        head[layout.STALE] = _STALE_PERIODS * dt if self.stale_after is None else self.stale_after
+        longest = _LONGEST_STEP if self.stale_after is None else self.stale_after
         head[layout.LONGEST_STEP] = max(longest, _STALE_PERIODS * dt)
-        head[layout.SLOW] = self._number("slow_below", zero_allowed=True)
-        head[layout.HOLD] = self._number("hold_below", zero_allowed=True)
+        head[layout.SLOW] = self.slow_below
+        head[layout.HOLD] = self.hold_below
         if self.slow_below < self.hold_below:
             raise ValueRangeError(
                 f"supervisor.slow_below: must be ≥ hold_below {self.hold_below:g}, got {self.slow_below:g}"
             )
         head[layout.RAMP] = min(dt / ramp, 1.0) if ramp else 1.0
-        head[layout.HAND_TOLERANCE] = self._number("measured_tolerance", zero_allowed=True)
+        head[layout.HAND_TOLERANCE] = self.measured_tolerance
         head[layout.JOINT_TOLERANCE] = head[layout.HAND_TOLERANCE] + margin
-        head[layout.OVERSPEED] = self._number("overspeed")
-        head[layout.JUMP] = self._number("jump", zero_allowed=True)
-        head[layout.LONGEST_BASE_JUMP] = self._number("base_jump", zero_allowed=True)
-        head[layout.FROZEN_AFTER] = max(self._number("frozen_after"), _FROZEN_PERIODS * dt)
-        head[layout.HAND_SPEED_LIMIT] = self._number("hand_speed")
-        head[layout.HAND_ACCELERATION_LIMIT] = self._number("hand_acceleration")
-        head[layout.CONTACT_FORCE] = self._number("contact_force")
-        head[layout.CONTACT_TORQUE] = self._number("contact_torque")
-        head[layout.CONTACT_EFFORT] = self._number("contact_effort")
+        head[layout.OVERSPEED] = self.overspeed
+        head[layout.JUMP] = self.jump
+        head[layout.LONGEST_BASE_JUMP] = self.base_jump
+        head[layout.FROZEN_AFTER] = max(self.frozen_after, _FROZEN_PERIODS * dt)
+        head[layout.HAND_SPEED_LIMIT] = _or_infinite(self.hand_speed)
+        head[layout.HAND_ACCELERATION_LIMIT] = _or_infinite(self.hand_acceleration)
+        head[layout.CONTACT_FORCE] = _or_infinite(self.contact_force)
+        head[layout.CONTACT_TORQUE] = _or_infinite(self.contact_torque)
+        head[layout.CONTACT_EFFORT] = _or_infinite(self.contact_effort)
         if self.payload is not None:
-            mass = as_positive("supervisor.payload.mass", self.payload.mass, zero_allowed=True)
-            center = as_array("supervisor.payload.center", self.payload.center, (3,))
-            head[layout.PAYLOAD_WEIGHT] = _GRAVITY * mass
-            head[layout.PAYLOAD_CENTER : layout.PAYLOAD_CENTER + 3] = center
+            head[layout.PAYLOAD_WEIGHT] = _GRAVITY * self.payload.mass
+            head[layout.PAYLOAD_CENTER : layout.PAYLOAD_CENTER + 3] = self.payload.center
 
     def _window(self, acceleration: Array, dt: float) -> int:
         """Return how many periods the rates are smoothed over, to keep the jerk."""
@@ -332,10 +319,12 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         if self.keep_out is None:
             return np.zeros((0, layout.ZONE_COLUMNS))
         head[layout.FOOTPRINT] = self.keep_out.footprint_of(robot)
-        head[layout.KEEP_OUT_MARGIN] = as_positive(
-            "supervisor.keep_out.margin", self.keep_out.margin, zero_allowed=True
-        )
+        head[layout.KEEP_OUT_MARGIN] = self.keep_out.margin
         return self.keep_out.rows()
+
+
+def _or_infinite(bound: float | None) -> float:
+    return math.inf if bound is None else bound
 
 
 def _each(field: str, value: float | list[float], m: int) -> Array:

@@ -45,7 +45,9 @@ from dqcontrol.robots.pose_task_kernels import place_tree
 from dqcontrol.robots.singular_bound import exceeds
 
 _FAR = 1.1  # share of the singular value that slows: further away it is not computed
-_BRAKING_STEPS = 2000  # whoever brakes longer than that goes no faster
+# Whoever brakes longer than that goes no faster: 2 s at 1 ms. Each step takes the kinematics of all links; those of
+# a base alone, in `keep_out_step`, do not, and are ten times as many.
+_BRAKING_STEPS = 2000
 _ROUNDING = 1e-9  # share of a limit
 _LEAST_SHARE = 0.2  # of what is wanted beyond full braking
 _BRAKING_HAND = 1.1  # share of the hand's speed limit while braking: joints stop at different times

@@ -59,7 +59,7 @@ from dqcontrol.limits.supervisor.supervisor_layout import (
 _FAR = 1e6  # rad or m: no measurement says so
 _LONG = 1e3  # s: no gap counts as more
 _SPEED_TIME = 0.02  # s that the measured speed is smoothed over, two periods at least
-_SPEED_SLACK = 0.1  # rad/s or m/s of noise, allowed beside the overspeed
+_SPEED_SLACK = 0.1  # rad/s or m/s, beside the overspeed: what encoder steps of 2 mrad make of `_SPEED_TIME`
 _FROZEN_WAY = 0.02  # rad or m that a joint was told to move meanwhile
 _EFFORT_TIME = 0.2  # s that the usual effort is smoothed over
 _LATENESS_PERIODS, _LATEST, _LATEST_SHARE = (

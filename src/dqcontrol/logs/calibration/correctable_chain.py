@@ -26,7 +26,7 @@ _AXIS = {  # what turns z into the axis of a correction
     "y": rotation_x(-np.pi / 2),
     "z": shift(),
 }
-_ALONG = {"rx": "x", "ry": "y", "rz": "z", "theta": "z", "d": "z", "a": "x", "alpha": "x", "beta": "y"}
+_AXIS_OF = {"rx": "x", "ry": "y", "rz": "z", "theta": "z", "d": "z", "a": "x", "alpha": "x", "beta": "y"}
 
 
 class Parameter(NamedTuple):
@@ -76,7 +76,7 @@ class CorrectableChain:
 
         def correction(part: str, name: str) -> None:
             what = Parameter(part, name)
-            joint(what, "prismatic" if what.is_length else "revolute", _ALONG.get(name, name))
+            joint(what, "prismatic" if what.is_length else "revolute", _AXIS_OF.get(name, name))
 
         for name in FRAME:
             correction(BASE, name)

@@ -17,7 +17,7 @@ from dqcontrol.logs.servos.encoder_noise import QUANTUM
 from dqcontrol.logs.servos.joint_fit import Fit, Segment, columns_at, fit_at, sandwich, solved
 
 _TRIED = (0.5, 1.0, 2.0, 4.0)  # of what is left, half widths of a play
-_SURE = 5.0  # standard errors
+_MIN_PLAY_SIGMA = 5.0  # standard errors
 _LEAST = 1e-4  # rad or m
 _WIDTHS = (0.3, 0.5)  # of the encoder's step and of its noise; less is none
 _FARTHEST = 20.0  # times as wide or as narrow as it seemed
@@ -57,7 +57,9 @@ def half_play(segments: list[Segment], found: Fit, resolution: float) -> float:
     _, factor, place, alone = best
     covariance = sandwich(np.column_stack([jacobian, place]), columns.residual - factor * alone)
     least = max(_WIDTHS[0] * resolution, _WIDTHS[1] * _smooth_noise(columns.residual), _LEAST)
-    return -factor if -factor >= max(_SURE * math.sqrt(max(covariance[-1, -1], 0.0)), least) else 0.0
+    return (
+        -factor if -factor >= max(_MIN_PLAY_SIGMA * math.sqrt(max(covariance[-1, -1], 0.0)), least) else 0.0
+    )
 
 
 def fit_with_play(segments: list[Segment], found: Fit, half_width: float) -> tuple[Fit, list[Segment], float]:

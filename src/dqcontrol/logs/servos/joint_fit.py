@@ -21,7 +21,9 @@ from dqcontrol.logs.servos.lag_response import PiecewiseLinear
 from dqcontrol.logs.servos.servo_orders import FIRST_ORDER, MOST_DELAY, SECOND_ORDER, ServoOrder
 
 NORMAL_95 = 1.96
-_GRID_LAGS = np.geomspace(2e-3, 0.8, 11)
+_GRID_LAGS = np.geomspace(
+    2e-3, 0.8, 11
+)  # s, each 1.8 times the one before: all that `LEAST_LAG` … allow is near one
 _GRID_DELAYS = np.linspace(0.0, MOST_DELAY, 31)
 _GRID_SAMPLES, _START_SAMPLES = 800, 3000
 _STARTS = 3

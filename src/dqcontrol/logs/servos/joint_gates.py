@@ -31,25 +31,27 @@ Interval = tuple[float, float]
 _IDLE = 1e-6  # rad or m
 _EXCITED = 8.0  # times the noise or the encoder's step, least range of a command
 _STUCK = 0.05  # of the command's range, least range of what moves
-_FAR = 6.0  # standard deviations
+_FAR = 6.0  # standard deviations: noise has one such sample in 5·10⁸
 _UNEXPLAINED = 2.5  # times the noise, a residual that may hide a clamp
 _CLAMP_SAMPLES = 4000
 _CLAMPED = 0.5  # of the sum of squares that a clamp leaves
 _TIED = 0.99  # correlation of lag and delay that lets the smallest flaw of the model shift one into the other
 _TRADED, _UNSURE = 0.9, 0.15  # correlation of lag and delay; share of the lag that its standard error is
-_SAME = 10.0  # times the variance, a sum of squares that is no worse
-_POOR = 0.15  # of what moved, a residual at which no servo of this kind explains the log
-_BEGIN = 0.7  # of a joint's path is fitted, the rest checks
-_SURE = 3.0  # standard errors, of a sag that is there
+_SAME = 10.0  # times the variance, a sum of squares that is no worse: of one parameter √10 standard errors
+_UNEXPLAINED_SHARE = 0.15  # of what moved, a residual at which no servo of this kind explains the log
+_TRAIN_FRACTION = 0.7  # of a joint's path is fitted, the rest checks
+_MIN_SAG_SIGMA = 3.0  # standard errors, of a sag that is there: noise looks so once in 700 logs
 _REGULAR = 1.3  # times the floor: a residual that is more than noise
-_ALONG = 0.15  # correlation of neighbouring residuals that noise has not
+_NOISE_CORRELATION = 0.15  # of neighbouring residuals, that noise has not: 3/√N of 400 samples
 _BETTER, _BETTER_ELSEWHERE = (
     0.8,
     0.95,
 )  # of the sum of squares, and of the RMS not fitted, that second order leaves
 _QUICKEST = 15.0  # times as fast as the motion changes, a bandwidth that it can tell
-_LIKELIER = 8.0  # logarithm of how much likelier second order is
-_COARSE = 0.45  # of the encoder's step, a residual that is mostly its rounding
+_LIKELIER = 8.0  # logarithm of how much likelier second order is: by its one parameter more, chance is 6·10⁻⁵
+_COARSE = (
+    0.45  # of the encoder's step, a residual that is mostly rounding: 1/√12 of a position, √2 of that of two
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,10 +224,11 @@ def _judged(
 ) -> JointIdentification:
     """Return the fit of a joint, or why it is none."""
     spread = float(np.std(np.concatenate([each.positions for each in segments])))
+    # at the end of what is searched, within the little that the last steps of the fit leave
     if found.lag > 0.98 * MOST_LAG or found.delay > 0.998 * MOST_DELAY:
         what = f"lag of {MOST_LAG:g} s" if found.lag > 0.98 * MOST_LAG else f"delay of {MOST_DELAY:g} s"
         return replace(bare, reason=f"beyond what is searched: a {what} or more fits best")
-    if found.rms > _POOR * spread:
+    if found.rms > _UNEXPLAINED_SHARE * spread:
         return replace(
             bare,
             reason=f"not explained by a lag and a delay: they leave {found.rms:.3g} {unit} RMS of the "
@@ -235,7 +238,7 @@ def _judged(
     sag, sag_interval = math.nan, (math.nan, math.nan)
     if segments[0].torque is not None:
         sag, sag_interval = found.sag, _interval(found.sag, found.sag_error)
-        if found.sag < _SURE * found.sag_error:  # also where it would pull up
+        if found.sag < _MIN_SAG_SIGMA * found.sag_error:  # also where it would pull up
             sag, segments = 0.0, [each._replace(torque=None) for each in segments]
             found = fit(segments, period, near=found if bent else None)
     squares = found.residual @ found.residual
@@ -321,7 +324,7 @@ def _chosen(
     first, played, friction = _with_play(segments, found, resolution)
     residual, is_coarse = first.residual, _is_coarse(first, resolution)
     along = float(residual[1:] @ residual[:-1]) / max(float(residual @ residual), 1e-300)
-    if not is_coarse and first.rms < _REGULAR * floor and along < _ALONG:
+    if not is_coarse and first.rms < _REGULAR * floor and along < _NOISE_CORRELATION:
         return first, played, friction
     second = second_order_fit(played if is_coarse else segments, found)
     if second.values[0] > _QUICKEST * _rapidity(segments, second):
@@ -410,7 +413,7 @@ def _limited(segments: list[Segment], lower: float, upper: float) -> list[Segmen
 def _checked(segments: list[Segment], found: Fit, period: float) -> tuple[float, JointTrace]:
     """Return the RMS that a fit of the first 70 % of the joint's path leaves on the rest, NaN if nothing is left."""
     paths = [np.concatenate([[0.0], np.cumsum(np.abs(np.diff(each.target.values)))]) for each in segments]
-    wanted, before = _BEGIN * sum(float(each[-1]) for each in paths), 0.0
+    wanted, before = _TRAIN_FRACTION * sum(float(each[-1]) for each in paths), 0.0
     begun, rest = list[Segment](), list[NDArray[np.bool_]]()
     for each, path in zip(segments, paths, strict=True):
         until = each.target.begins[min(np.searchsorted(path, wanted - before), len(path) - 1)]

@@ -18,7 +18,7 @@ from dqcontrol.robots import Robot
 
 LOG, TWIN = "log", "twin"
 
-_BEGIN = 0.5  # s that are not compared: what was commanded before is unknown
+_SETTLING = 0.5  # s that are not compared: what was commanded before is unknown
 _MOST = 200_000  # periods
 _EARLY = 0.5  # of a period, by which a stamp may jitter
 
@@ -91,7 +91,7 @@ def save_twin(logged: CommandedLog, robot: Robot, mode: str, folder: Path) -> Tw
     )
     simulated.save(folder / TWIN, force=True, figures=False)
     own.save(folder / LOG, force=True, figures=False)
-    late = slice(min(round(_BEGIN / period), count - 2), count)
+    late = slice(min(round(_SETTLING / period), count - 2), count)
     hands = [translation(robot.fkm(each)) for each in (measured, simulated.q[:count], targets)]
     return Twin(own, simulated, _rms(hands[0][late] - hands[1][late]), _rms(hands[0][late] - hands[2][late]))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, ClassVar
 
 import msgspec
@@ -9,7 +10,7 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ValueRangeError, as_array, as_count, as_positive, unknown_name
+from dqcontrol.errors import ValueRangeError, unknown_name
 from dqcontrol.named_fields import NamedFields
 
 Seconds = Annotated[float, Meta(ge=0, le=1e6, description="s")]
@@ -93,12 +94,12 @@ def push_table(pushes: list[Push], bodies: dict[str, int]) -> Array:
     """Return the rows [from, until, body, force (3)], shape (N, 6), or name what does not fit."""
     rows = np.zeros((len(pushes), 6))
     for row, push in zip(rows, pushes, strict=True):
-        start = as_positive("plant.pushes.time", push.time, zero_allowed=True)
-        end = start + as_positive("plant.pushes.duration", push.duration)
+        start = push.time
+        end = start + push.duration
         if push.point not in bodies:
             raise unknown_name("plant.pushes.point", push.point, bodies)
         row[:3] = start, end, bodies[push.point]
-        row[3:] = as_array("plant.pushes.force", push.force, (3,))
+        row[3:] = push.force
     return rows
 
 
@@ -108,26 +109,25 @@ def payload_table(payload: Payload | list[Payload] | None) -> Array:
     rows = np.zeros((len(payloads), 3))
     for row, each in zip(rows, payloads, strict=True):
         row[:2] = span("plant.payload", each.begin, each.until)
-        row[2] = as_positive("plant.payload.mass", each.mass)
+        row[2] = each.mass
     return rows
 
 
 def span(field: str, begin: float, until: float | None) -> tuple[float, float]:
     """Return when something begins and ends, s, or say that it does not."""
-    start = as_positive(f"{field}.from", begin, zero_allowed=True)
-    end = np.inf if until is None else as_positive(f"{field}.until", until)
-    if end <= start:
-        raise ValueRangeError(f"{field}.until: must be after 'from', {start:g} s, got {end:g} s")
-    return start, end
+    end = math.inf if until is None else until
+    if end <= begin:
+        raise ValueRangeError(f"{field}.until: must be after 'from', {begin:g} s, got {end:g} s")
+    return begin, end
 
 
 def loss_table(losses: list[EncoderLoss], joints: int) -> Array:
     """Return the rows [from, until, joint from 0], shape (N, 3), or name what does not fit."""
     rows = np.zeros((len(losses), 3))
     for row, loss in zip(rows, losses, strict=True):
-        start = as_positive("plant.encoder_losses.time", loss.time, zero_allowed=True)
-        end = start + as_positive("plant.encoder_losses.duration", loss.duration)
-        if not 1 <= as_count("plant.encoder_losses.joint", loss.joint) <= joints:
+        start = loss.time
+        end = start + loss.duration
+        if not 1 <= loss.joint <= joints:
             raise ValueRangeError(f"plant.encoder_losses.joint: must lie in 1 … {joints}, got {loss.joint}")
         row[:] = start, end, loss.joint - 1
     return rows

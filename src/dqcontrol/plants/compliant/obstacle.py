@@ -11,7 +11,7 @@ from msgspec import Meta
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
-from dqcontrol.errors import ValueRangeError, as_array, as_positive
+from dqcontrol.errors import ValueRangeError
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.compliant.elastic_model import MOST_STEPS, TICK
 from dqcontrol.plants.compliant.loads_and_faults import Seconds, span
@@ -68,12 +68,12 @@ def obstacle_table(obstacles: list[Obstacle], body: int) -> Array:
     rows = np.zeros((len(obstacles), COLUMNS))
     for row, obstacle in zip(rows, obstacles, strict=True):
         row[FROM], row[UNTIL] = span("plant.obstacles", obstacle.begin, obstacle.until)
-        row[RADIUS] = as_positive("plant.obstacles.radius", obstacle.radius)
-        row[STIFFNESS] = as_positive("plant.obstacles.stiffness", obstacle.stiffness)
-        row[DAMPING] = as_positive("plant.obstacles.damping", obstacle.damping, zero_allowed=True)
+        row[RADIUS] = obstacle.radius
+        row[STIFFNESS] = obstacle.stiffness
+        row[DAMPING] = obstacle.damping
         row[BODY] = body
-        row[CENTER : CENTER + 3] = as_array("plant.obstacles.position", obstacle.position, (3,))
-        row[VELOCITY : VELOCITY + 3] = as_array("plant.obstacles.velocity", obstacle.velocity, (3,))
+        row[CENTER : CENTER + 3] = obstacle.position
+        row[VELOCITY : VELOCITY + 3] = obstacle.velocity
     return rows
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 from msgspec import Meta
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ValueRangeError, as_positive
+from dqcontrol.errors import ValueRangeError
 from dqcontrol.named_fields import NamedFields
 
 if TYPE_CHECKING:
@@ -59,9 +59,9 @@ class PayloadScale:
         self._gravity, self._strength = gravity, math.hypot(*gravity)
         if not self._strength:
             raise ValueRangeError("plant.payload_compensation: nothing weighs without gravity")
-        time_constant = as_positive("plant.payload_compensation.time_constant", settings.time_constant)
+        time_constant = settings.time_constant
         self._share = -math.expm1(-period / time_constant)
-        self._most = as_positive("plant.payload_compensation.max_mass", settings.max_mass)
+        self._most = settings.max_mass
         self._hand_mass = hand.mass if hand else 0.0
 
     def weigh(self, q: Array, wrench: Array, bodies: Array) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import as_array, as_positive
 from dqcontrol.plants.compliant.controller_file import WristSensor
 from dqcontrol.plants.compliant.loads_and_faults import WristFault
 
@@ -26,9 +25,9 @@ class LiveWrist:
         self._noise = np.empty(6)
         self._fails, self._recovers, self._stuck = np.inf, np.inf, np.zeros(6)
         if fault is not None:
-            self._fails = as_positive("plant.wrist_fault.time", fault.time, zero_allowed=True)
-            self._recovers = self._fails + as_positive("plant.wrist_fault.duration", fault.duration)
-            self._stuck[:3] = as_array("plant.wrist_fault.force", fault.force, (3,))
+            self._fails = fault.time
+            self._recovers = self._fails + fault.duration
+            self._stuck[:3] = fault.force
 
     def read(self, time: float, rng: np.random.Generator, out: Array) -> None:
         """Write force and torque at a time, (6,), N and N·m, that the hand exerts on the arm, axes of the tool."""

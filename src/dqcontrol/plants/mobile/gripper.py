@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.errors import ValueRangeError, as_positive, unknown_name
+from dqcontrol.errors import ValueRangeError
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.mobile.wheeled_base import THINGS
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
@@ -35,9 +35,6 @@ class GripperEvent(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
     spec_key: ClassVar[str] = "plant.gripper.events"
     time: Annotated[float, Meta(ge=0, le=1e6, description="s")]
     closed: bool
-
-    def __post_init__(self) -> None:
-        as_positive("plant.gripper.schedule.time", self.time, zero_allowed=True)
 
 
 class Gripper(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -80,11 +77,6 @@ class Gripper(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True
     schedule: Annotated[list[GripperEvent], Meta(max_length=10_000)] = []
 
     def __post_init__(self) -> None:
-        for field in ("force", "speed", "opening", "length", "mass"):
-            as_positive(f"plant.gripper.{field}", getattr(self, field))
-        for field in ("points", "closes"):
-            if getattr(self, field) not in _AXES:
-                raise unknown_name(f"plant.gripper.{field}", str(getattr(self, field)), _AXES)
         if self.points == self.closes:
             raise ValueRangeError(
                 f"plant.gripper.closes: must be another axis than 'points', got {self.closes}"

@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
+from dqcontrol.errors import ValueRangeError, as_array, as_each, unknown_name
 from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.mobile.gripper import FINGERS, Gripper, add_gripper
 from dqcontrol.plants.mobile.live_camera import SEEN
@@ -105,7 +105,6 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             raise unknown_name("plant.location", str(self.location), LOCATIONS)
         if (as_array("plant.link_mass", self.link_mass) <= 0).any():
             raise ValueRangeError(f"plant.link_mass: must be > 0, got {self.link_mass}")
-        as_positive("plant.link_radius", self.link_radius)
 
     def body_of(self, robot: Robot) -> Robot:
         """Return the robot with the chassis of this plant."""

@@ -48,14 +48,6 @@ class Cube(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     friction: Annotated[float, Meta(ge=0, le=10)] = 0.8
     raised: Annotated[float, Meta(ge=0, le=10, description="m")] = 0.0
 
-    def __post_init__(self) -> None:
-        as_array("plant.scene.cubes.position", self.position, (2,))
-        as_array("plant.scene.cubes.yaw", self.yaw, ())
-        for field in ("side", "mass"):
-            as_positive(f"plant.scene.cubes.{field}", getattr(self, field))
-        for field in ("friction", "raised"):
-            as_positive(f"plant.scene.cubes.{field}", getattr(self, field), zero_allowed=True)
-
 
 class Basket(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """An open square box that stands on the floor or on a table and does not move.
@@ -75,12 +67,6 @@ class Basket(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True)
     side: Annotated[float, Meta(gt=0, le=10, description="m")] = 0.16
     height: Annotated[float, Meta(gt=0, le=10, description="m")] = 0.08
     raised: Annotated[float, Meta(ge=0, le=10, description="m")] = 0.0
-
-    def __post_init__(self) -> None:
-        as_array("plant.scene.baskets.position", self.position, (2,))
-        as_positive("plant.scene.baskets.side", self.side)
-        as_positive("plant.scene.baskets.height", self.height)
-        as_positive("plant.scene.baskets.raised", self.raised, zero_allowed=True)
 
     def holds(self, position: ArrayLike) -> NDArray[np.bool_]:
         """Return which points, shape (…, 3), m, lie inside."""
@@ -109,10 +95,8 @@ class TableBlock(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
     height: Annotated[float, Meta(gt=0, le=10, description="m")]
 
     def __post_init__(self) -> None:
-        as_array("plant.scene.tables.position", self.position, (2,))
         for size in as_array("plant.scene.tables.size", self.size, (2,)):
             as_positive("plant.scene.tables.size", size)
-        as_positive("plant.scene.tables.height", self.height)
 
     @property
     def corners(self) -> NDArray[np.float64]:

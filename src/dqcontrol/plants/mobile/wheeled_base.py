@@ -12,7 +12,7 @@ from msgspec import Meta
 from msgspec.structs import asdict
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ValueRangeError, as_array, as_positive
+from dqcontrol.errors import ValueRangeError
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.robots.bases import CLEARANCE, Chassis, DifferentialDrive
@@ -44,8 +44,6 @@ _OF_THE_ROBOT = (  # what `Chassis` has
     "centre_ahead",
 )
 _OF_CASTERS = ("radius", "caster_distance")  # which wheels with rollers do not need
-_NOT_NEGATIVE = ("friction", "caster_friction", "rolling_resistance", "roller_friction", "caster_gap")
-_POSITIVE = (*_OF_THE_ROBOT[:-1], "wheel_time_constant", "ticks")
 
 
 _WheelError = Annotated[float, Meta(ge=-0.5, le=0.5)]
@@ -103,21 +101,8 @@ class WheeledBase(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     wheel_time_constant: Annotated[float, Meta(gt=0, le=10, description="s")] = 0.02
     ticks: Annotated[float, Meta(gt=0, le=1e7, description="counts a turn")] = 508.8
     wheel_errors: Annotated[tuple[_WheelError, ...], Meta(max_length=12)] = ()
-    roller_count: Annotated[int, Meta(ge=8, le=32, description="a wheel")] = 12
+    roller_count: Annotated[int, Meta(ge=8, le=32, description="a wheel")] = 12  # fewer make no round wheel
     roller_friction: Annotated[float, Meta(ge=0, le=10, description="N·m")] = 1e-4
-
-    def __post_init__(self) -> None:
-        if not isinstance(self.roller_count, int) or not 8 <= self.roller_count <= 32:
-            raise ValueRangeError(
-                f"plant.base.roller_count: must be 8 … 32, got {self.roller_count!r}: fewer make no round wheel"
-            )
-        for field in _POSITIVE:
-            if getattr(self, field) is not None:
-                as_positive(f"plant.base.{field}", getattr(self, field))
-        if self.centre_ahead is not None:
-            as_array("plant.base.centre_ahead", self.centre_ahead, ())
-        for field in _NOT_NEGATIVE:
-            as_positive(f"plant.base.{field}", getattr(self, field), zero_allowed=True)
 
     def body_of(self, robot: Robot) -> Robot:
         """Return a robot whose drive has this base as its chassis, if that is wider than its own or it has none."""

@@ -67,7 +67,6 @@ class JointServos(Plant, frozen=True, kw_only=True):
                 raise ValueRangeError(f"plant.bandwidth: must be > 0, got {self.bandwidth}")
         else:
             as_positive("plant.bandwidth", self.bandwidth)
-        as_positive("plant.timestep", self.timestep)
         as_array("plant.gravity", self.gravity, (3,))
         if not 0 <= as_array("plant.gravity_compensation", self.gravity_compensation, ()) <= 1:
             raise ValueRangeError(

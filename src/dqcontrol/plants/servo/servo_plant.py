@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
@@ -15,6 +14,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each_positive, as_positive, unknown_name
 from dqcontrol.files.long_array import long_array
 from dqcontrol.laws.constrained.constraints import Lag
+from dqcontrol.limits.lag_weights import lag_weights
 from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import (
@@ -148,7 +148,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
             raise unknown_name("plant.command_mode", str(self.command_mode), COMMAND_MODES)
         answers = self._answers(n, dt)
         gain, stiffness = (self._each(field, n, zero_allowed=False) for field in ("gain", "stiffness"))
-        sag = as_positive("plant.sag", self.sag, zero_allowed=True)
+        sag = self.sag
         compliance = sag / stiffness
         sag0 = compliance * robot.gravity_torque(q0, self.gravity) if sag else np.zeros(n)
         target = q0 + sag0
@@ -284,19 +284,11 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
 
 
 def _answer(delay: float, bandwidth: float, damping: float, tau: float, dt: float) -> _Answer:
-    """Return how a joint follows its targets.
-
-    A target that is followed for the first share f of a period, before the next one is for the rest, counts with
-    (exp(−(1 − f)T/τ) − exp(−T/τ))/(1 − exp(−T/τ)).
-    """
+    """Return how a joint follows its targets."""
     late, share = begun_periods("plant.delay", delay, dt)
     if bandwidth:
         return _Answer(late, share, 0.0, _second_order(bandwidth, damping, (1 - share) * dt, dt))
-    if not tau:
-        return _Answer(late, 1.0 if share == 1 else 0.0, 0.0)
-    decay = math.exp(-dt / tau)
-    oldest = 1.0 if share == 1 else (math.exp((share - 1) * dt / tau) - decay) / -math.expm1(-dt / tau)
-    return _Answer(late, oldest, decay)
+    return _Answer(late, *lag_weights(share, tau, dt))
 
 
 class _SecondOrder(NamedTuple):
