@@ -339,6 +339,20 @@ class Contacts:
         return names
 
 
+def contacts_of(
+    robot: Robot, constraints: Constraints | None, plant: Plant | None, walls: FloorMap | None
+) -> Contacts:
+    """Return `Contacts`; those of a robot with nothing around it, which the runs of a study share, are made once."""
+    if constraints is not None or walls is not None or isinstance(plant, MobilePlant | CompliantPlant):
+        return Contacts(robot, constraints, plant, walls)
+    return _alone(robot if plant is None else plant.body_of(robot))
+
+
+@lru_cache(maxsize=8)
+def _alone(robot: Robot) -> Contacts:
+    return Contacts(robot)
+
+
 def _still(name: str, shape: Shape) -> LinkShape:
     return LinkShape(name, 0, shape)  # type: ignore[arg-type]  # also a plane or an endless cylinder, as none is a link
 
