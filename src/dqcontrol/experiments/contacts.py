@@ -387,6 +387,18 @@ def _inside_chassis(robot: Robot, q: Array, position: Array) -> Array:
     beside = chassis.radius - np.linalg.norm(position[:, :2] - q[:, :2], axis=1)
     over = 0.5 * chassis.height - np.abs(position[:, 2] - CLEARANCE - 0.5 * chassis.height)
     return np.minimum(beside, over)
+def contacts_of(
+    robot: Robot, constraints: Constraints | None, plant: Plant | None, walls: FloorMap | None
+) -> Contacts:
+    """Return `Contacts`; those of a robot with nothing around it, which the runs of a study share, are made once."""
+    if constraints is not None or walls is not None or isinstance(plant, MobilePlant | CompliantPlant):
+        return Contacts(robot, constraints, plant, walls)
+    return _alone(robot if plant is None else plant.body_of(robot))
+
+
+@lru_cache(maxsize=8)
+def _alone(robot: Robot) -> Contacts:
+    return Contacts(robot)
 
 
 def _still(name: str, shape: Shape) -> LinkShape:

@@ -233,8 +233,13 @@ def prepare(source: str | Path | dict[str, Any], leaving_out: Collection[str] = 
         return prepare_spec(spec, folder, {})
 
 
-def prepare_spec(spec: Spec, folder: Path, known: dict[bytes, Any]) -> PreparedExperiment:
-    """Do the same for a spec that was read; robots and scenes ``known`` from earlier calls are not made again."""
+def prepare_spec(
+    spec: Spec, folder: Path, known: dict[bytes, Any], *, start_plants: bool = True
+) -> PreparedExperiment:
+    """Do the same for a spec that was read; robots and scenes ``known`` from earlier calls are not made again.
+
+    Without ``start_plants`` whether the plants can start is left to the runs, and whether they are compiled is unknown.
+    """
     variants, plants = spec.variants, spec.plant_by_label
     robots = spec.robot_by_label
     trials = len(robots) * len(variants) * len(plants) * spec.repeats
@@ -255,7 +260,7 @@ def prepare_spec(spec: Spec, folder: Path, known: dict[bytes, Any]) -> PreparedE
             limits = {name: spec.limits_of(plant, scenes[label].robot) for name, plant in plants.items()}
             different = {each.velocity: each for each in limits.values()}
             laws = list(_prepared_laws(spec, variants, scenes[label], different))
-            compiled = _checked_plants(spec, plants, scenes[label])
+            compiled = _checked_plants(spec, plants, scenes[label]) if start_plants else {}
         led: dict[bytes, PreparedRobot] = {}
         for name, plant in plants.items():
             for variant, (versions, gains) in zip(variants, laws, strict=True):
@@ -268,7 +273,9 @@ def prepare_spec(spec: Spec, folder: Path, known: dict[bytes, Any]) -> PreparedE
                 ):  # the law's rows may depend on the twists: it is prepared again
                     law = None
                 cases.append(
-                    Combination(place, scene, variant, plant, limits[name], compiled[name], law, gains)
+                    Combination(
+                        place, scene, variant, plant, limits[name], compiled.get(name, False), law, gains
+                    )
                 )
     return PreparedExperiment(spec, folder, scenes, tuple(cases))
 

@@ -22,7 +22,7 @@ from dqcontrol.errors import Error, FileFormatError, suggest
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare_spec
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.sampling import Point, Range, Sampling
-from dqcontrol.experiments.spec import as_spec, quantities_at, read_data, readable_again
+from dqcontrol.experiments.spec import in_numbers, quantities_at, read_data, readable_again, spec_of_numbers
 from dqcontrol.experiments.spec.spec_files import locate_files
 from dqcontrol.experiments.trials import Batch
 from dqcontrol.files.yaml_file import convert, parse_yaml
@@ -114,18 +114,47 @@ class Sweep:
         """Return how many trials a part has."""
         return len(self.runs_of(part)) * len(self.first.cases)
 
-    def setting(self, point: Point) -> PreparedExperiment:
+    def setting(self, point: Point, *, start_plants: bool = True) -> PreparedExperiment:
         """Return the study at a point, made ready.
+
+        Parameters
+        ----------
+        point
+            Of each key its value.
+        start_plants
+            False: leave it to the runs, which start them anyway, to find out that a plant cannot start.
 
         Raises
         ------
         Error
             If it is malformed, does not fit or is out of reach.
         """
+        if all(type(value) in (int, float) for value in point.values()):
+            data = dict(self._first_numbers)
+            for head in {key.partition(".")[0] for key in point}:
+                data[head] = copy.deepcopy(data.get(head))
+            for key, value in point.items():
+                _put(data, key, value)
+        else:
+            data = in_numbers(self.where, self._data_at(point), self.folder)
+        spec = spec_of_numbers(self.where, data)
+        return prepare_spec(spec, self.folder, self._known, start_plants=start_plants)
+
+    @cached_property
+    def _first_numbers(self) -> dict[str, Any]:
+        """The data of the first point, read: with files in their place and numbers in SI units.
+
+        Points of numbers differ from it in their keys alone; others may name another kind or file.
+        """
+        first = next(self.sampling.points_between(0, 1))
+        return in_numbers(self.where, self._data_at(first), self.folder)
+
+    def _data_at(self, point: Point) -> dict[str, Any]:
+        """Return the plain data of a point, as a file would have it."""
         data = copy.deepcopy(self.data) | {"record": "metrics"}
         for key, value in point.items():
             _put(data, key, readable_again(key, value))
-        return prepare_spec(as_spec(self.where, data, self.folder), self.folder, self._known)
+        return data
 
     def ends(self) -> Iterator[PreparedExperiment]:
         """Return the studies at the ends of all ranges and at all values of lists, one key at a time.
@@ -161,13 +190,21 @@ class Sweep:
             f"parameter.{key}": self._shown(key, value) for key, value in point.items()
         }
         try:
-            setting = self.setting(point)
+            setting = self.setting(point, start_plants=False)
             outcomes = [list(Batch(setting, case, repeats, None).outcomes()) for case in setting.cases]
         except Error as error:
-            yield from self._refused(place, f"{REFUSED}{error}", repeats)
+            yield from self._refused(place, f"{REFUSED}{self._worded(point, error)}", repeats)
             return
         for i in range(len(repeats)):
             yield from (place | of_case[i].row for of_case in outcomes)
+
+    def _worded(self, point: Point, error: Error) -> Error:
+        """Return an error of a point as it is said before anything moves, if it shows then."""
+        try:
+            self.setting(point)
+        except Error as found:
+            return found
+        return error
 
     def _refused(self, place: Row, why: str, repeats: list[int]) -> Iterator[Row]:
         nothing: Row = dict.fromkeys(METRIC_COLUMNS)

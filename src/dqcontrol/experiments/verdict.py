@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.experiments.contacts import HAND, Contacts
+from dqcontrol.experiments.contacts import HAND, contacts_of
 from dqcontrol.experiments.spec import Spec
 from dqcontrol.experiments.spec.reference_base import ReferenceSpec
 from dqcontrol.geometry import FloorMap, load_map
@@ -127,7 +127,7 @@ class Judge:
         kind = "" if reference is None else str(reference.__struct_config__.tag)
         self._motion = kind if kind in _SHAPES else "reference"
         file = getattr(reference, "map", None)
-        self._contacts = Contacts(robot, self._constraints, plant, load_map(file) if file else None)
+        self._contacts = contacts_of(robot, self._constraints, plant, load_map(file) if file else None)
 
     @classmethod
     def of(cls, spec: Spec, robot: Robot, law: Law, plant: Plant, tasks: PreparedTasks | None) -> Judge:

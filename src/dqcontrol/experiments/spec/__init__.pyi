@@ -8,10 +8,12 @@ from .spec import (
     Start as Start,
     StartedRobotSpec as StartedRobotSpec,
     as_spec as as_spec,
+    in_numbers as in_numbers,
     quantities_at as quantities_at,
     read_data as read_data,
     read_spec as read_spec,
     readable_again as readable_again,
+    spec_of_numbers as spec_of_numbers,
     spec_text as spec_text,
     start_configuration as start_configuration,
 )

@@ -468,9 +468,19 @@ def read_data(source: str | Path | dict[str, Any]) -> tuple[str, dict[str, Any],
 
 def as_spec(where: str, data: dict[str, Any], folder: Path) -> Spec:
     """Return plain data as a spec; ``where`` is for the messages."""
+    return spec_of_numbers(where, in_numbers(where, data, folder))
+
+
+def in_numbers(where: str, data: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Return plain data with what files say in their place, and with numbers in SI units for texts like ``60 mm``."""
     complete_plants(data, folder)
     admit(where, data, folder)
-    spec = convert(where, _with_numbers(where, data), Spec)
+    return _with_numbers(where, data)
+
+
+def spec_of_numbers(where: str, data: dict[str, Any]) -> Spec:
+    """Return what `in_numbers` gave as a spec."""
+    spec = convert(where, data, Spec)
     for check in ("robot_by_label", "plant_by_label", "variants"):
         try:
             getattr(spec, check)
