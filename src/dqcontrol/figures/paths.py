@@ -104,7 +104,6 @@ def _paths(records: Mapping[str, Record], constraints: Constraints | None) -> Fi
         front.margins(0.08)
         for axis in (front.xaxis, front.yaxis):
             axis.set_major_locator(MaxNLocator(6))
-        figure.set_layout_engine("constrained", wspace=0.12)
     marks = [Line2D([], [], label=kind, **_mark(kind, NEUTRAL)) for kind in ("start", "end")]
     legend_below(figure, space, [*marks, *entries(drawn)])
     return figure
