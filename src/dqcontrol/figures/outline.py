@@ -28,3 +28,9 @@ def outline(curves: Array) -> NDArray[np.intp] | None:
     for peaks in (pieces.argmin(axis=1), pieces.argmax(axis=1)):
         found.append((first[:, None] + peaks).ravel())
     return np.unique(np.concatenate(found))
+
+
+def outlined(points: Array) -> Array:
+    """Return those of many points (N, k) that show each of their peaks; see `outline`."""
+    kept = outline(points)
+    return points if kept is None else points[kept]

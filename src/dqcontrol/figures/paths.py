@@ -9,6 +9,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
+from dqcontrol.figures.outline import outlined
 from dqcontrol.figures.style import (
     DESIRED,
     DOUBLE,
@@ -112,12 +113,12 @@ def _paths(records: Mapping[str, Record], constraints: Constraints | None) -> Fi
 def _draw(axes: Any, desired: Array, hands: Mapping[str, Array], onto: Array, moving: bool) -> None:
     """Draw all paths, projected onto the rows of a matrix."""
     for i, (label, hand) in enumerate(hands.items()):
-        points = (hand @ onto.T).T
+        points = outlined(hand @ onto.T).T
         style = line_style(i)
         axes.plot(*points, label=label, **style)
         for kind, at in (("start", slice(0, 1)), ("end", slice(-1, None))):
             axes.plot(*points[:, at], **_mark(kind, style["color"]))
-    points = (desired @ onto.T).T
+    points = outlined(desired @ onto.T).T
     if moving:
         axes.plot(*points, color=DESIRED, ls="--", lw=1.1, label="desired")
     else:
