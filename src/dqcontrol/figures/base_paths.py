@@ -76,7 +76,7 @@ def base_path(robot: Robot, records: Mapping[str, Record], constraints: Constrai
             for each in records.values()
         ]
     )
-    drawn = faces_near(constraints, ways, next(iter(records.values())).time)
+    drawn = faces_near(constraints, ways, next(iter(records.values())))
     draw_flat(axes, drawn, np.eye(3)[:2])
     for i, (label, record) in enumerate(records.items()):
         style = line_style(i)
@@ -177,7 +177,7 @@ def superimposed(
                 axes.plot(*disc.T, color=style["color"], lw=0.6 + strength, alpha=strength)
     goal = algebra.translation(next(iter(records.values())).desired_pose[-1])
     axes.plot(*goal[:, None], "+", ms=12, mew=2.0, color=DESIRED)
-    drawn = faces_near(constraints, np.vstack(everything), next(iter(records.values())).time)
+    drawn = faces_near(constraints, np.vstack(everything), next(iter(records.values())))
     draw_in_space(axes, drawn)
     for line in axes.lines:
         line.set_clip_on(False)  # long ways reach beyond the rectangle of the axes,

@@ -84,7 +84,7 @@ def _paths(records: Mapping[str, Record], constraints: Constraints | None) -> Fi
     everything = np.concatenate([desired, *hands.values()])
     moving = len(desired) > 1 and np.ptp(desired, axis=0).max() > 1e-6
     plane = path_plane(desired) if moving else None
-    drawn = faces_near(constraints, everything, next(iter(records.values())).time)
+    drawn = faces_near(constraints, everything, next(iter(records.values())))
 
     rows, across = (2 // panels_across(2), panels_across(2)) if plane else (1, 1)
     figure = new_figure(DOUBLE, 0.6 + 3.3 * rows) if plane else new_figure(5.2, 4.6)

@@ -154,7 +154,7 @@ def html_table(table: Table) -> str:
 
 
 def html_figure(name: str, figure: Figure, caption: str) -> str:
-    """Return a figure with its caption, to which `#name` leads; an image of its own, so that ids in it clash with none."""
+    """Return a figure with its caption, to which ``#name`` leads; an image of its own, so that no two ids clash."""
     words = f"<figcaption>{escape(caption)}</figcaption>"
     return f'<figure id="{escape(name)}">{_image(figure, caption)}{words}</figure>'
 

@@ -48,8 +48,8 @@ def write_run_report(
         tables.append(timing_table(run.timing))
     write_report(
         folder,
-        run.label,
-        facts=f"{run.record.duration:.4g} s · {len(run.record)} samples · ended: {stopped}",
+        _title(run, data, alone=outside == PARENT),
+        facts=f"{run.label} · {run.record.duration:.4g} s · {len(run.record)} samples · ended: {stopped}",
         about=about_run(run, folder if (folder / "record.mcap").is_file() else recorded or folder),
         picture=robot_picture(run.robot, run.record) if figures else None,
         notice=f"The run {stopped}" if has_failed(stopped) else "",
@@ -61,6 +61,12 @@ def write_run_report(
         spec=run.spec,
         origins=origins(data),
     )
+
+
+def _title(run: Run, data: dict[str, Any], *, alone: bool) -> str:
+    """Return the name of what was run; of one of several runs also which it is."""
+    name = data.get("name", run.label)
+    return name if alone else f"{name}: {run.label}"
 
 
 def _figures(run: Run, certificate: Certificate | None) -> dict[str, Figure]:
