@@ -91,15 +91,16 @@ def reproduce(
                     progress=lambda label, count, total, show=progress: show(count, total, label),
                     unfinished=unfinished,
                 )
-            done.save(folder, force=force)
+            for table in done.tables:
+                print_table(table)
+            sys.stdout.flush()
+            done.save(folder, force=force)  # draws, which takes longer
         except KeyboardInterrupt:
             is_kept = unfinished.exists() or len(names) > 1
             raise KeyboardInterrupt(
                 "; what was finished is kept: rerun the same command to resume" * is_kept
             ) from None
         rmtree(unfinished, ignore_errors=True)
-        for table in done.tables:
-            print_table(table)
         print(f"results: {folder}")
 
 

@@ -51,7 +51,8 @@ def test_run_writes_a_folder_and_prints_the_table(here, capsys):
     assert "proportional · integrator" in out
     assert "results: results/tiny" in out
     names = {path.name for path in (here / "results/tiny").iterdir()}
-    assert {"spec.yaml", "record.mcap", "metrics.json", "report.html", "path.png"} <= names
+    assert {"spec.yaml", "record.mcap", "metrics.json", "report.html"} <= names
+    assert '<figure id="path">' in (here / "results/tiny/report.html").read_text(encoding="utf-8")
 
 
 def test_results_are_never_overwritten_unasked(here, capsys):
@@ -81,7 +82,7 @@ def test_a_study_and_its_comparison(here, capsys):
     }
     (here / "study.yaml").write_text(yaml.safe_dump(spec))
     assert call("run", "study.yaml", "--out", "study", capsys=capsys)[0] == 1
-    assert {"K-integrator", "K+FF-integrator", "table.md", "table.csv", "paths.png", "errors.png"} <= {
+    assert {"K-integrator", "K+FF-integrator", "table.md", "table.csv"} <= {
         path.name for path in (here / "study").iterdir()
     }
     code, out, _ = call(
@@ -89,7 +90,8 @@ def test_a_study_and_its_comparison(here, capsys):
     )
     assert code == 0
     assert "K+FF-integrator" in out
-    assert (here / "both/paths.png").stat().st_size > 10_000
+    for page in ("study", "both"):
+        assert '<figure id="paths">' in (here / page / "report.html").read_text(encoding="utf-8")
     rerun = call("run", "study/K-integrator/spec.yaml", "--out", "again", capsys=capsys)
     assert rerun[0] == 0
     assert (here / "again/metrics.json").read_text() == (here / "study/K-integrator/metrics.json").read_text()
@@ -312,7 +314,7 @@ def test_sweep_and_compare_list_the_best_points(here, capsys):
     code, out, err = call("sweep", "sweep.yaml", capsys=capsys)
     assert code == 0, err
     assert "results: results/tiny" in out
-    assert (here / "results/tiny/sweep.png").is_file()
+    assert '<figure id="sweep">' in (here / "results/tiny/report.html").read_text(encoding="utf-8")
     places = [row.split("│")[1:4] for row in out.splitlines() if row.startswith("│")]
     assert [[cell.strip() for cell in row] for row in places] == [["1", "1", "20"], ["2", "0", "2"]]
     code, out, _ = call("compare", "results/tiny", "--by", "effort", capsys=capsys)

@@ -54,9 +54,7 @@ def test_evaluate_prints_the_metrics_and_writes_the_results(run, here, monkeypat
     assert out.splitlines()[0] == run.verdict.words
     assert re.search(rf"Position error RMS +│ {run.metrics.position.rms:.4g} +│ mm", out)
     assert "results: found" in out
-    assert {"record.mcap", "report.html", "errors.png", "metrics.json"} <= {
-        p.name for p in (here / "found").iterdir()
-    }
+    assert {"record.mcap", "report.html", "metrics.json"} <= {p.name for p in (here / "found").iterdir()}
     assert call(line, monkeypatch, capsys)[0] == 2  # nothing is overwritten unasked
     assert call(f"{line} --force", monkeypatch, capsys)[0] == 1
     code, out, _ = call("dqcontrol compare run found", monkeypatch, capsys)

@@ -5,8 +5,11 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol import algebra
-from dqcontrol.figures.surroundings import corners_of, faces_near, faces_of
+from dqcontrol.figures.surroundings import corners_of, entries, faces_near, faces_of
 from dqcontrol.geometry import Box, Capsule, Cylinder, InfiniteCylinder, Plane, Point, Sphere, distance
+from dqcontrol.loop import Record
+from dqcontrol.loop.kept_signals import DISTANCE
+from dqcontrol.loop.signals import Signal
 
 TURNED = algebra.pose(algebra.rotation_from_axis_angle([0.6, 0.8, 0.0], 0.7), [0.1, 0.2, 0.3])
 
@@ -33,23 +36,54 @@ def constraints(**obstacles):
     return dqc.laws.Constraints(obstacles=obstacles)
 
 
-def test_a_ball_that_moves_appears_twice_and_what_is_far_does_not():
+def recorded(times, **distances):
+    """A run of these times, with distances to things by name, m."""
+    count = len(times)
+    q, pose = np.zeros((count, 1)), np.tile([1.0, 0, 0, 0, 0, 0, 0, 0], (count, 1))
+    values = np.column_stack([*distances.values(), np.zeros(count)])[:, : len(distances)]
+    readings = (
+        {DISTANCE: Signal(DISTANCE, tuple(distances), ("m",) * len(distances), values)} if distances else {}
+    )
+    desired = np.hstack([pose, np.zeros((count, 13))])
+    return Record(np.asarray(times, float), q, q, q, pose, desired, ("a",), readings=readings)
+
+
+def test_a_ball_that_moves_is_drawn_where_it_was_nearest_and_what_is_far_is_not():
     path = np.array([[0.0, 0, 0.5], [1, 0, 0.5]])
-    times = np.array([0.0, 1.0, 2.0])
     ball = dqc.laws.SphereObstacle(center=(0.2, 0, 0.5), radius=0.1, velocity=(0.3, 0, 0))
     far = dqc.laws.SphereObstacle(center=(9, 0, 0.5), radius=0.1)
-    first, last = faces_near(constraints(ball=ball, far=far), path, times)
-    assert first.strength < last.strength
-    moved = corners_of([last]).mean(axis=0) - corners_of([first]).mean(axis=0)
-    np.testing.assert_allclose(moved, [0.6, 0, 0], atol=1e-12)
-    assert faces_near(None, path, times) == []
+    things = constraints(ball=ball, far=far)
+    for distances, shift in (({}, 0.6), ({"ball": [0.3, 0.1, 0.2]}, 0.3)):
+        record = recorded([0.0, 1.0, 2.0], **distances)
+        first, nearest = faces_near(things, path, record)
+        assert first.strength < nearest.strength
+        moved = corners_of([nearest]).mean(axis=0) - corners_of([first]).mean(axis=0)
+        np.testing.assert_allclose(moved, [shift, 0, 0], atol=1e-12)
+    assert [each.get_label() for each in entries([first, nearest])] == [
+        "ball at 1 s, nearest; faint: at first"
+    ]
+    assert faces_near(None, path, record) == []
 
 
 def test_planes_are_cut_off_around_the_path():
     path = np.array([[0.0, 0, 0.5], [1, 0, 0.5]])
     wall = dqc.laws.PlaneObstacle(normal=(1, 0, 0), offset=-0.2)
-    (drawn,) = faces_near(constraints(wall=wall), path, np.array([0.0, 1.0]))
+    (drawn,) = faces_near(constraints(wall=wall), path, recorded([0.0, 1.0]))
     corners = corners_of([drawn])
     np.testing.assert_allclose(corners[:, 0], -0.2)
-    np.testing.assert_allclose([corners[:, 1].min(), corners[:, 1].max()], [-0.5, 0.5])
-    np.testing.assert_allclose([corners[:, 2].min(), corners[:, 2].max()], [0, 1], atol=2e-3)
+    np.testing.assert_allclose([corners[:, 1].min(), corners[:, 1].max()], [-0.25, 0.25])
+    np.testing.assert_allclose([corners[:, 2].min(), corners[:, 2].max()], [0.25, 0.75], atol=2e-3)
+
+
+@pytest.mark.parametrize("direction", [(0, 0, 1), (0, 0.6, 0.8)])
+def test_a_cylinder_is_drawn_whole_seen_along_its_axis_too(direction):
+    """The area of its faces, seen along the axis, is that of its circle."""
+    path = np.array([[0.0, 0, 0.5], [1, 0.2, 0.5]])
+    post = dqc.laws.CylinderObstacle(point=(0.5, 0.1, 0.4), direction=direction, radius=0.05)
+    (drawn,) = faces_near(constraints(post=post), path, recorded([0.0, 1.0]))
+    onto = np.linalg.svd(np.array([direction], dtype=float))[2][1:]
+    areas = []
+    for face in drawn.faces:
+        x, y = (face @ onto.T).T
+        areas.append(0.5 * abs(x @ np.roll(y, 1) - y @ np.roll(x, 1)))
+    assert max(areas) == pytest.approx(np.pi * 0.05**2, rel=0.02)

@@ -1,3 +1,4 @@
+import re
 from typing import Any
 
 import numpy as np
@@ -186,7 +187,9 @@ def test_results_are_saved_and_compared_like_runs(run, folder, tmp_path):
     found = evaluate_log(folder / "log.csv", "iiwa7", folder / "circle.yaml", skip_initial=0.5, low_pass=0)
     found.save(tmp_path / "results")
     files = {path.name for path in (tmp_path / "results").iterdir()}
-    assert {"spec.yaml", "record.mcap", "metrics.json", "report.html", "errors.png", "inputs.png"} <= files
+    assert {"spec.yaml", "record.mcap", "metrics.json", "report.html"} <= files
+    page = (tmp_path / "results/report.html").read_text(encoding="utf-8")
+    assert re.findall('<figure id="(.*?)">', page) == ["errors", "inputs"]
     again = load_run(tmp_path / "results")
     same(again, run)
     assert again.label == "log"
@@ -202,8 +205,11 @@ def test_results_without_commands_are_saved_too(run, folder, tmp_path):
         tmp_path / "log.csv", np.column_stack([run.time, run.q]), delimiter=";", header=";".join(columns)
     )
     evaluate_log(tmp_path / "log.csv", "iiwa7", folder / "circle.yaml").save(tmp_path / "results")
-    assert (tmp_path / "results" / "joints.png").exists()
-    assert not (tmp_path / "results" / "inputs.png").exists()
+    figures = re.findall(
+        '<figure id="(.*?)">', (tmp_path / "results/report.html").read_text(encoding="utf-8")
+    )
+    assert "joints" in figures
+    assert "inputs" not in figures
     assert np.isnan(load_run(tmp_path / "results").command).all()
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from dqcontrol.errors import ShapeError, ValueRangeError
-from dqcontrol.loop.record import Record, outlined
+from dqcontrol.loop.record import Record
 
 ARRAYS = ("time", "q", "measured", "command", "pose", "desired")
 
@@ -95,29 +95,3 @@ def test_what_does_not_fit_is_refused(changes, kind, message):
 def test_an_empty_record_is_refused():
     with pytest.raises(ShapeError, match="at least one sample"):
         make(np.zeros((0, 8)), np.zeros((0, 8)))
-
-
-def test_the_outline_of_a_long_record_has_all_its_peaks():
-    count, rng = 80_000, np.random.default_rng(20261122)
-    q, command = np.zeros((count, 3)), np.zeros((count, 2))
-    for rows in (q, command):
-        for column in rows.T:
-            column[rng.integers(count, size=200)] = rng.normal(size=200)
-    record = make(
-        np.tile(pose([0, 0, 1], 0, [0, 0, 0]), (count, 1)),
-        pose([0, 0, 1], 0.1, [0, 0, 0]).repeat(count).reshape(8, -1).T,
-        q=q,
-        measured=q,
-        command=command,
-    )
-    found = outlined(record, pieces=400)
-    assert len(found) < count / 8
-    assert found.time[[0, -1]].tolist() == record.time[[0, -1]].tolist()
-    for whole, part in ((record.q, found.q), (record.command, found.command)):
-        for first in range(0, count, 200):
-            begin, end = record.time[[first, first + 199]]
-            inside = (found.time >= begin) & (found.time <= end)
-            rows = whole[first : first + 200]
-            assert part[inside].max(axis=0).tolist() == rows.max(axis=0).tolist()
-            assert part[inside].min(axis=0).tolist() == rows.min(axis=0).tolist()
-    assert outlined(record, pieces=count // 2) is record

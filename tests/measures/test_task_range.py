@@ -125,7 +125,7 @@ def test_runs_record_it_and_tables_show_its_share(robot, tmp_path):
     assert share > 0.3
     assert run.metrics.outside_range == pytest.approx(share)
     run.save(tmp_path / "run")
-    assert (tmp_path / "run" / "range.png").exists()
+    assert '<figure id="range">' in (tmp_path / "run/report.html").read_text(encoding="utf-8")
     assert load_run(tmp_path / "run").metrics.outside_range == run.metrics.outside_range
     table = summary({"stuck": run})
     assert table.rows[0][[column.title for column in table.columns].index("outside range of J")] > 0.3

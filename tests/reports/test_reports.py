@@ -114,22 +114,23 @@ def test_figures_of_the_runs_of_a_study_are_drawn_on_demand(tmp_path):
     spec |= {"laws": {"slow": SPEC["law"], "fast": SPEC["law"] | {"gain": 10}}}
     study = tmp_path / "study"
     run_study_to(spec, study)
-    assert (study / "paths.png").is_file()
-    assert not list(study.glob("*/*.png"))
+    assert '<figure id="paths">' in (study / "report.html").read_text(encoding="utf-8")
     page = (study / "fast-servo/report.html").read_text(encoding="utf-8")
     assert "dqcontrol report ." in page
     assert "<img" not in page
     command = page.partition('<pre class="command">')[2].partition("</pre>")[0]
     assert [path.parent.name for path in rewrite_reports([study], jobs=1)] == ["fast-servo", "slow-servo"]
     page = (study / "fast-servo/report.html").read_text(encoding="utf-8")
-    assert (study / "fast-servo/errors.png").is_file()
     assert page.count("<img") == 2
+    assert '<figure id="errors">' in page
     assert "dqcontrol report ." not in page
     assert f'<pre class="command">{command}</pre>' in page
     run_study_to(spec, study, force=True, figures=False)  # nothing foreign lies there now
-    assert not list(study.glob("**/*.png"))
+    pages = [study / "report.html", *study.glob("*/report.html")]
+    assert not any("<img" in page.read_text(encoding="utf-8") for page in pages)
     run_study_to(spec, study, force=True, figures=True, jobs=1)
-    assert len(list(study.glob("*/errors.png"))) == 2
+    assert sum("<img" in page.read_text(encoding="utf-8") for page in pages) == 3
+    assert not list(study.glob("**/*.png"))  # they are drawn when somebody asks for them: dqcontrol figures
 
 
 @pytest.mark.usefixtures("plain")
@@ -170,7 +171,6 @@ def test_results_run_again_where_their_files_are_not(tmp_path):
 @pytest.mark.usefixtures("plain")
 def test_the_line_of_a_sweep_gives_it_again(tmp_path, monkeypatch):
     pytest.importorskip("pyarrow")
-    monkeypatch.setattr("dqcontrol.figures.save_figures", lambda *_: [])
     over = {"law.gain": {"low": 1, "high": 9}}
     run_sweep_to(
         SPEC | {"sweep": {"method": "sobol", "points": 4, "over": over}}, tmp_path / "sweep", by="effort"
@@ -334,9 +334,7 @@ def test_the_verdicts_of_repeats_count_those_that_failed():
 
 @pytest.mark.slow
 def test_figures_of_saved_results_as_files_for_papers(run, tmp_path, monkeypatch, capsys):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("dqcontrol.figures.save_figures", lambda *_: [])
-        run.save(tmp_path / "run")
+    run.save(tmp_path / "run", figures=False)
     monkeypatch.chdir(tmp_path)
     draw = dqcontrol.figures.run_figures
     monkeypatch.setattr("dqcontrol.figures.run_figures", lambda *a, **o: {"errors": draw(*a, **o)["errors"]})

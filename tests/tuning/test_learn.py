@@ -70,7 +70,7 @@ def test_the_learnt_motion_runs_elsewhere_with_the_same_error(tmp_path, kind, pr
     """With the preview of the spec, or that which its plant asks for."""
     reference = SPEC["reference"] | ({} if preview is None else {"preview": preview})
     found = learn_to(spec(kind, reference=reference), tmp_path / "out", repeats=2)
-    for name in ("learnt.csv", "learnt.yaml", "learning.json", "learning.png", "report.html", "learning.md"):
+    for name in ("learnt.csv", "learnt.yaml", "learning.json", "learning.svg", "report.html", "learning.md"):
         assert (tmp_path / "out" / name).is_file(), name
     run = dqc.run(tmp_path / "out" / "learnt.yaml")
     assert np.abs(run.q - found.last.q).max() < 1e-12

@@ -63,8 +63,8 @@ def test_a_folder_holds_the_winners_and_a_spec_that_runs(problem, tmp_path):
     assert set(winners[0]["parameters"]) == {"gain", "integral_gain"}
     for name in (
         "report.html",
-        "search.png",
-        "front.png",
+        "search.svg",
+        "front.svg",
         "fronts.json",
         "winners.md",
         "evaluations.parquet",

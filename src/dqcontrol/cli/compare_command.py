@@ -46,7 +46,7 @@ def compare(
     from dqcontrol.experiments.run_comparison import MEANS, unit_of_way, write_table
     from dqcontrol.measures import means_table
     from dqcontrol.reports import write_report
-    from dqcontrol.reports.compared_runs import surroundings_of, write_comparison_figures
+    from dqcontrol.reports.compared_runs import figures_of_several, surroundings_of
     from dqcontrol.reports.provenance import RERUN_FOLDER, command, origins
 
     if not folders:
@@ -65,7 +65,7 @@ def compare(
             write_table(table, new, "table")
             records = {label: run.record for label, run in runs.items()}
             unit = unit_of_way(run.robot for run in runs.values())
-            figures = write_comparison_figures(records, new, unit, surroundings_of(runs.values()))
+            figures = figures_of_several(records, unit, surroundings_of(runs.values()))
             places = [str(folder.resolve()) for folder in folders]
             write_report(
                 new,

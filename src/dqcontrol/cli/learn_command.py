@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from dqcontrol.cli.options import Force, Out
 from dqcontrol.cli.screen import print_table, progress_bar
+
+if TYPE_CHECKING:
+    from dqcontrol.tuning import Learning
 
 
 def learn(
@@ -63,7 +67,7 @@ def learn(
             f"{what}: is for a robot behind topics; give --ros2 velocity, too, or leave it out"
         )
     with progress_bar() as progress:
-        found = learn_to(
+        learn_to(
             spec,
             folder,
             repeats,
@@ -71,8 +75,14 @@ def learn(
             real_time=real_time,
             runner=runner,
             progress=lambda done, total: progress(done, total, "repeats"),
+            computed=lambda found: _show(found, folder),
         )
+
+
+def _show(found: Learning, folder: Path) -> None:
+    """Print what was learnt, before its figure is drawn."""
     print(f"results: {folder}")
     print_table(found.table())
     for remark in found.remarks():
         print(remark)
+    sys.stdout.flush()

@@ -13,6 +13,7 @@ from dqcontrol.cli.screen import FAILED, print_table, progress_bar
 
 if TYPE_CHECKING:
     from dqcontrol.experiments import Study
+    from dqcontrol.experiments.run import Run
 
 RealTime = Annotated[bool, Parameter(negative=())]
 Compiled = Annotated[bool, Parameter(negative=())]
@@ -113,15 +114,19 @@ def _in_real_time(
     def watch(time: float, reasons: tuple[str, ...]) -> None:
         print(f"{time:8.3f} s: {', '.join(reasons) or 'follows the law'}", file=sys.stderr)
 
+    def show(done: Run) -> None:
+        print(f"results: {folder}")
+        print(done.verdict.words)
+        print_table(summary({done.label: done}))
+        if done.timing:
+            print_table(timing_table(done.timing))
+        print(f"ended: {done.record.stopped}")
+        sys.stdout.flush()
+
+    options: dict[str, Any] = {"force": force, "figures": figures, "watch": watch, "computed": show}
     if compiled is None:
-        done = run_in_real_time(spec, folder, force=force, figures=figures, watch=watch)
+        done = run_in_real_time(spec, folder, **options)
     else:
-        done = run_compiled_in_real_time(spec, folder, force=force, figures=figures, watch=watch, **compiled)
-    print(f"results: {folder}")
-    print(done.verdict.words)
-    print_table(summary({done.label: done}))
-    if done.timing:
-        print_table(timing_table(done.timing))
-    print(f"ended: {done.record.stopped}")
+        done = run_compiled_in_real_time(spec, folder, **options, **compiled)
     if done.verdict.failure:
         sys.exit(FAILED)

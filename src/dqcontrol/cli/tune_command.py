@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from dqcontrol.cli.options import Force, Out
 from dqcontrol.cli.screen import print_table, progress_bar
+
+if TYPE_CHECKING:
+    from dqcontrol.tuning import Tuning
 
 
 def tune(
@@ -41,18 +46,24 @@ def tune(
     folder = out or Path("results") / f"{read_tune(spec).spec.name}-tuned"
     try:
         with progress_bar() as progress:
-            found = tune_to(
+            tune_to(
                 spec,
                 folder,
                 force=force,
                 jobs=jobs,
                 scheduler=scheduler,
                 progress=lambda done, total: progress(done, total, "laws"),
+                computed=lambda found: _show(found, folder),
             )
     except KeyboardInterrupt:
         kept = "; what was evaluated is kept: rerun the same command to resume"
         raise KeyboardInterrupt(kept * working_folder(folder).exists()) from None
+
+
+def _show(found: Tuning, folder: Path) -> None:
+    """Print what was found, before its figures are drawn."""
     print(f"results: {folder}")
     print_table(found.table())
     for remark in found.remarks():
         print(remark)
+    sys.stdout.flush()

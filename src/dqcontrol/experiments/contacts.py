@@ -387,6 +387,8 @@ def _inside_chassis(robot: Robot, q: Array, position: Array) -> Array:
     beside = chassis.radius - np.linalg.norm(position[:, :2] - q[:, :2], axis=1)
     over = 0.5 * chassis.height - np.abs(position[:, 2] - CLEARANCE - 0.5 * chassis.height)
     return np.minimum(beside, over)
+
+
 def contacts_of(
     robot: Robot, constraints: Constraints | None, plant: Plant | None, walls: FloorMap | None
 ) -> Contacts:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ def run_in_real_time(
     figures: bool = True,
     clock: Clock | None = None,
     watch: Watch | None = None,
+    computed: Callable[[Run], None] | None = None,
 ) -> Run:
     """Run a spec of one run at its control period, and write its folder; the recording grows while it moves.
 
@@ -44,6 +46,8 @@ def run_in_real_time(
         One that skips missed periods if omitted.
     watch
         Called with time (s) and reasons whenever what the supervisor does changes.
+    computed
+        Called with the run before its figures and report are written.
 
     Raises
     ------
@@ -69,6 +73,8 @@ def run_in_real_time(
     if record.stopped.startswith(("halted", "faulted", "diverged")):
         _keep(black_box, streamed, record.stopped)
     done = replace(as_run(setting, case, 0, record), timing=clock.timing, expected=expected)
+    if computed:
+        computed(done)
     streamed.complete(done, figures=figures)
     warn_of_shortfalls([(case, [done.metrics.flat()])], stacklevel=2)
     return done

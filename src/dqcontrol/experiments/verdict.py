@@ -161,9 +161,13 @@ class Judge:
         if task.startswith("not "):
             result = task_result(record, law=self.law, skip_initial=skip_initial, robot=self.robot)
             if not found and (left := self._left(record, result)):
-                return Verdict(
-                    "; ".join([*self._kept(record), f"left the {self._motion} by {left}", *told]), ""
-                )
+                words = [
+                    *self._kept(record),
+                    f"left the {self._motion} by {left}",
+                    "back on it at the end",
+                    *told,
+                ]
+                return Verdict("; ".join(words), "")
             cause = next(self._causes(record, metrics, result), "")
             found.append(("task", f"{cause}; {task}" if cause else task))
         elif not found:
@@ -342,8 +346,10 @@ class Judge:
         if name in self._constraints.zones:
             yield f"kept in {name} ({_length(near)} left)"
         else:
-            what = "clear of itself" if name == SELF else f"clear of {name}"
-            yield f"kept {what} ({_length(near)}, {_length(near - float(least[i]))} asked)"
+            what = "itself" if name == SELF else f"the {name}"
+            asked = near - float(least[i])
+            alike = max(near, asked) < 1  # m: both are said in mm
+            yield f"kept clear of {what} ({_length(near)}, {f'{1e3 * asked:.3g}' if alike else _length(asked)} asked)"
 
     def _done(self, record: Record) -> Iterator[str]:
         """Yield what else was to be done, and was."""
@@ -379,7 +385,7 @@ class Judge:
             return ""
         far, turned = float(record.position_error.max()), float(record.orientation_error.max())
         mainly = result.position > result.position_tolerance
-        return f"{_length(far) if mainly else f'{math.degrees(turned):.2g}°'} at most"
+        return f"{_length(far, 2) if mainly else f'{math.degrees(turned):.2g}°'} at most"
 
     def _kept_hand(self, record: Record) -> bool:
         """Return whether the hand was farthest from its reference while a constraint pressed, or just after."""
@@ -478,7 +484,7 @@ def _at(record: Record, sample: int) -> str:
     return f" at {record.time[sample]:.3g} s"
 
 
-def _length(value: float) -> str:
+def _length(value: float, digits: int = 3) -> str:
     """Return a length in mm, one of a metre and more in m; negative inside of something."""
     sign, size = "−" if value < 0 else "", abs(value)
-    return f"{sign}{size:.3g} m" if size >= 1 else f"{sign}{1e3 * size:.3g} mm"
+    return f"{sign}{size:.{digits}g} m" if size >= 1 else f"{sign}{1e3 * size:.{digits}g} mm"

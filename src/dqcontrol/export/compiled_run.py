@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,7 @@ def run_compiled_in_real_time(
     figures: bool = True,
     over: Over | None = None,
     watch: Watch | None = None,
+    computed: Callable[[Run], None] | None = None,
 ) -> Run:
     """Do what `experiments.run_in_real_time` does, with law and supervisor in a loop of C.
 
@@ -63,6 +65,8 @@ def run_compiled_in_real_time(
         in another process that way; the plant then has no noise.
     watch
         Called with time (s) and reasons whenever what the supervisor does changes.
+    computed
+        Called with the run before its figures and report are written.
 
     Raises
     ------
@@ -91,6 +95,8 @@ def run_compiled_in_real_time(
             _keep_last_seconds(parts, streamed, host, record.stopped)
     timing = Timing(parts.period, rows.begin, rows.computation, rows.idle, rows.late != 0.0)
     done = replace(as_run(setting, case, 0, record), timing=timing, expected=expected)
+    if computed:
+        computed(done)
     streamed.complete(done, figures=figures)
     warn_of_shortfalls([(case, [done.metrics.flat()])], stacklevel=2)
     return done

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
+from dqcontrol.figures.outline import outline, outlined
 from dqcontrol.figures.style import DESIRED, NEUTRAL, PANE, legend_below, line_style, new_figure, styled
 from dqcontrol.figures.surroundings import corners_of, draw_flat, draw_in_space, entries, faces_near
 from dqcontrol.figures.tilted_base import recorded_frames
@@ -71,25 +72,24 @@ def base_path(robot: Robot, records: Mapping[str, Record], constraints: Constrai
     axes = figure.subplots()
     ways = np.vstack(
         [
-            algebra.translation(robot.frames(_finite(each.q))[:, 2:]).reshape(-1, 3)
+            algebra.translation(robot.frames(outlined(_finite(each.q)))[:, 2:]).reshape(-1, 3)
             for each in records.values()
         ]
     )
-    drawn = faces_near(constraints, ways, next(iter(records.values())).time)
+    drawn = faces_near(constraints, ways, next(iter(records.values())))
     draw_flat(axes, drawn, np.eye(3)[:2])
     for i, (label, record) in enumerate(records.items()):
         style = line_style(i)
         q = _finite(record.q)
-        frames = robot.frames(q)
+        frames = robot.frames(outlined(q))
         hand = algebra.translation(frames[:, -1])
+        some = robot.frames(q[np.unique(np.linspace(0, len(q) - 1, _HEADINGS).astype(int))])
         axes.plot(*hand[:, :2].T, color=style["color"], ls=":", lw=1.0)
         for first, _ in bases:
-            place, forward = _place(frames[:, first + 2])
+            place, _ = _place(frames[:, first + 2])
             axes.plot(*place.T, label=label or "base", **style)
-            some = np.unique(np.linspace(0, len(q) - 1, _HEADINGS).astype(int))
-            axes.quiver(
-                *place[some].T, *forward[some].T, color=style["color"], angles="xy", width=4e-3, scale=22.0
-            )
+            at, forward = _place(some[:, first + 2])
+            axes.quiver(*at.T, *forward.T, color=style["color"], angles="xy", width=4e-3, scale=22.0)
             axes.plot(*place[0], "o", ms=6, mew=1.4, mec=style["color"], mfc="white")
             axes.plot(*place[-1], "s", ms=6, color=style["color"])
     goal, towards = _place(next(iter(records.values())).desired_pose[-1:])
@@ -152,6 +152,8 @@ def superimposed(
     for i, (label, record) in enumerate(records.items()):
         style = line_style(i)
         finite = np.flatnonzero(np.isfinite(record.q).all(axis=1))
+        if (kept := outline(record.q[finite])) is not None:
+            finite = finite[kept]
         hand = algebra.translation(recorded_frames(robot, record, finite)[:, -1])
         axes.plot(*hand.T, color=style["color"], ls=":", lw=0.9)
         chosen = finite[_evenly(hand, poses)]
@@ -175,7 +177,7 @@ def superimposed(
                 axes.plot(*disc.T, color=style["color"], lw=0.6 + strength, alpha=strength)
     goal = algebra.translation(next(iter(records.values())).desired_pose[-1])
     axes.plot(*goal[:, None], "+", ms=12, mew=2.0, color=DESIRED)
-    drawn = faces_near(constraints, np.vstack(everything), next(iter(records.values())).time)
+    drawn = faces_near(constraints, np.vstack(everything), next(iter(records.values())))
     draw_in_space(axes, drawn)
     for line in axes.lines:
         line.set_clip_on(False)  # long ways reach beyond the rectangle of the axes,

@@ -50,7 +50,6 @@ def compare_poses(records: Mapping[str, Record]) -> Figure:
     for i, axes in enumerate(panels):
         axes.plot(longest.time, desired[:, i], color=DESIRED, ls=":", lw=1.2, label="desired")
         at_least(axes, 1e-3)
-    figure.align_ylabels()
     legend_below(figure, panels[0])
     return figure
 
@@ -100,7 +99,6 @@ def compare_joints(
     for axes in panels[: len(joints)]:
         axes.tick_params(labelbottom=True)
         axes.set_xlabel("time [s]")
-    figure.align_ylabels()
     legend_below(figure, panels[0])
     return figure
 

@@ -95,8 +95,6 @@ def compare_criteria(records: Mapping[str, Record], unit: str = "rad or m", note
         logarithmic(axes, _DECADES)
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
-    figure.align_ylabels()
-    figure.set_layout_engine("constrained", wspace=0.05)
     left_out = len(records) - len(chosen)
     more = [Line2D([], [], ls="", label=f"{left_out} more not shown")] if left_out else []
     legend_below(figure, coordinates[0], more)
@@ -163,7 +161,6 @@ def criteria_side_by_side(records: Mapping[str, Record], unit: str = "rad or m")
         logarithmic(axes, _DECADES)
     for axes in grid[:2, -1]:
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), handlelength=1.6)
-    figure.align_ylabels()
     return figure
 
 

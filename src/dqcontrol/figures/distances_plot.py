@@ -56,6 +56,5 @@ def distances(record: Record) -> Figure:
     panels[1].set_ylabel("multiplier")
     panels[2].set_ylabel("gave way\n[mm/s, mrad/s]")
     panels[-1].set_xlabel("time [s]")
-    figure.align_ylabels()
     legend_below(figure, panels[0])
     return figure

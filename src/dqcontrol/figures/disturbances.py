@@ -49,6 +49,5 @@ def disturbance(record: Record) -> Figure:
         if high - low < 1e-6:  # nothing but round-off
             axes.set_ylim(-1e-3, 1e-3)
     panels[-1].set_xlabel("time [s]")
-    figure.align_ylabels()
     legend_below(figure, panels[0])
     return figure

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +11,6 @@ from dqcontrol.errors import ExistsError, unknown_name
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from matplotlib.layout_engine import LayoutEngine
 
 FORMATS = ("pdf", "png", "svg")
 PAPER_DPI = 300  # of PNG files for papers
@@ -82,35 +80,11 @@ def save_figures(
     check_figure_files(list(figures), folder, formats)
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    with laid_out(figures.values()):
-        for name, figure in figures.items():
-            for kind in formats:
-                written.append(folder / f"{name}.{kind}")
-                written[-1].write_bytes(encoded(figure, kind, dpi))
+    for name, figure in figures.items():
+        for kind in formats:
+            written.append(folder / f"{name}.{kind}")
+            written[-1].write_bytes(encoded(figure, kind, dpi))
     return written
-
-
-@contextmanager
-def laid_out(figures: Iterable[Figure]) -> Iterator[None]:
-    """Lay figures out once for all the formats that they are written in meanwhile."""
-    engines = lay_out(figures)
-    try:
-        yield
-    finally:
-        for figure, engine in engines.items():
-            figure.set_layout_engine(engine)
-
-
-def lay_out(figures: Iterable[Figure]) -> dict[Figure, LayoutEngine]:
-    """Lay figures out for good, and return what would do it at each drawing: it takes as long as a drawing."""
-    engines = {figure: engine for figure in figures if (engine := figure.get_layout_engine()) is not None}
-    for figure, engine in engines.items():
-        import matplotlib  # by now loaded
-
-        engine.execute(figure)  # a whole drawing, even without pixels, takes as long again
-        with matplotlib.rc_context({"figure.autolayout": False, "figure.constrained_layout.use": False}):
-            figure.set_layout_engine(None)  # by its name, "none", each drawing would be made twice
-    return engines
 
 
 def encoded(figure: Figure, kind: str, dpi: float = _SCREEN_DPI) -> bytes:
@@ -125,6 +99,5 @@ def encoded(figure: Figure, kind: str, dpi: float = _SCREEN_DPI) -> bytes:
 
 def for_page(figure: Figure) -> tuple[str, bytes]:
     """Return media type and content of a figure in a page: as vectors if they are not too many."""
-    with laid_out([figure]):
-        svg = encoded(figure, "svg")
+    svg = encoded(figure, "svg")
     return ("image/svg+xml", svg) if len(svg) <= _LARGEST_SVG else ("image/png", encoded(figure, "png"))

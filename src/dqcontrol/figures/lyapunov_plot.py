@@ -48,7 +48,6 @@ def lyapunov(certificate: Certificate) -> Figure:
     )
     panels[3].set_ylabel("twist [m/s, rad/s]\n$\\sigma$ [m, rad]")
     panels[-1].set_xlabel("time [s]")
-    figure.align_ylabels()
     artists = [artist for axes in panels[1:] for artist in axes.get_legend_handles_labels()[0]]
     legend_below(figure, panels[0], artists)
     return figure

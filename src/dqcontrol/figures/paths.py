@@ -9,6 +9,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
+from dqcontrol.figures.outline import outlined
 from dqcontrol.figures.style import (
     DESIRED,
     DOUBLE,
@@ -83,7 +84,7 @@ def _paths(records: Mapping[str, Record], constraints: Constraints | None) -> Fi
     everything = np.concatenate([desired, *hands.values()])
     moving = len(desired) > 1 and np.ptp(desired, axis=0).max() > 1e-6
     plane = path_plane(desired) if moving else None
-    drawn = faces_near(constraints, everything, next(iter(records.values())).time)
+    drawn = faces_near(constraints, everything, next(iter(records.values())))
 
     rows, across = (2 // panels_across(2), panels_across(2)) if plane else (1, 1)
     figure = new_figure(DOUBLE, 0.6 + 3.3 * rows) if plane else new_figure(5.2, 4.6)
@@ -104,7 +105,6 @@ def _paths(records: Mapping[str, Record], constraints: Constraints | None) -> Fi
         front.margins(0.08)
         for axis in (front.xaxis, front.yaxis):
             axis.set_major_locator(MaxNLocator(6))
-        figure.set_layout_engine("constrained", wspace=0.12)
     marks = [Line2D([], [], label=kind, **_mark(kind, NEUTRAL)) for kind in ("start", "end")]
     legend_below(figure, space, [*marks, *entries(drawn)])
     return figure
@@ -113,12 +113,12 @@ def _paths(records: Mapping[str, Record], constraints: Constraints | None) -> Fi
 def _draw(axes: Any, desired: Array, hands: Mapping[str, Array], onto: Array, moving: bool) -> None:
     """Draw all paths, projected onto the rows of a matrix."""
     for i, (label, hand) in enumerate(hands.items()):
-        points = (hand @ onto.T).T
+        points = outlined(hand @ onto.T).T
         style = line_style(i)
         axes.plot(*points, label=label, **style)
         for kind, at in (("start", slice(0, 1)), ("end", slice(-1, None))):
             axes.plot(*points[:, at], **_mark(kind, style["color"]))
-    points = (desired @ onto.T).T
+    points = outlined(desired @ onto.T).T
     if moving:
         axes.plot(*points, color=DESIRED, ls="--", lw=1.1, label="desired")
     else:

@@ -59,7 +59,6 @@ def pose_coefficients(record: Record) -> Figure:
         axes.plot(record.time, pose[:, i], color=COLOURS[0], label="hand")
         axes.plot(record.time, desired[:, i], color=DESIRED, ls="--", lw=1.1, label="desired")
         at_least(axes, 1e-3)
-    figure.align_ylabels()
     legend_below(figure, panels[0])
     return figure
 
@@ -131,7 +130,6 @@ def joint_angles(record: Record, limits: Limits | None = None, units: Sequence[s
         axes.grid(False)
     for axes in panels[rows - 1 :: rows]:
         axes.set_xlabel("time [s]")
-    figure.align_ylabels()
     return figure
 
 
@@ -170,7 +168,6 @@ def control_signals(record: Record, units: Sequence[str] | None = None) -> Figur
     panels[-1].set_ylabel(f"norm [{', '.join(f'{kind}/s' for kind in kinds)}]")
     panels[-1].set_ylim(bottom=0)
     panels[-1].set_xlabel("time [s]")
-    figure.align_ylabels()
     return figure
 
 
@@ -190,7 +187,6 @@ def _errors(records: Mapping[str, Record]) -> Figure:
         axes.set_ylabel(label)
         axes.set_ylim(0, max(1e-3, axes.get_ylim()[1]))
     panels[2].set_xlabel("time [s]")
-    figure.align_ylabels()
     return figure
 
 

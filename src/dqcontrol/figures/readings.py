@@ -71,7 +71,6 @@ def readings(record: Record) -> Figure:
         axes.set_ylabel(f"{_TITLES[name]} [{signal.units[0]}]")
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     panels[-1].set_xlabel("time [s]")
-    figure.align_ylabels()
     return figure
 
 

@@ -94,7 +94,6 @@ def repeats_figure(rows: Sequence[Row], key: str = "error.integral", *, level: f
             axes.set_ylim(bottom=max(axes.get_ylim()[0], 0.5 * min(seen[name])))
     if max(map(len, laws)) * len(laws) > _LETTERS:
         panels[scenes[-1]].set_xticks(range(len(laws)), laws, rotation=25, ha="right")
-    figure.align_ylabels()
     marks = [Line2D([], [], label=name, **mark_style(i)) for i, name in enumerate(kinds) if name]
     mean = Line2D([], [], label=f"mean, {100 * level:g} % interval", **_MEAN)
     legend_below(figure, panels[scenes[0]], [*marks, mean])

@@ -12,7 +12,7 @@ from dqcontrol.figures.base_paths import silhouette
 from dqcontrol.figures.style import COLOURS, DESIRED, NEUTRAL, new_figure, styled
 from dqcontrol.figures.tilted_base import recorded_frames
 from dqcontrol.figures.tip_paths import desired_in_room, tip_paths
-from dqcontrol.loop.record import Record
+from dqcontrol.loop.record import Record, thinned
 from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ _BESIDE, _UP = (
     0.75,
     0.42,
 )  # rad, and a share of 1: where the viewer stands, seen from the robot towards the path
+_SAMPLES = 1000  # of a path, in a picture of 300 pixels across
 _SHELL, _EDGE = "#d9dce1", "#50555c"
 _BARS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)  # m
 
@@ -43,6 +44,7 @@ def robot_picture(robot: Robot, record: Record) -> Figure:
     --------
     >>> robot_picture(run.robot, run.record).savefig("robot.png")  # doctest: +SKIP
     """
+    record = thinned(record, _SAMPLES)
     figure = new_figure(3.0, 2.6)
     axes: Any = figure.subplots()
     finite = np.flatnonzero(np.isfinite(record.q).all(axis=1) & np.isfinite(record.position).all(axis=1))

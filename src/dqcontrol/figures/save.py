@@ -22,7 +22,7 @@ from dqcontrol.figures.tasks import has_tasks, task_errors
 from dqcontrol.figures.timing_plot import timing_histogram
 from dqcontrol.loop.clock import Timing
 from dqcontrol.loop.kept_signals import ROOM
-from dqcontrol.loop.record import Record, outlined
+from dqcontrol.loop.record import Record
 from dqcontrol.measures.task_range import RANGE, TaskRange
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
@@ -71,7 +71,6 @@ def run_figures(
     constraints
         Of its law: their obstacles and zones are drawn around the paths.
     """
-    record = outlined(record)  # Matplotlib needs kilobytes a sample
     draw: dict[str, Draw] = {"path": lambda: path_3d(record, constraints)}
     if robot is not None and has_base(robot):
         moved = cast(Robot, robot)

@@ -74,5 +74,5 @@ def shapes_picture(robot: Robot, shapes: Sequence[LinkShape], q: Array) -> Figur
     entries = [
         Patch(fc=colour, alpha=_OPACITY, label=name) for colour, name in zip(colours, names, strict=True)
     ]
-    figure.legend(handles=entries, loc="outside lower center", ncols=4)
+    figure.legend(handles=entries, loc="lower center", ncols=4)
     return figure

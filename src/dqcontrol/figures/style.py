@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -47,8 +48,12 @@ _USUAL, _SPIKE = (
 )  # a tenth of the values may be spikes; ten times as high hides the others on a linear axis
 MARKERS = ("o", "s", "^", "D", "v")
 
+_POWER = re.compile(r"\$\\mathdefault\{(-?(?:\d+\\times)?10)\^\{(-?\d+)\}\}\$")
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
 _width = ContextVar("width", default=DOUBLE)
 
+TICKS: Any = {"color": "#666666", "labelcolor": "#444444", "grid_color": "#e4e4e4", "grid_linewidth": 0.7}
 _STYLE: Any = {
     "axes.labelsize": "medium",
     "axes.titlesize": "medium",
@@ -56,15 +61,15 @@ _STYLE: Any = {
     "ytick.labelsize": "medium",
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.edgecolor": "#666666",
+    "axes.edgecolor": TICKS["color"],
     "axes.linewidth": 0.8,
     "axes.axisbelow": True,
     "axes.formatter.useoffset": False,
     "axes.formatter.limits": (-4, 5),
     "axes.formatter.use_mathtext": True,
     "axes.grid": True,
-    "grid.color": "#e4e4e4",
-    "grid.linewidth": 0.7,
+    "grid.color": TICKS["grid_color"],
+    "grid.linewidth": TICKS["grid_linewidth"],
     "lines.linewidth": 1.4,
     "legend.frameon": False,
     "legend.fontsize": "medium",
@@ -114,34 +119,39 @@ def styled(function: Callable[P, Figure]) -> Callable[P, Figure]:
             figure = function(*arguments, **options)
             _simplify_ticks(figure)
         for axes in figure.axes:  # ticks come into being later, outside the context
-            axes.tick_params(
-                which="both", labelsize=style["font.size"] - 1, color="#666666", labelcolor="#444444"
-            )
-            axes.tick_params(grid_color="#e4e4e4", grid_linewidth=0.7)
+            axes.tick_params(which="both", labelsize=style["font.size"] - 1, **TICKS)
         return figure
 
     return wrapper
 
 
 def _simplify_ticks(figure: Figure) -> None:
-    """Let plain numbers at axes be plain text: as formulas, which look the same, they take most of the drawing time."""
-    from matplotlib.ticker import ScalarFormatter
+    """Let numbers at axes be plain text: as formulas, which look the same, they take most of the drawing time."""
+    from matplotlib.ticker import LogFormatterSciNotation, ScalarFormatter
 
     class Plain(ScalarFormatter):
         def __call__(self, x: float, pos: int | None = None) -> str:
             return super().__call__(x, pos).removeprefix(r"$\mathdefault{").removesuffix("}$")
 
+    class PlainPower(LogFormatterSciNotation):
+        def __call__(self, x: float, pos: int | None = None) -> str:
+            found = _POWER.fullmatch(text := super().__call__(x, pos))
+            return f"{found[1].replace('-', '−')}{found[2].translate(_RAISED)}" if found else text
+
     for axes in figure.axes:
         for axis in axes._axis_map.values():
-            if type(axis.get_major_formatter()) is ScalarFormatter:
+            formatter = axis.get_major_formatter()
+            if type(formatter) is ScalarFormatter:
                 axis.set_major_formatter(Plain())
+            elif type(formatter) is LogFormatterSciNotation:
+                formatter.__class__ = PlainPower
 
 
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure of this size, in, but no wider than its column, outside pyplot's global state."""
-    from dqcontrol.figures.notebook_figure import NotebookFigure
+    from dqcontrol.figures.panels import PanelFigure
 
-    return NotebookFigure(figsize=(min(width, _width.get()), height), dpi=160, layout="constrained")
+    return PanelFigure(figsize=(min(width, _width.get()), height), dpi=160)
 
 
 def panels_across(most: int) -> int:
@@ -180,7 +190,7 @@ def legend_below(figure: Figure, axes: Axes, extra: Sequence[Artist] = ()) -> No
     rows = -(-len(handles) // most)
     figure.legend(
         handles=handles,
-        loc="outside lower center",
+        loc="lower center",
         ncols=-(-len(handles) // rows),  # none much shorter than the others
         handlelength=2.8,
     )

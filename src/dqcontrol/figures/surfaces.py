@@ -77,7 +77,7 @@ def surface(
         axes.zaxis.set_pane_color(PANE)
         axes.set_title(title, y=0.94)
         axes.view_init(elev=24, azim=-130)
-        axes.set_box_aspect((1, 1, 0.8), zoom=0.95)
+        axes.set_box_aspect((1, 1, 0.8), zoom=0.85)
         axes.tick_params(pad=-1)
         axes.tick_params(axis="z", pad=4)
     return figure

@@ -11,6 +11,7 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.geometry import Box, Capsule, Cylinder, InfiniteCylinder, Plane, Shape, Sphere
 from dqcontrol.laws.constrained.kept_scene import Surroundings
+from dqcontrol.loop.kept_signals import DISTANCE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,13 +19,17 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
 
     from dqcontrol.laws.constrained.constraints import Constraints
+    from dqcontrol.loop.record import Record
 
 _SOLID, _ZONE = "#8c5aa6", "#2e8b57"
-_STRONG, _FAINT = 0.45, 0.15  # opacity where a thing is at last, and where it was at first
+_STRONG, _FAINT = 0.45, 0.15  # opacity where a thing was nearest, and where it was at first
 _AROUND = 25  # corners of a circle
 _CAP = 7  # circles of half a sphere
-_ROOM = 0.5  # of the longest extent of what else is drawn: how far beyond it things are shown
+_ROOM = 0.25  # of the longest extent of what else is drawn: how far beyond it things are shown
 _BELOW = 1e-3  # m: what of a thing is shown below the floor
+_STANDS = 1e-9  # m
+_PARALLEL = 1e-9  # sine of the angle between an axis and a wall
+_ROUNDING = 1e-9
 _EDGE_ON = 0.02  # sine of the angle below which a plane is seen as a line
 _OVER_GRID = 0.6  # Matplotlib draws grids at 0.5, curves at 2
 _CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
@@ -43,18 +48,21 @@ class DrawnFaces(NamedTuple):
         Opacity.
     plane
         Normal of a plane, shape (3,); None of a solid.
+    label
+        What the legend says of it.
     """
 
     faces: list[Array]
     is_zone: bool
     strength: float
     plane: Array | None
+    label: str
 
 
-def faces_near(constraints: Constraints | None, points: Array, times: Array) -> list[DrawnFaces]:
+def faces_near(constraints: Constraints | None, points: Array, record: Record) -> list[DrawnFaces]:
     """Return what constraints have near points (N, 3), m, cut off a little beyond them.
 
-    What moves appears twice: faint at the first time, s, and strong at the last.
+    What moves appears twice: faint where it was at first, and strong where it was nearest to the robot in a run.
     """
     if constraints is None or not len(points):
         return []
@@ -66,15 +74,54 @@ def faces_near(constraints: Constraints | None, points: Array, times: Array) -> 
     low[2] = max(low[2], ground)
     size = float(np.linalg.norm(high - low) + np.linalg.norm(0.5 * (low + high)))
     found = []
-    for thing, shifts in zip(around.things, around.shifts(times[[0, -1]]), strict=True):
-        moves = bool(np.abs(np.diff(shifts, axis=0)).max() > 1e-9)
-        for shift, strength in zip(shifts[0 if moves else 1 :], (_FAINT, _STRONG)[not moves :], strict=True):
-            cut = [_cut(face + shift, low, high) for face in faces_of(thing.shape, size)]
-            plane = thing.shape.normal if isinstance(thing.shape, Plane) else None
+    times = record.time[[_nearest_sample(record, thing.name) for thing in around.things]]
+    every_shift = around.shifts(np.concatenate([record.time[[0, -1]], times]))
+    for k, (thing, time) in enumerate(zip(around.things, times.tolist(), strict=True)):
+        first, last, nearest = every_shift[k, [0, 1, 2 + k]]
+        plane = thing.shape.normal if isinstance(thing.shape, Plane) else None
+        label = "zone" if thing.is_zone else "obstacle"
+        shown = [(nearest, _STRONG, label)]
+        if max(np.abs(last - first).max(), np.abs(nearest - first).max()) > _STANDS:
+            shown = [
+                (first, _FAINT, ""),
+                (nearest, _STRONG, f"{thing.name} at {time:.3g} s, nearest; faint: at first"),
+            ]
+        for shift, strength, words in shown:
+            every = faces_of(thing.shape, size)
+            if isinstance(thing.shape, Cylinder):
+                every = _round(*_inside(thing.shape, low - shift, high - shift, size), thing.shape.radius, 1)
+            cut = [_cut(face + shift, low, high) for face in every]
             near = [face for face in cut if len(face) > 2]
             if near:
-                found.append(DrawnFaces(near, thing.is_zone, strength, plane))
+                found.append(DrawnFaces(near, thing.is_zone, strength, plane, words))
     return found
+
+
+def _nearest_sample(record: Record, name: str) -> int:
+    """Return the sample at which a thing was nearest to what keeps away from it; the last one if that is not known."""
+    signal = record.readings.get(DISTANCE)
+    if signal is None or name not in signal.parts or not np.isfinite(signal.values).any():
+        return len(record) - 1
+    return int(np.nanargmin(signal.values[:, signal.parts.index(name)]))
+
+
+def _inside(cylinder: Cylinder, low: Array, high: Array, size: float) -> tuple[Array, Array]:
+    """Return the ends of the longest piece of a cylinder that ends in a box with its whole caps, or ends beyond it."""
+    along = cylinder.direction
+    inset = cylinder.radius * np.sqrt(np.maximum(1 - along**2, 0.0))
+    low, high = low + inset, high - inset
+    with np.errstate(divide="ignore", invalid="ignore"):
+        bounds = np.sort(np.stack([low - cylinder.point, high - cylinder.point]) / along, axis=0)
+    across = np.abs(along) < _PARALLEL
+    first = float(np.where(across, -size, bounds[0]).max())
+    last = float(np.where(across, size, bounds[1]).min())
+    if first >= last:  # only its rim may be inside
+        first, last = -size, size
+    middle, half = (
+        0.5 * (first + last),
+        0.5 * (last - first) * (1 - _ROUNDING),
+    )  # caps on a wall of the box are kept
+    return cylinder.point + (middle - half) * along, cylinder.point + (middle + half) * along
 
 
 def corners_of(drawn: Sequence[DrawnFaces]) -> Array:
@@ -118,14 +165,10 @@ def entries(drawn: Sequence[DrawnFaces]) -> list[Artist]:
     """Return the legend's entries of what is drawn."""
     from matplotlib.patches import Patch
 
-    moves = " (faint: at the start)" if any(each.strength == _FAINT for each in drawn) else ""
-    kinds = {each.is_zone for each in drawn}
-    found: list[Artist] = []
-    if False in kinds:
-        found.append(Patch(fc=_SOLID, alpha=_STRONG, label=f"obstacle{moves}"))
-    if True in kinds:
-        found.append(Patch(fc=_ZONE, alpha=_STRONG, label="zone"))
-    return found
+    return [
+        Patch(fc=colour, alpha=_STRONG, label=label)
+        for label, colour in {each.label: _colour(each) for each in drawn if each.label}.items()
+    ]
 
 
 def faces_of(shape: Shape, size: float) -> Iterator[Array]:

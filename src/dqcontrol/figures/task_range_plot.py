@@ -52,7 +52,6 @@ def range_condition(found: TaskRange, error: np.ndarray) -> Figure:
     panels[2].plot(time, found.smallest_singular_value, **line_style(3))
     panels[2].set_ylabel("smallest\nsingular value [m, rad]")
     panels[-1].set_xlabel("time [s]")
-    figure.align_ylabels()
     artists = [artist for axes in panels[1:] for artist in axes.get_legend_handles_labels()[0]]
     legend_below(figure, panels[0], artists)
     return figure

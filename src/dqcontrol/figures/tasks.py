@@ -51,6 +51,5 @@ def task_errors(record: Record) -> Figure:
     panels[0].set_ylabel("position [mm]")
     panels[1].set_ylabel("orientation [°]")
     panels[1].set_xlabel("time [s]")
-    figure.align_ylabels()
     legend_below(figure, panels[0])
     return figure

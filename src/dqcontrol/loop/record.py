@@ -223,28 +223,6 @@ def thinned(record: Record, most: int) -> Record:
     return _rows_of(record, np.unique([*range(0, len(record), step), largest, len(record) - 1]))
 
 
-def outlined(record: Record, pieces: int = 1000) -> Record:
-    """Return those samples of a long record that its curves over time consist of, as wide as so many points.
-
-    Of each piece these are the first one and those with the least and the largest value of each number: what is left
-    shows every peak, and is no base for differences from one sample to the next.
-    """
-    curves = [record.error[:, None], record.q, record.command, record.pose, record.desired_pose]
-    curves += [each.values for each in record.readings.values()]
-    if record.disturbance is not None:
-        curves.append(record.disturbance)
-    step = -(-len(record) // pieces)
-    if step <= 2 * sum(curve.shape[1] for curve in curves):
-        return record
-    kept = {0, len(record) - 1}
-    for first in range(0, len(record), step):
-        kept.add(first)
-        for curve in curves:
-            rows = curve[first : first + step]
-            kept.update((first + rows.argmin(axis=0)).tolist(), (first + rows.argmax(axis=0)).tolist())
-    return _rows_of(record, np.array(sorted(kept)))
-
-
 def _rows_of(record: Record, rows: slice | NDArray[np.int_]) -> Record:
     disturbance = record.disturbance
     return Record(

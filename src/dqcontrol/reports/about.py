@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
-import yaml
 
 from dqcontrol.errors import Error
 from dqcontrol.experiments.parameter_units import parameter_unit
@@ -24,12 +24,15 @@ if TYPE_CHECKING:
     from dqcontrol.experiments.run import Run
     from dqcontrol.experiments.spec import Spec
     from dqcontrol.experiments.study import Study
+    from dqcontrol.laws.constrained.constraints import Constraints
 
 Fact = tuple[str, Cell]
 
 _SEEN = 1e-3  # °; less than that is round-off, or of no interest
 _SEVERAL = 8  # laws and others are listed up to so many
-_UNSAID = {"camera", "gravity", "null_space"}  # long, and rarely what a run is about
+_ROUND = 1e4  # from there on four digits would be written as a power of ten
+_LONG = 8  # numbers of a list that are all said; a pose has as many
+_UNSAID = {"camera", "constraints", "gravity", "null_space"}  # said elsewhere, or rarely what a run is about
 
 
 def about_run(run: Run, folder: Path) -> list[Fact]:
@@ -38,7 +41,7 @@ def about_run(run: Run, folder: Path) -> list[Fact]:
     facts += [("Error", _error(run)), ("Robot", robot_words(run.robot))]
     data = parse_yaml("spec", run.spec)
     if "evaluation" in data:
-        facts.append(("Log", str(data["evaluation"]["log"])))
+        facts.append(("Log", Path(data["evaluation"]["log"]).name))
     else:
         facts += _of_spec(read_spec(data)[0])
     return [*facts, *_meshes([run.robot]), ("Date", _date(folder / "record.mcap"))]
@@ -87,6 +90,10 @@ def described(part: msgspec.Struct, where: str = "") -> str:
 def _of_spec(spec: Spec) -> Iterator[Fact]:
     laws = {variant.label: variant.law for variant in spec.variants}
     yield from _listed("Law", {label: described(law, "law") for label, law in laws.items()})
+    kept = {label: law.constraints for label, law in laws.items() if law.constraints is not None}
+    alike = len(kept) == len(laws) and all(each == next(iter(kept.values())) for each in kept.values())
+    for label, constraints in list(kept.items())[: 1 if alike else _SEVERAL]:
+        yield "Constraints", _constraints(constraints) if alike else f"{label}: {_constraints(constraints)}"
     yield "Motion", described(spec.reference, "reference")
     yield from _listed("Plant", {k: described(plant, "plant") for k, plant in spec.plant_by_label.items()})
     yield "Control period", f"{1e3 * spec.period:g} ms"
@@ -109,23 +116,61 @@ def _listed(name: str, texts: Mapping[str, str]) -> Iterator[Fact]:
         yield name, f"… and {len(texts) - _SEVERAL} more"
 
 
+def _constraints(given: Constraints) -> str:
+    """Return what is kept, as ``clear of table (plane) and ball (moving sphere) by 10 mm; upright at most 35°``."""
+    solids = [f"{name} ({_kind(each)})" for name, each in given.obstacles.items()]
+    words = [f"clear of {_listing(solids)} by {1e3 * given.margin:g} mm"] if solids else []
+    if given.zones:
+        words.append(f"inside {_listing([f'{name} ({_kind(each)})' for name, each in given.zones.items()])}")
+    for name, angle in given.angles.items():
+        bounds = (("at least", angle.at_least), ("at most", angle.at_most), ("not parallel by", angle.apart))
+        said = [f"{which} {math.degrees(value):.3g}°" for which, value in bounds if value is not None]
+        words.append(f"{name} {' and '.join(said)}")
+    words += [f"{name} in sight" for name in given.sights]
+    return "; ".join([*words, *(["joint limits"] if given.joint_limits else [])])
+
+
+def _kind(each: msgspec.Struct) -> str:
+    moves = any(getattr(each, name, None) is not None for name in ("velocity", "path"))
+    return f"{'moving ' if moves else ''}{type(each).__struct_config__.tag}"
+
+
+def _listing(names: Sequence[str]) -> str:
+    few = [*names[:_SEVERAL], *([f"{len(names) - _SEVERAL} more"] if len(names) > _SEVERAL else [])]
+    return " and ".join([", ".join(few[:-1]), few[-1]]) if len(few) > 1 else few[0]
+
+
 def _value(value: Any, key: str) -> str:
-    """Return a value with its unit, or a structure in a line of YAML."""
+    """Return a value with its unit, or a structure in words and numbers."""
     plain = msgspec.to_builtins(value, enc_hook=str)
-    if isinstance(plain, bool) or not isinstance(plain, int | float):
-        if isinstance(value, msgspec.Struct) and type(value).__struct_config__.tag:
-            return f"({described(value, key)})"
-        text = yaml.safe_dump(_short(plain), default_flow_style=True, width=1000, allow_unicode=True)
-        return text.removesuffix("\n").removesuffix("...").strip()
-    unit = parameter_unit(key)
-    return f"{plain:g} {unit}".strip()
+    if isinstance(value, msgspec.Struct) and type(value).__struct_config__.tag:
+        return f"({described(value, key)})"
+    unit = parameter_unit(key) if isinstance(plain, int | float) and not isinstance(plain, bool) else ""
+    return f"{_words(plain)} {unit}".strip()
 
 
-def _short(plain: Any) -> Any:
-    """Return plain data without what says nothing."""
+def _words(plain: Any) -> str:
+    """Return plain data as a person writes it, without what says nothing; of long lists how long they are."""
+    if isinstance(plain, bool):
+        return "yes" if plain else "no"
+    if isinstance(plain, int | float):
+        return f"{plain:{'.4g' if abs(plain) < _ROUND else '.6g'}}".replace("-", "−")
     if isinstance(plain, dict):
-        return {key: _short(value) for key, value in plain.items() if value is not None}
-    return [_short(value) for value in plain] if isinstance(plain, list) else plain
+        said = [f"{key.replace('_', ' ')} {_words(value)}" for key, value in plain.items() if _says(value)]
+        return f"({'; '.join(said)})"
+    if isinstance(plain, list | tuple):
+        nested = any(isinstance(each, list | tuple | dict) for each in plain)
+        return f"of {len(plain)}" if len(plain) > (1 if nested else _LONG) else ", ".join(map(_words, plain))
+    return Path(plain).name if Path(str(plain)).is_absolute() else str(plain)
+
+
+def _says(plain: Any) -> bool:
+    """Tell whether plain data says anything: neither nothing nor only zeros."""
+    if isinstance(plain, dict):
+        return any(map(_says, plain.values()))
+    if isinstance(plain, list | tuple):
+        return any(map(_says, plain))
+    return (plain is not None and plain != 0) or isinstance(plain, bool)
 
 
 def _meshes(robots: Any) -> Iterator[Fact]:

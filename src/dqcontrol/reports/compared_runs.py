@@ -1,9 +1,8 @@
-"""Runs side by side: their figures in a folder."""
+"""Figures of runs side by side, and what stands around all of them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dqcontrol.experiments.run_comparison import MOST_CURVES
@@ -23,22 +22,15 @@ def surroundings_of(runs: Iterable[Run]) -> Constraints | None:
     return given[0] if given and alike else None
 
 
-def write_comparison_figures(
-    records: Mapping[str, Record], folder: Path, unit: str, constraints: Constraints | None
+def figures_of_several(
+    records: Mapping[str, Record], unit: str, constraints: Constraints | None
 ) -> dict[str, Figure]:
-    """Write figures of a dozen records at most, by label, into an existing folder, and return them.
+    """Return the figures of records by label, of a dozen of them at most; none without records.
 
     ``unit`` is that of what the inputs move, see `experiments.run_comparison.unit_of_way`; ``constraints`` are
-    drawn around paths, see
-    `surroundings_of`.
+    drawn around paths, see `surroundings_of`.
     """
-    from dqcontrol.figures import comparison_figures, save_figures
-    from dqcontrol.figures.figure_files import lay_out
+    from dqcontrol.figures import comparison_figures
 
     few = dict(list(records.items())[:MOST_CURVES])
-    figures = (
-        {name: draw() for name, draw in comparison_figures(few, unit, constraints).items()} if few else {}
-    )
-    lay_out(figures.values())  # once for files and page
-    save_figures(figures, folder)
-    return figures
+    return {name: draw() for name, draw in comparison_figures(few, unit, constraints).items()} if few else {}

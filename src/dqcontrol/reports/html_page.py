@@ -153,9 +153,10 @@ def html_table(table: Table) -> str:
     )
 
 
-def html_figure(figure: Figure, caption: str) -> str:
-    """Return a figure with its caption; as an image of its own, so that the ids in several cannot clash."""
-    return f"<figure>{_image(figure, caption)}<figcaption>{escape(caption)}</figcaption></figure>"
+def html_figure(name: str, figure: Figure, caption: str) -> str:
+    """Return a figure with its caption, to which ``#name`` leads; an image of its own, so that no two ids clash."""
+    words = f"<figcaption>{escape(caption)}</figcaption>"
+    return f'<figure id="{escape(name)}">{_image(figure, caption)}{words}</figure>'
 
 
 def _image(figure: Figure, caption: str) -> str:

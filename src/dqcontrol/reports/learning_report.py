@@ -22,7 +22,7 @@ def write_learning_report(learning: Learning, spec: str, folder: Path) -> None:
     from dqcontrol.figures.learning_plots import repeats_of_learning
 
     figures = {"learning": repeats_of_learning(learning)}
-    save_figures(figures, folder)
+    save_figures(figures, folder, ("svg",))
     data = parse_yaml(SPEC_FILE, spec)
     first, best = learning.repeats[0], learning.repeats[learning.best]
     better = VerdictCell(

@@ -127,7 +127,7 @@ def write_report(
     if tables:
         parts += [heading("Tables"), tables_beside(tables)]
     if figures:
-        drawn = (html_figure(figure, _CAPTIONS.get(name, name)) for name, figure in figures.items())
+        drawn = (html_figure(name, figure, _CAPTIONS.get(name, name)) for name, figure in figures.items())
         parts += [heading("Figures"), *drawn]
     if later:
         demand = paragraph("Drawn on demand, in the folder of this page:")

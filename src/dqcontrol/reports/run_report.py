@@ -33,12 +33,11 @@ def figures_of(run: Run) -> dict[str, Figure]:
 def write_run_report(
     run: Run, folder: Path, outside: str = PARENT, *, figures: bool = True, recorded: Path | None = None
 ) -> None:
-    """Write ``report.html`` and, unless told otherwise, the figures of a run as PNG files into an existing folder.
+    """Write ``report.html``, unless told otherwise with the figures of a run, into an existing folder.
 
     ``outside`` leads from there out of all results; ``recorded`` is the folder of its recording, if that is another.
     """
-    from dqcontrol.figures import robot_picture, save_figures, timing_table
-    from dqcontrol.figures.figure_files import laid_out
+    from dqcontrol.figures import robot_picture, timing_table
     from dqcontrol.reports import write_report
 
     data: dict[str, Any] = parse_yaml("spec", run.spec)
@@ -47,23 +46,27 @@ def write_run_report(
     tables = [*metrics_tables(run.metrics, unit_of_way([run.robot])), *interventions_tables(run.record)]
     if run.timing and len(run.timing.begin) > 1:
         tables.append(timing_table(run.timing))
-    with laid_out(drawn.values()):
-        save_figures(drawn, folder)
-        write_report(
-            folder,
-            run.label,
-            facts=f"{run.record.duration:.4g} s · {len(run.record)} samples · ended: {stopped}",
-            about=about_run(run, folder if (folder / "record.mcap").is_file() else recorded or folder),
-            picture=robot_picture(run.robot, run.record) if figures else None,
-            notice=f"The run {stopped}" if has_failed(stopped) else "",
-            command=_command(run, data, outside),
-            verdicts=[run_verdicts(run, certificate)],
-            tables=tables,
-            figures=drawn,
-            later="" if figures else command("report", "."),
-            spec=run.spec,
-            origins=origins(data),
-        )
+    write_report(
+        folder,
+        _title(run, data, alone=outside == PARENT),
+        facts=f"{run.label} · {run.record.duration:.4g} s · {len(run.record)} samples · ended: {stopped}",
+        about=about_run(run, folder if (folder / "record.mcap").is_file() else recorded or folder),
+        picture=robot_picture(run.robot, run.record) if figures else None,
+        notice=f"The run {stopped}" if has_failed(stopped) else "",
+        command=_command(run, data, outside),
+        verdicts=[run_verdicts(run, certificate)],
+        tables=tables,
+        figures=drawn,
+        later="" if figures else command("report", "."),
+        spec=run.spec,
+        origins=origins(data),
+    )
+
+
+def _title(run: Run, data: dict[str, Any], *, alone: bool) -> str:
+    """Return the name of what was run; of one of several runs also which it is."""
+    name = data.get("name", run.label)
+    return name if alone else f"{name}: {run.label}"
 
 
 def _figures(run: Run, certificate: Certificate | None) -> dict[str, Figure]:

@@ -48,7 +48,7 @@ def run_verdicts(run: Run, certificate: Certificate | None) -> Table:
     """
     rows = [
         *_end(run),
-        *_task(run.task),
+        *_task(run.task, gave_way=not run.verdict.failure),
         *_joint_limits(run),
         *_velocity_limits(run),
         *_kept(run.record),
@@ -84,14 +84,20 @@ def _end(run: Run) -> Iterator[Row]:
     ]
 
 
-def _task(task: TaskResult) -> Iterator[Row]:
+def _task(task: TaskResult, *, gave_way: bool) -> Iterator[Row]:
+    """Yield how the task ended; one that was left only for what is to be kept did not fail."""
     if task.error:
         allowed = [f"{1e3 * task.position_tolerance:.3g} mm"] * math.isfinite(task.position)
         allowed += [f"{math.degrees(task.orientation_tolerance):.2g}°"] * math.isfinite(task.orientation)
         words = (
             f"{task.error}; counts as {'reached' if task.rests else 'followed'} up to {', '.join(allowed)}"
         )
-        yield ["Task", VerdictCell(task.outcome, task.succeeded), words]
+        left = VerdictCell("gave way to constraints", None)
+        yield [
+            "Task",
+            left if gave_way and not task.succeeded else VerdictCell(task.outcome, task.succeeded),
+            words,
+        ]
 
 
 def _joint_limits(run: Run) -> Iterator[Row]:

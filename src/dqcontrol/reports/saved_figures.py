@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from dqcontrol.experiments.load_results import is_study, is_sweep, load_rows, load_runs
 from dqcontrol.experiments.ranking import rank
-from dqcontrol.experiments.run_comparison import MOST_CURVES, unit_of_way
-from dqcontrol.reports.compared_runs import surroundings_of
+from dqcontrol.experiments.run_comparison import unit_of_way
+from dqcontrol.reports.compared_runs import figures_of_several, surroundings_of
 from dqcontrol.reports.run_report import figures_of
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def figures_of_results(folders: Sequence[Path]) -> dict[str, Figure]:
     FileFormatError
         If a folder holds neither.
     """
-    from dqcontrol.figures import comparison_figures, repeats_figure, sweep_figure
+    from dqcontrol.figures import repeats_figure, sweep_figure
 
     if any(map(is_sweep, folders)):
         return {"sweep": sweep_figure(rank(folders))}
@@ -38,9 +38,6 @@ def figures_of_results(folders: Sequence[Path]) -> dict[str, Figure]:
     runs = load_runs(folders)
     if len(runs) == 1:
         return figures_of(next(iter(runs.values())))
-    records = {label: run.record for label, run in list(runs.items())[:MOST_CURVES]}
+    records = {label: run.record for label, run in runs.items()}
     unit = unit_of_way(run.robot for run in runs.values())
-    return {
-        name: draw()
-        for name, draw in comparison_figures(records, unit, surroundings_of(runs.values())).items()
-    }
+    return figures_of_several(records, unit, surroundings_of(runs.values()))

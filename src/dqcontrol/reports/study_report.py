@@ -16,7 +16,7 @@ from dqcontrol.loop.record import Record, has_failed
 from dqcontrol.measures.table_cells import Cell, VerdictCell
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reports.about import about_study
-from dqcontrol.reports.compared_runs import surroundings_of, write_comparison_figures
+from dqcontrol.reports.compared_runs import figures_of_several, surroundings_of
 from dqcontrol.reports.provenance import RERUN_FOLDER, command, origins
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def write_study_report(
     *,
     figures: bool = True,
 ) -> None:
-    """Write ``report.html`` and the figures of a study into an existing folder.
+    """Write ``report.html`` of a study into an existing folder.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def write_study_report(
         command=command("run", SPEC_FILE, out=f"{PARENT}/{RERUN_FOLDER}"),
         verdicts=[study_verdicts(study.rows)],
         tables=[study.table(), *tables],
-        figures=_figures(study, records, folder) if figures else {},
+        figures=_figures(study, records) if figures else {},
         files=pages,
         spec=study.spec,
         origins=origins(data),
@@ -80,24 +80,22 @@ def _outcome(rows: Sequence[Row]) -> VerdictCell:
     return VerdictCell(f"{done} of {len(rows)} did what was asked", verdict)
 
 
-def _figures(study: Study, records: Mapping[str, Record], folder: Path) -> dict[str, Figure]:
-    """Write the figures of all runs together, and return them."""
+def _figures(study: Study, records: Mapping[str, Record]) -> dict[str, Figure]:
+    """Return the figures of all runs together."""
     parts = study.runs.values() or study.setting().scenes.values()  # where only metrics were kept
     unit, around = unit_of_way(part.robot for part in parts), surroundings_of(study.runs.values())
-    return write_comparison_figures(records, folder, unit, around) | _write_repeats(study, folder)
+    return figures_of_several(records, unit, around) | _repeats(study)
 
 
-def _write_repeats(study: Study, folder: Path) -> dict[str, Figure]:
-    """Write the figure of repeats, and return it; none where there are none, or too many for it."""
+def _repeats(study: Study) -> dict[str, Figure]:
+    """Return the figure of repeats; none where there are none, or too many for it."""
     sets = {row["set"] for row in study.rows}
     most = MOST_CURVES * min(len(sets), _MOST_PANELS)
     if not study.is_repeated or len(by_label(study.rows)) > most:
         return {}
-    from dqcontrol.figures import repeats_figure, save_figures
+    from dqcontrol.figures import repeats_figure
 
-    figures = {"repeats": repeats_figure(study.rows)}
-    save_figures(figures, folder)
-    return figures
+    return {"repeats": repeats_figure(study.rows)}
 
 
 def study_verdicts(rows: Sequence[Row]) -> Table:

@@ -14,12 +14,11 @@ from dqcontrol.reports.report import write_report
 
 
 def write_sweep_report(ranking: Ranking, spec: str, folder: Path) -> None:
-    """Write ``report.html`` of a parameter study and the figure of its points into an existing folder."""
-    from dqcontrol.figures import save_figures, sweep_figure
+    """Write ``report.html`` of a parameter study into an existing folder."""
+    from dqcontrol.figures import sweep_figure
 
     table, count = ranking.table(), len(ranking.groups)
     figures = {"sweep": sweep_figure(ranking)} if ranking.placed else {}
-    save_figures(figures, folder)
     data = parse_yaml(SPEC_FILE, spec)
     whole = ranking.placed == count
     end: list[Cell] = [

@@ -26,7 +26,7 @@ def write_tuning_report(tuning: Tuning, spec: str, folder: Path) -> None:
     figures = {"search": search_figure(tuning)}
     if any(each.result.front for each in tuning.laws):
         figures["front"] = front_figure(tuning)
-    save_figures(figures, folder)
+    save_figures(figures, folder, ("svg",))
     data, block = parse_yaml(SPEC_FILE, spec), tuning.problem.block
     asked = " + ".join(f"{weight:g} × {name}" for name, weight in block.objectives.items())
     verdicts: list[list[Cell]] = [

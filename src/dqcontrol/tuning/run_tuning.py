@@ -351,6 +351,7 @@ def tune_to(
     jobs: int | None = None,
     scheduler: str | None = None,
     progress: TuneProgress | None = None,
+    computed: Callable[[Tuning], None] | None = None,
 ) -> Tuning:
     """Do the same, and write a folder of results; after an interruption the same call resumes it.
 
@@ -362,6 +363,8 @@ def tune_to(
         A new folder.
     force
         Replace the folder, if it holds earlier results, and discard an unfinished search of another spec or version.
+    computed
+        Called with what was found before figures and report are written.
 
     Raises
     ------
@@ -373,6 +376,8 @@ def tune_to(
     _check(problem, jobs, scheduler)
     with _working_folder(working_folder(target), problem, force=force) as kept:
         found = _tuned(problem, jobs, scheduler, kept, progress)
+        if computed:
+            computed(found)
         with new_folder(target, force=force) as new:
             found.write(new)
         kept.discard()

@@ -321,10 +321,16 @@ def learn_to(
     real_time: bool = False,
     runner: MotionRunner | None = None,
     progress: LearnProgress | None = None,
+    computed: Callable[[Learning], None] | None = None,
 ) -> Learning:
-    """Do the same, and write a folder of results; see `Learning.save`."""
+    """Do the same, and write a folder of results; see `Learning.save`.
+
+    ``computed`` is called with what was learnt before that.
+    """
     check_new(folder, force=force)
     found = learn(source, repeats, real_time=real_time, runner=runner, progress=progress)
+    if computed:
+        computed(found)
     found.save(folder, force=force)
     return found
 
