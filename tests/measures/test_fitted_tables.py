@@ -60,7 +60,10 @@ def test_reasons_end_after_a_word():
 
 
 def test_a_table_of_texts_becomes_a_list_that_loses_nothing():
-    rows = [["circle", "A circle about the start, in a plane of the frame", "radius, duration"], ["own", "Yours", ""]]
+    rows = [
+        ["circle", "A circle about the start, in a plane of the frame", "radius, duration"],
+        ["own", "Yours", ""],
+    ]
     text = printed(Table([Column("kind"), Column("what it is"), Column("needs")], rows), 40)
     assert max(map(len, text.splitlines())) <= 40
     assert " ".join(text.split()) == (

@@ -43,11 +43,15 @@ def doctor(
     columns = (Column("what"), Column("found"), Column("verdict"), Column("what to do"))
     title = f"dqcontrol {dqcontrol.__version__}"
     if shown:
-        print_table(Table(columns, [[one.what, one.found, one.verdict, one.cure or None] for one in shown], title))
+        print_table(
+            Table(columns, [[one.what, one.found, one.verdict, one.cure or None] for one in shown], title)
+        )
     else:
         print(title)
     optional = sum(one.verdict not in (OK, PROBLEM) for one in findings)
     said = f"{len(problems)} problem{'s' * (len(problems) != 1)}" if problems else "no problems"
-    print(said if all else f"{said}; {len(findings)} things looked at, {optional} optional ones missing: --all")
+    print(
+        said if all else f"{said}; {len(findings)} things looked at, {optional} optional ones missing: --all"
+    )
     if problems:
         sys.exit(UNFIT)

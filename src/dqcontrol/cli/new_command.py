@@ -15,7 +15,11 @@ ChosenLaw = Literal["proportional", "proportional-feedforward", "both"]
 ChosenPlant = Literal["servo", "integrator", "mujoco"]
 MOTIONS, LAWS, PLANTS = map(get_args, (Motion, ChosenLaw, ChosenPlant))
 QUESTIONS: dict[str, tuple[str, str, tuple[str, ...]]] = {
-    "robot": ("Which robot (a name of 'dqcontrol list robots', or a .urdf, .xacro or .yaml file)?", "iiwa7", ()),
+    "robot": (
+        "Which robot (a name of 'dqcontrol list robots', or a .urdf, .xacro or .yaml file)?",
+        "iiwa7",
+        (),
+    ),
     "motion": ("Which motion?", "circle", MOTIONS),
     "period": ("How long is a control period?", "8 ms", ()),
     "law": ("Which law?", "proportional-feedforward", LAWS),

@@ -33,8 +33,8 @@ def run(
 ) -> None:
     """Run an experiment and write its table, recordings and plots; rerun it to resume after an interruption.
 
-    The first lines say where the results are and what came of it. Exit status: 0 if every run did what was asked and kept what it was to keep; 1
-    if one did not; 2 if nothing ran, because something is wrong or out of reach.
+    The first lines say where the results are and what came of it. Exit status: 0 if every run did what was asked and
+    kept what it was to keep; 1 if one did not; 2 if nothing ran, because something is wrong or out of reach.
 
     Parameters
     ----------

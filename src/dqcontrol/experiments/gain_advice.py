@@ -113,7 +113,9 @@ def advise_gains(
         Column(f"lag at {_SPEED:g} m/s", "mm", ".3g"),
     ]
     title = f"{arm.name}: T = {1e3 * period:.4g} ms, delay {1e3 * delay:.4g} ms, lag {1e3 * lag:.4g} ms"
-    return GainAdvice(Table(columns, rows, title), parameters, tuple(_reasons(limits, period, delay, lag, gain)))
+    return GainAdvice(
+        Table(columns, rows, title), parameters, tuple(_reasons(limits, period, delay, lag, gain))
+    )
 
 
 _LAGGING = ("proportional", "decoupled-proportional", "h-infinity")  # without feed-forward
@@ -132,7 +134,10 @@ def _parameters(gain: float, slow: float) -> dict[str, dict[str, float]]:
         "h-infinity-tracking": both,
         "linear-quadratic-r8": squared,
         "linear-quadratic-dq": squared,
-        "feedback-linearization": {"stiffness": _four_digits(16 * slow**2), "damping": _four_digits(4 * slow)},
+        "feedback-linearization": {
+            "stiffness": _four_digits(16 * slow**2),
+            "damping": _four_digits(4 * slow),
+        },
     }
 
 

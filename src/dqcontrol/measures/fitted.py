@@ -96,9 +96,7 @@ def _listed(table: Table, width: int) -> str:
     )
     titles = [f"{column.heading}: " if i > 1 else "" for i, column in enumerate(table.columns)]
     for row, cells in zip(table.rows, table.texts(), strict=True):
-        said = [
-            f"{title}{cell}" for title, value, cell in zip(titles, row, cells, strict=True) if value
-        ]
+        said = [f"{title}{cell}" for title, value, cell in zip(titles, row, cells, strict=True) if value]
         lines += [said[0], *wrap.wrap("; ".join(said[1:]))]
     return "\n".join(lines)
 
