@@ -76,14 +76,14 @@ def test_evaluate_writes_nothing_unasked(here, monkeypatch, capsys):
     assert sorted(here.rglob("*")) == before
 
 
-def test_export_writes_every_format_and_overwrites_only_by_force(here, monkeypatch, capsys):
+def test_convert_writes_every_format_and_overwrites_only_by_force(here, monkeypatch, capsys):
     for suffix in ("csv", "parquet", "mat"):
-        code, out, _ = call(f"dqcontrol export run data/out.{suffix}", monkeypatch, capsys)
+        code, out, _ = call(f"dqcontrol convert run data/out.{suffix}", monkeypatch, capsys)
         assert (code, out) == (0, f"results: data/out.{suffix}\n")
-        code, _, err = call(f"dqcontrol export run data/out.{suffix}", monkeypatch, capsys)
+        code, _, err = call(f"dqcontrol convert run data/out.{suffix}", monkeypatch, capsys)
         assert code == 2
         assert err.startswith(f"dqcontrol: data/out.{suffix}: exists")
-        assert call(f"dqcontrol export run data/out.{suffix} --force", monkeypatch, capsys)[0] == 0
+        assert call(f"dqcontrol convert run data/out.{suffix} --force", monkeypatch, capsys)[0] == 0
     assert (here / "data" / "out.csv").read_bytes() == (here / "log.csv").read_bytes()
 
 

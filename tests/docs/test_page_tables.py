@@ -1,4 +1,4 @@
-"""Tables in the README and the tutorial are those that come out; what the examples are there to show is so."""
+"""Tables of the pages are those that come out; what the examples are there to show is so."""
 
 import pytest
 from page_blocks import PAGES, ROOT, blocks
@@ -23,8 +23,13 @@ def test_demo_stays_on_the_drawing(demo):
         assert with_feedforward.error.mean < 0.6 * without.error.mean
 
 
-def test_table_in_the_readme_is_the_demo_s(demo):
-    shown = (ROOT / "README.md").read_text().partition("<!-- demo table: begin -->")[2].partition("<!--")[0]
+def test_table_of_the_demo(demo):
+    shown = (
+        (ROOT / "docs/examples.md")
+        .read_text()
+        .partition("<!-- demo table: begin -->")[2]
+        .partition("<!--")[0]
+    )
     for cell, own in zip(cells(shown), cells(demo.table().markdown()), strict=True):
         # MuJoCo's arithmetic differs between processors
         assert cell == own or float(cell) == pytest.approx(float(own), rel=0.02)
@@ -90,3 +95,14 @@ def test_table_of_the_tutorial(tmp_path, monkeypatch):
 
 def cells(table):
     return [cell.strip() for row in table.splitlines() if row.startswith("| ") for cell in row.split("|")]
+
+
+def test_table_of_laws():
+    study = dqc.run_study(ROOT / "examples/which-law.yaml")
+    shown = PAGES["which-law.md"].read_text(encoding="utf-8").partition("law table: begin -->")[2]
+    rows = [cells(row) for row in shown.partition("<!--")[0].splitlines()[1:]]
+    plants = rows[0][2:-1]
+    for row in rows[2:]:
+        for plant, cell in zip(plants, row[2:-1], strict=True):
+            own = study.runs[f"{row[1]} · {plant}"].metrics.position.settled_rms
+            assert float(cell) == pytest.approx(own, rel=0.02), (row[1], plant)

@@ -63,7 +63,7 @@ def test_one_row_a_law_set_and_plant():
         "T [ms]",
         "limit [1/s]",
         "margin",
-        "choose k ≤ [1/s]",
+        "largest recommended k [1/s]",
         "overshoot [%]",
         "time constant [s]",
         "verdict",
@@ -127,12 +127,12 @@ def test_verdicts_and_what_to_do():
             {"gain": 20},
             "oscillatory",
             r"^proportional · servo: position oscillatory: k = 20 1/s, limit 2.01e\+03 1/s, overshoot 16 %; "
-            r"choose k ≤ 10.2 1/s$",
+            r"largest recommended k = 10.2 1/s$",
         ),
         (
             {"gain": 2100},
             "unstable",
-            r"^proportional · servo: position unstable: k = 2.1e\+03 1/s, limit 2.01e\+03 1/s; choose k ≤ 10.2 1/s$",
+            r"^proportional · servo: position unstable: k = 2.1e\+03 1/s, limit 2.01e\+03 1/s; largest recommended k = 10.2 1/s$",
         ),
     ]
     for change, verdict, remark in cases:
@@ -270,7 +270,7 @@ def test_table_in_the_document_is_the_example_s():
 
 
 def test_no_advice_where_no_gain_is_good():
-    """Errors of complex gains turn as they shrink: ``choose k ≤ 0`` would be no advice."""
+    """Errors of complex gains turn as they shrink: ``largest recommended k = 0`` would be no advice."""
     turning = LoopGain("position", 50 * np.exp(1.2j), None)
     limits = gain_limits(Integrator().linear_model(dqc.load_robot("iiwa7"), None, 0.01), 0.01, np.exp(1.2j))
     assert limits.recommended == 0

@@ -3,12 +3,15 @@
 import shlex
 import sys
 from pathlib import Path
+from typing import get_args
 
 import pytest
 import yaml
 from exported import SPEC, make, needs_c
 
 from dqcontrol import cli
+from dqcontrol.cli.export_command import Target
+from dqcontrol.compiled.object_code import TARGETS
 from dqcontrol.export.controller_folder import _BUILT
 
 
@@ -81,3 +84,7 @@ def test_mistakes_are_said_in_a_line(call, line, message):
     assert code == 2
     assert said.startswith(f"dqcontrol: {message}")
     assert said.count("\n") == 1
+
+
+def test_all_targets_may_be_chosen():
+    assert set(get_args(Target)) == set(TARGETS)

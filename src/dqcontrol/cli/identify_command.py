@@ -1,4 +1,4 @@
-"""Find what the servos of a robot are from its logs."""
+"""Estimate what the servos of a robot are from its logs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Write reports anew, with all figures."""
+"""Regenerate reports, with all figures."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def report(*folders: Path, jobs: int | None = None) -> None:
-    """Write the reports of saved runs anew, with all figures, which studies leave out.
+    """Regenerate the reports of saved runs, with all figures, which studies leave out.
 
     Parameters
     ----------

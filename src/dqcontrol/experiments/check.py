@@ -227,7 +227,9 @@ class LoopCheck:
             return "no gain makes it good: its errors turn as they shrink; take weights that are nearer to a diagonal"
         if loop.gain.lag and loop.gain.loop != "null space":
             return f"choose k̄ ≤ {4 * loop.gain.lag * recommended:.3g} 1/s²"
-        return f"choose k ≤ {recommended:.3g} 1/s" + " and k_I ∝ k²" * bool(loop.gain.integral_share)
+        return f"largest recommended k = {recommended:.3g} 1/s" + " and k_I ∝ k²" * bool(
+            loop.gain.integral_share
+        )
 
 
 @dataclass(frozen=True)
@@ -288,7 +290,7 @@ class Checks(Sequence[LoopCheck]):
             Column("T", "ms", ".4g"),
             Column("limit", "1/s", ".3g"),
             Column("margin", "", ".3g"),
-            Column("choose k ≤", "1/s", ".3g"),
+            Column("largest recommended k", "1/s", ".3g"),
             Column("overshoot", "%", ".2g"),
             Column("time constant", "s", ".3g"),
             Column("verdict"),
@@ -353,7 +355,7 @@ def check(source: str | Path | dict[str, Any]) -> Checks:
     >>> [row.verdict for row in checks]
     ['unstable']
     >>> print(*checks.remarks())
-    proportional · servo: position unstable: k = 60 1/s, limit 50 1/s; choose k ≤ 7.2 1/s
+    proportional · servo: position unstable: k = 60 1/s, limit 50 1/s; largest recommended k = 7.2 1/s
     """
     setting = prepare(source, leaving_out=("tune", "learn"))
     return Checks(setting.spec.name, tuple(loop_checks(setting)), tuple(task_remarks(setting)))

@@ -76,8 +76,7 @@ def new_spec(
     size, gain = _fitting(spec, arm, motion, kinds[-1])
     laws = [f"  {_LABELS[kind]}: {{kind: {kind}, gain: {gain:g}}}" for kind in kinds]
     lines = [
-        f"# A {motion} by {arm.name}. Change what you like: dqcontrol list laws, list references and list plants "
-        "say what there is.",
+        f"# A {motion} by {arm.name}. Change what you like; dqcontrol list laws, references or plants: what there is.",
         f"name: {name}",
         f"robot: {_flow({'source': robot, **ends}) if ends else robot}",
         f"start: [{', '.join(_angle(value, kind) for value, kind in zip(start, arm.joint_types, strict=True))}]",
