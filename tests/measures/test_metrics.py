@@ -176,7 +176,7 @@ def test_flat_names_every_number_once():
     found = evaluate(record(np.linspace(0, 1, 3), along_x(np.ones(3))))
     flat = found.flat()
     assert flat["position.settled_rms"] == pytest.approx(1000)
-    assert len(flat) == 6 * 4 + 2 * 7 + 20
+    assert len(flat) == 6 * 4 + 2 * 7 + 18
     assert {type(value) for value in flat.values()} <= {float, int, str, type(None)}
 
 

@@ -324,7 +324,8 @@ def test_the_verdicts_of_repeats_count_those_that_failed():
         "verdict": "reached",
         "failure": "",
     }
-    bad = row | {"repeat": 1, "stopped": "diverged at 1 s", "limit_margin": -0.2}
+    ended = {"stopped": "diverged at 1 s", "verdict": "diverged at 1 s", "failure": "ended"}
+    bad = row | ended | {"repeat": 1, "limit_margin": -0.2}
     rows: Any = study_verdicts([row | {"repeat": 0}, bad]).rows
     ((label, count, end, task, kept, least),) = rows
     assert (label, count, end, kept, least) == ("K", "1 of 2", "failed", "exceeded", -0.2)
