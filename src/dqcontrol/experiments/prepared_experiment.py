@@ -234,11 +234,19 @@ def prepare(source: str | Path | dict[str, Any], leaving_out: Collection[str] = 
 
 
 def prepare_spec(
-    spec: Spec, folder: Path, known: dict[bytes, Any], *, start_plants: bool = True
+    spec: Spec, folder: Path, known: dict[bytes, Any], *, checked: bool = True
 ) -> PreparedExperiment:
-    """Do the same for a spec that was read; robots and scenes ``known`` from earlier calls are not made again.
+    """Do the same for a spec that was read.
 
-    Without ``start_plants`` whether the plants can start is left to the runs, and whether they are compiled is unknown.
+    Parameters
+    ----------
+    spec, folder
+        What was read, and where.
+    known
+        Robots and scenes from earlier calls, which are not made again.
+    checked
+        False: laws are prepared and plants started by the runs alone, which follow at once; gains are not worked out.
+        What constraints keep is checked all the same: a run does not ask whether its start keeps it.
     """
     variants, plants = spec.variants, spec.plant_by_label
     robots = spec.robot_by_label
@@ -259,8 +267,11 @@ def prepare_spec(
             scenes[label] = _once(known, parts, lambda chosen=robot: _scene(spec, chosen, folder, known))
             limits = {name: spec.limits_of(plant, scenes[label].robot) for name, plant in plants.items()}
             different = {each.velocity: each for each in limits.values()}
-            laws = list(_prepared_laws(spec, variants, scenes[label], different))
-            compiled = _checked_plants(spec, plants, scenes[label]) if start_plants else {}
+            laws = [(dict.fromkeys(different), None)] * len(variants)
+            compiled = dict.fromkeys(plants, False)
+            if checked or any(variant.law.constraints for variant in variants):
+                laws = list(_prepared_laws(spec, variants, scenes[label], different))
+                compiled = _checked_plants(spec, plants, scenes[label])
         led: dict[bytes, PreparedRobot] = {}
         for name, plant in plants.items():
             for variant, (versions, gains) in zip(variants, laws, strict=True):
@@ -273,9 +284,7 @@ def prepare_spec(
                 ):  # the law's rows may depend on the twists: it is prepared again
                     law = None
                 cases.append(
-                    Combination(
-                        place, scene, variant, plant, limits[name], compiled.get(name, False), law, gains
-                    )
+                    Combination(place, scene, variant, plant, limits[name], compiled[name], law, gains)
                 )
     return PreparedExperiment(spec, folder, scenes, tuple(cases))
 

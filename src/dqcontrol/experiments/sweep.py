@@ -22,7 +22,14 @@ from dqcontrol.errors import Error, FileFormatError, suggest
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare_spec
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.sampling import Point, Range, Sampling
-from dqcontrol.experiments.spec import in_numbers, quantities_at, read_data, readable_again, spec_of_numbers
+from dqcontrol.experiments.spec import (
+    Spec,
+    as_spec,
+    in_numbers,
+    quantities_at,
+    read_data,
+    readable_again,
+)
 from dqcontrol.experiments.spec.spec_files import locate_files
 from dqcontrol.experiments.trials import Batch
 from dqcontrol.files.yaml_file import convert, parse_yaml
@@ -114,31 +121,28 @@ class Sweep:
         """Return how many trials a part has."""
         return len(self.runs_of(part)) * len(self.first.cases)
 
-    def setting(self, point: Point, *, start_plants: bool = True) -> PreparedExperiment:
+    def setting(self, point: Point) -> PreparedExperiment:
         """Return the study at a point, made ready.
-
-        Parameters
-        ----------
-        point
-            Of each key its value.
-        start_plants
-            False: leave it to the runs, which start them anyway, to find out that a plant cannot start.
 
         Raises
         ------
         Error
             If it is malformed, does not fit or is out of reach.
         """
+        return prepare_spec(as_spec(self.where, self._data_at(point), self.folder), self.folder, self._known)
+
+    def _unchecked(self, point: Point) -> PreparedExperiment:
+        """Return the same for runs that follow at once, which fail where `setting` does, if in other words."""
         if all(type(value) in (int, float) for value in point.values()):
             data = dict(self._first_numbers)
             for head in {key.partition(".")[0] for key in point}:
                 data[head] = copy.deepcopy(data.get(head))
             for key, value in point.items():
                 _put(data, key, value)
+            spec = convert(self.where, data, Spec)
         else:
-            data = in_numbers(self.where, self._data_at(point), self.folder)
-        spec = spec_of_numbers(self.where, data)
-        return prepare_spec(spec, self.folder, self._known, start_plants=start_plants)
+            spec = as_spec(self.where, self._data_at(point), self.folder)
+        return prepare_spec(spec, self.folder, self._known, checked=False)
 
     @cached_property
     def _first_numbers(self) -> dict[str, Any]:
@@ -190,7 +194,7 @@ class Sweep:
             f"parameter.{key}": self._shown(key, value) for key, value in point.items()
         }
         try:
-            setting = self.setting(point, start_plants=False)
+            setting = self._unchecked(point)
             outcomes = [list(Batch(setting, case, repeats, None).outcomes()) for case in setting.cases]
         except Error as error:
             yield from self._refused(place, f"{REFUSED}{self._worded(point, error)}", repeats)

@@ -13,7 +13,6 @@ from .spec import (
     read_data as read_data,
     read_spec as read_spec,
     readable_again as readable_again,
-    spec_of_numbers as spec_of_numbers,
     spec_text as spec_text,
     start_configuration as start_configuration,
 )

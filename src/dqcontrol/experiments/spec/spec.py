@@ -468,7 +468,13 @@ def read_data(source: str | Path | dict[str, Any]) -> tuple[str, dict[str, Any],
 
 def as_spec(where: str, data: dict[str, Any], folder: Path) -> Spec:
     """Return plain data as a spec; ``where`` is for the messages."""
-    return spec_of_numbers(where, in_numbers(where, data, folder))
+    spec = convert(where, in_numbers(where, data, folder), Spec)
+    for check in ("robot_by_label", "plant_by_label", "variants"):
+        try:
+            getattr(spec, check)
+        except Error as error:
+            raise FileFormatError(f"{where}: {error}") from None
+    return spec
 
 
 def in_numbers(where: str, data: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -476,17 +482,6 @@ def in_numbers(where: str, data: dict[str, Any], folder: Path) -> dict[str, Any]
     complete_plants(data, folder)
     admit(where, data, folder)
     return _with_numbers(where, data)
-
-
-def spec_of_numbers(where: str, data: dict[str, Any]) -> Spec:
-    """Return what `in_numbers` gave as a spec."""
-    spec = convert(where, data, Spec)
-    for check in ("robot_by_label", "plant_by_label", "variants"):
-        try:
-            getattr(spec, check)
-        except Error as error:
-            raise FileFormatError(f"{where}: {error}") from None
-    return spec
 
 
 def part_of_spec(where: str, text: str, key: str) -> Any:
