@@ -28,11 +28,9 @@ if TYPE_CHECKING:
     from dqcontrol.laws.constrained.constraints import Constraints
 
 
-_LARGEST, _WIDEST, _TALLEST = (
-    1.15,
-    1.3,
-    0.75,
-)  # of walls in space: more would leave no room for labels and legend
+_WIDEST, _SHORTEST, _TALLEST = 5.0, 1.8, 4.4  # in, of the walls in space; beside them labels take an inch
+_WIDTH = 6.4  # in
+_LABELS, _LEGEND = 1.2, 0.4  # in, of labels and legend, and of the legend alone
 _HEADINGS = 12  # arrows along a path
 _POSES = 5  # of the robot in one picture
 _RADIUS = 0.17  # m, of a base that does not say how wide it is
@@ -146,7 +144,7 @@ def superimposed(
 
     if not records or poses < 2:
         raise ShapeError(f"poses: expected at least 2 of at least one run, got {poses} of {len(records)}")
-    figure = new_figure(6.4, 4.0)
+    figure = new_figure(_WIDTH, 4.0)
     axes: Any = figure.add_subplot(projection="3d")
     everything = []
     for i, (label, record) in enumerate(records.items()):
@@ -182,7 +180,7 @@ def superimposed(
     for line in axes.lines:
         line.set_clip_on(False)  # long ways reach beyond the rectangle of the axes,
         line.set_in_layout(False)  # which must not shrink for them
-    _frame(axes, np.vstack([*everything, goal[None], corners_of(drawn)]))
+    _frame(figure, axes, np.vstack([*everything, goal[None], corners_of(drawn)]))
     goal_mark = Line2D([], [], label="goal", marker="+", ms=9, mew=1.6, ls="", color=DESIRED)
     legend_below(figure, axes, [goal_mark, *entries(drawn)])
     return figure
@@ -249,8 +247,8 @@ def _carriers(robot: Robot, row: int) -> list[int]:
     return rows[::-1]
 
 
-def _frame(axes: Any, points: Array) -> None:
-    """Give the view one scale and the floor."""
+def _frame(figure: Figure, axes: Any, points: Array) -> None:
+    """Give the view one scale and the floor, and the figure the height that the motion fills."""
     from matplotlib.ticker import MaxNLocator
 
     low, high = points.min(axis=0), points.max(axis=0)
@@ -267,7 +265,12 @@ def _frame(axes: Any, points: Array) -> None:
     axes.view_init(elev=24.0, azim=-62.0)
     axes.set_box_aspect(size, zoom=1.0)
     across, up = _drawn_size(axes)
-    axes.set_box_aspect(size, zoom=min(_LARGEST, _WIDEST / across, _TALLEST / up))
+    paper = figure.get_figwidth()
+    wide = min(_WIDEST * paper / _WIDTH, _TALLEST * across / up)
+    high = max(wide * up / across, _SHORTEST) + _LABELS
+    figure.set_figheight(high)
+    side = min(paper, high - _LEGEND)  # of the square that Matplotlib draws a view into
+    axes.set_box_aspect(size, zoom=wide / (across * side))
 
 
 def _drawn_size(axes: Any) -> tuple[float, float]:

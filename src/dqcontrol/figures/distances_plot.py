@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dqcontrol.errors import ShapeError
-from dqcontrol.figures.style import DOUBLE, beyond_spikes, legend_below, line_style, new_figure, styled
+from dqcontrol.figures.style import (
+    DOUBLE,
+    at_least,
+    beyond_spikes,
+    legend_below,
+    line_style,
+    new_figure,
+    styled,
+)
 from dqcontrol.loop.kept_signals import PRESSURE, ROOM, SLACK
 
 if TYPE_CHECKING:
@@ -16,6 +24,9 @@ if TYPE_CHECKING:
     from dqcontrol.loop.record import Record
 
 _MOST = 8  # names with a curve of their own
+_ROOM_LABELS = {"m": "room beyond\nwhat is asked [mm]", "rad": "room beyond\nwhat is asked [°]"}
+_SLACK_LABELS = {"m": "gave way\n[mm/s]", "rad": "gave way\n[°/s]"}
+_STILL = 1e-3  # the least height of a panel of multipliers or of what gave way
 
 
 @styled
@@ -38,23 +49,31 @@ def distances(record: Record) -> Figure:
     """
     if ROOM not in record.readings:
         raise ShapeError("record: had no constraints to keep")
-    figure = new_figure(DOUBLE, 5.2)
-    panels = figure.subplots(3, 1, sharex=True)
     room, pressure, slack = (record.readings[name] for name in (ROOM, PRESSURE, SLACK))
     nearest = np.argsort(np.nanmin(room.values, axis=0), kind="stable")[:_MOST]
-    for k, i in enumerate(nearest):
-        unit = 1e3 if room.units[i] == "m" else np.degrees(1.0)
-        label = f"{room.parts[i]} [{'mm' if room.units[i] == 'm' else '°'}]"
-        panels[0].plot(record.time, unit * room.values[:, i], label=label, **line_style(k))
-        panels[1].plot(record.time, pressure.values[:, i], **line_style(k))
-        panels[2].plot(record.time, 1e3 * slack.values[:, i], **line_style(k))
-    panels[0].set_yscale("symlog", linthresh=10.0)
-    beyond_spikes(panels[1], pressure.values[:, nearest])
-    beyond_spikes(panels[2], 1e3 * slack.values[:, nearest])
-    panels[0].axhline(0.0, color="black", linewidth=0.6)
-    panels[0].set_ylabel("room beyond\nwhat is asked")
-    panels[1].set_ylabel("multiplier")
-    panels[2].set_ylabel("gave way\n[mm/s, mrad/s]")
+    of_unit = {unit: [k for k, i in enumerate(nearest) if room.units[i] == unit] for unit in ("m", "rad")}
+    rows = [(room, unit, label) for unit, label in _ROOM_LABELS.items() if of_unit[unit]]
+    rows.append((pressure, "", "multiplier"))
+    rows += [
+        (slack, unit, label)
+        for unit, label in _SLACK_LABELS.items()
+        if slack.values[:, nearest[of_unit[unit]]].any()
+    ]
+    figure = new_figure(DOUBLE, 0.7 + 1.5 * len(rows))
+    panels = figure.subplots(len(rows), 1, sharex=True)
+    for axes, (signal, unit, label) in zip(panels, rows, strict=True):
+        shown = of_unit[unit] if unit else range(len(nearest))
+        scale = {"m": 1e3, "rad": np.degrees(1.0), "": 1.0}[unit]
+        values = scale * signal.values[:, nearest]
+        for k in shown:
+            axes.plot(record.time, values[:, k], label=room.parts[nearest[k]], **line_style(k))
+        if signal is room:
+            axes.set_yscale("symlog", linthresh=10.0)
+            axes.axhline(0.0, color="black", linewidth=0.6)
+        else:
+            beyond_spikes(axes, values[:, shown])
+            at_least(axes, _STILL)
+        axes.set_ylabel(label)
     panels[-1].set_xlabel("time [s]")
-    legend_below(figure, panels[0])
+    legend_below(figure, panels[len(rows) - 1 - sum(signal is slack for signal, _, _ in rows)])
     return figure

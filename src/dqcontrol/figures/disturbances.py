@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dqcontrol.errors import ShapeError
-from dqcontrol.figures.style import DOUBLE, legend_below, line_style, new_figure, styled
+from dqcontrol.figures.style import DOUBLE, at_least, legend_below, line_style, new_figure, styled
 from dqcontrol.loop.record import Record
 
 if TYPE_CHECKING:
@@ -45,9 +45,7 @@ def disturbance(record: Record) -> Figure:
         for i, name in enumerate("xyz"):
             axes.step(record.time, values[:, i], where="post", label=name, lw=1.0, **line_style(i))
         axes.set_ylabel(label)
-        low, high = axes.get_ylim()
-        if high - low < 1e-6:  # nothing but round-off
-            axes.set_ylim(-1e-3, 1e-3)
+        at_least(axes, 1e-3)
     panels[-1].set_xlabel("time [s]")
     legend_below(figure, panels[0])
     return figure

@@ -6,14 +6,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dqcontrol.figures.style import DOUBLE, FLOOR, legend_below, line_style, logarithmic, new_figure, styled
+from dqcontrol.figures.style import (
+    DOUBLE,
+    at_least,
+    legend_below,
+    line_style,
+    logarithmic,
+    new_figure,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from dqcontrol.measures.lyapunov import Certificate
 
-_DECADES = 10  # of V below its peak that are shown
+_DECADES = 8  # of V below its peak that are shown, which are four of the error
+_FLOOR = 1e-16  # 1/s², where V is 0
+_STILL = 1e-6  # the least height of the other panels: a hundredth of what an encoder of 16 bits sees
 
 
 @styled
@@ -25,8 +35,8 @@ def lyapunov(certificate: Certificate) -> Figure:
     >>> lyapunov(certificate(robot, run.record, law)).savefig("lyapunov.png")  # doctest: +SKIP
     """
     time = certificate.time
-    figure = new_figure(DOUBLE, 6.4)
-    panels = figure.subplots(4, 1, sharex=True)
+    figure = new_figure(DOUBLE, 7.4)
+    panels = figure.subplots(5, 1, sharex=True)
     for i, (label, values) in enumerate(
         (
             ("$V$", certificate.value),
@@ -34,7 +44,7 @@ def lyapunov(certificate: Certificate) -> Figure:
             (r"$\bar k\,|\log\tilde x|^2$", certificate.pose_part),
         )
     ):
-        panels[0].plot(time, np.maximum(values, FLOOR), label=label, **line_style(i))
+        panels[0].plot(time, np.maximum(values, _FLOOR), label=label, **line_style(i))
     logarithmic(panels[0], _DECADES)
     panels[0].set_ylabel("$V$ [1/s²]")
     panels[1].plot(time[:-1], certificate.rate, label=r"$\dot V$, differences", **line_style(3))
@@ -43,10 +53,13 @@ def lyapunov(certificate: Certificate) -> Figure:
     panels[2].plot(time, certificate.matrosov, **line_style(5))
     panels[2].set_ylabel("$W_2$ [1/s]")
     panels[3].plot(time, certificate.outside_range, label="twist outside range of J", **line_style(6))
-    panels[3].plot(
+    panels[3].set_ylabel("twist\n[m/s, rad/s]")
+    panels[4].plot(
         time, certificate.smallest_singular_value, label=r"smallest $\sigma$ of J", **line_style(7)
     )
-    panels[3].set_ylabel("twist [m/s, rad/s]\n$\\sigma$ [m, rad]")
+    panels[4].set_ylabel("$\\sigma$ [m, rad]")
+    for axes in panels[1:]:
+        at_least(axes, _STILL)
     panels[-1].set_xlabel("time [s]")
     artists = [artist for axes in panels[1:] for artist in axes.get_legend_handles_labels()[0]]
     legend_below(figure, panels[0], artists)

@@ -18,11 +18,13 @@ from dqcontrol.figures.style import (
     FLOOR,
     LIMIT,
     at_least,
+    has_transient,
     legend_below,
     line_style,
     logarithmic,
     new_figure,
     panels_across,
+    plain_names,
     styled,
 )
 from dqcontrol.loop.record import Record
@@ -34,7 +36,9 @@ if TYPE_CHECKING:
 
 
 UNITS = ("m", "rad")
-_DECADES = 12  # of the error below its peak that are shown
+_STILL = 1e-3  # m/s or rad/s: the least height of a panel of commands
+_DECADES = 6  # of the error below its peak that are shown
+_SMALLEST = {"mm": 1e-3, "°": 1e-3}  # a micrometre and 4 seconds of arc: no axis shows less in full height
 
 
 @styled
@@ -112,7 +116,7 @@ def joint_angles(record: Record, limits: Limits | None = None, units: Sequence[s
     rows = -(-len(units) // columns)
     figure = new_figure(DOUBLE, 0.7 + 1.35 * rows)
     panels = figure.subplots(rows, columns, sharex=True, squeeze=False).T.ravel()
-    for i, (name, unit) in enumerate(zip(record.joint_names, units, strict=True)):
+    for i, (name, unit) in enumerate(zip(plain_names(record.joint_names), units, strict=True)):
         axes = panels[i]
         scale, sign = (180 / np.pi, "°") if unit == "rad" else (1.0, "m")
         axes.plot(record.time, scale * record.q[:, i], color=COLOURS[0])
@@ -135,7 +139,7 @@ def joint_angles(record: Record, limits: Limits | None = None, units: Sequence[s
 
 @styled
 def control_signals(record: Record, units: Sequence[str] | None = None) -> Figure:
-    """Plot the commanded inputs and their norm, each held until the next sample.
+    """Plot the commanded inputs and the norm of those of one unit, each held until the next sample.
 
     Parameters
     ----------
@@ -154,19 +158,23 @@ def control_signals(record: Record, units: Sequence[str] | None = None) -> Figur
     command = record.command.copy()
     if len(command) > 1 and not command[-1].any():
         command[-1] = command[-2]  # nothing was commanded any more, which is no end of the motion
-    figure = new_figure(DOUBLE, 1.9 * (len(kinds) + 1) + 0.4)
-    panels = figure.subplots(len(kinds) + 1, 1, sharex=True)
-    for axes, kind in zip(panels, kinds, strict=False):
-        mine = [i for i, unit in enumerate(units) if unit == kind]
+    of_kind = {kind: [i for i, unit in enumerate(units) if unit == kind] for kind in kinds}
+    several = [kind for kind in kinds if len(of_kind[kind]) > 1]
+    count, names = len(kinds) + len(several), plain_names(record.input_names)
+    figure = new_figure(DOUBLE, 1.9 * count + 0.4)
+    panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (kind, mine) in zip(panels, of_kind.items(), strict=False):
         for i in mine:
-            axes.step(record.time, command[:, i], where="post", label=record.input_names[i], **line_style(i))
+            axes.step(record.time, command[:, i], where="post", label=names[i], **line_style(i))
         axes.set_ylabel(f"input [{kind}/s]")
+        at_least(axes, _STILL)
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), ncols=1 + (len(mine) - 1) // 8)
-    with np.errstate(over="ignore", invalid="ignore"):  # a diverged run
-        norm = np.linalg.norm(command, axis=1)
-    panels[-1].step(record.time, norm, where="post", color=DESIRED)
-    panels[-1].set_ylabel(f"norm [{', '.join(f'{kind}/s' for kind in kinds)}]")
-    panels[-1].set_ylim(bottom=0)
+    for axes, kind in zip(panels[len(kinds) :], several, strict=True):
+        with np.errstate(over="ignore", invalid="ignore"):  # a diverged run
+            norm = np.linalg.norm(command[:, of_kind[kind]], axis=1)
+        axes.step(record.time, norm, where="post", color=DESIRED)
+        axes.set_ylabel(f"norm [{kind}/s]")
+        axes.set_ylim(0, max(axes.get_ylim()[1], _STILL))
     panels[-1].set_xlabel("time [s]")
     return figure
 
@@ -183,9 +191,12 @@ def _errors(records: Mapping[str, Record]) -> Figure:
         panels[2].plot(record.time, np.degrees(record.orientation_error), **style)
     logarithmic(panels[0], _DECADES)
     panels[0].set_ylabel(ERROR)
-    for axes, label in ((panels[1], "position [mm]"), (panels[2], "orientation [°]")):
-        axes.set_ylabel(label)
-        axes.set_ylim(0, max(1e-3, axes.get_ylim()[1]))
+    for axes, name, unit in ((panels[1], "position", "mm"), (panels[2], "orientation", "°")):
+        axes.set_ylabel(f"{name} [{unit}]")
+        if all(has_transient(np.asarray(line.get_ydata())) for line in axes.lines):
+            logarithmic(axes, floor=_SMALLEST[unit])
+        else:
+            axes.set_ylim(0, max(_SMALLEST[unit], axes.get_ylim()[1]))
     panels[2].set_xlabel("time [s]")
     return figure
 

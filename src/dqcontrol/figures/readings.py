@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dqcontrol.errors import ShapeError
-from dqcontrol.figures.style import DOUBLE, LIMIT, legend_below, line_style, new_figure, styled
+from dqcontrol.figures.style import (
+    DOUBLE,
+    LIMIT,
+    at_least,
+    legend_below,
+    line_style,
+    new_figure,
+    plain_names,
+    styled,
+)
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.margins import joint_margins
 from dqcontrol.robots.limits import Limits
@@ -24,6 +33,8 @@ _TITLES = {  # those that are drawn, in this order; the others stand in the reco
     "spring_torque": "springs",
     "grip_force": "grip",
 }
+
+_STILL = 1e-3  # N, N·m and kg: the least height of a panel
 
 
 def has_margins(limits: Limits) -> bool:
@@ -69,6 +80,7 @@ def readings(record: Record) -> Figure:
             values = record.readings["payload_estimate"].values[:, 0]
             axes.plot(record.time, values, label="estimate", **line_style(1))
         axes.set_ylabel(f"{_TITLES[name]} [{signal.units[0]}]")
+        at_least(axes, _STILL)
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     panels[-1].set_xlabel("time [s]")
     return figure
@@ -95,10 +107,10 @@ def limit_margins(record: Record, limits: Limits) -> Figure:
     shown = np.flatnonzero(np.isfinite(half))
     if not len(shown):
         raise ShapeError("limits: no joint has both")
-    figure = new_figure(DOUBLE, 3.2)
+    figure, names = new_figure(DOUBLE, 3.2), plain_names(record.joint_names)
     axes = figure.subplots()
     for i in shown:
-        axes.plot(record.time, margins[i] / half[i], label=record.joint_names[i], **line_style(int(i)))
+        axes.plot(record.time, margins[i] / half[i], label=names[i], **line_style(int(i)))
     axes.axhline(0.0, color=LIMIT, ls="--", lw=1.1)
     axes.set_ylim(bottom=min(-0.03, axes.get_ylim()[0]), top=max(axes.get_ylim()[1], 0.1))
     axes.set_ylabel("margin / half range")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import wraps
@@ -39,13 +39,18 @@ COLOURS = (
 )
 DESIRED, LIMIT, NEUTRAL = "#222222", "#B2182B", "#555555"
 PANE = (0.97, 0.97, 0.97, 1.0)  # the walls of figures in space
-FLOOR = 1e-17  # shown in place of an error of exactly 0 on a logarithmic axis
+FLOOR = (
+    1e-8  # of errors on a logarithmic axis, in m and rad: 10 nm, of which nothing is seen but the rounding
+)
 LINES = ("-", "--", "-.", ":")
 ERROR = r"$|1 - x^{*} x_d|$"  # label of the norm of an error, which has no unit
 _USUAL, _SPIKE = (
     0.9,
     10.0,
 )  # a tenth of the values may be spikes; ten times as high hides the others on a linear axis
+_TRANSIENT = 20.0  # a twentieth of a panel is two millimetres on paper
+_LETTERS = {"phi": "φ", "omega": "ω"}
+_GREEK = re.compile(r"(?<![A-Za-z])(phi|omega)(?![A-Za-z])")
 MARKERS = ("o", "s", "^", "D", "v")
 
 _POWER = re.compile(r"\$\\mathdefault\{(-?(?:\d+\\times)?10)\^\{(-?\d+)\}\}\$")
@@ -201,6 +206,18 @@ def legend_above(axes: Axes, columns: int) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, ncols=columns)
 
 
+def plain_names(names: Iterable[str]) -> list[str]:
+    """Return names of coordinates and inputs as they are read: Greek letters for φ and ω, also at the end of a name."""
+    return [_GREEK.sub(lambda found: _LETTERS[found[0]], name) for name in names]
+
+
+def has_transient(values: Array) -> bool:
+    """Tell whether a beginning hides what errors (N,) are later: on a linear axis these would lie on the line of 0."""
+    sizes = np.abs(values[np.isfinite(values)])
+    late = sizes[len(sizes) // 2 :]
+    return len(late) > 0 and bool(sizes.max() > _TRANSIENT * max(float(np.quantile(late, _USUAL)), 0.0) > 0)
+
+
 def beyond_spikes(axes: Axes, values: Array) -> None:
     """Compress the y axis beyond what most values that are not 0 reach, if the largest would flatten all others."""
     sizes = np.abs(values[np.isfinite(values) & (values != 0.0)])
@@ -217,7 +234,7 @@ def at_least(axes: Axes, span: float) -> None:
         axes.set_ylim(middle - span / 2, middle + span / 2)
 
 
-def logarithmic(axes: Axes, decades: float = math.inf) -> None:
+def logarithmic(axes: Axes, decades: float = math.inf, floor: float = 0.0) -> None:
     """Make the y axis of drawn curves logarithmic, with labels that do not crowd.
 
     Parameters
@@ -226,12 +243,14 @@ def logarithmic(axes: Axes, decades: float = math.inf) -> None:
         With all its curves.
     decades
         What lies farther below the highest value is cut off.
+    floor
+        So is what lies below that, if anything lies ten times above it.
     """
     from matplotlib.ticker import LogLocator, NullFormatter
 
     axes.set_yscale("log")
     low, high = axes.get_ylim()
-    low = max(low, high * 10.0**-decades)
+    low = max(low, high * 10.0**-decades, min(floor, 0.1 * high))
     axes.set_ylim(bottom=low)
     if high < 10 * low:
         fine = high > 2.5 * low

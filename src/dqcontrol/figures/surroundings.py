@@ -83,8 +83,8 @@ def faces_near(constraints: Constraints | None, points: Array, record: Record) -
         shown = [(nearest, _STRONG, label)]
         if max(np.abs(last - first).max(), np.abs(nearest - first).max()) > _STANDS:
             shown = [
-                (first, _FAINT, ""),
-                (nearest, _STRONG, f"{thing.name} at {time:.3g} s, nearest; faint: at first"),
+                (first, _FAINT, f"{thing.name} at the start"),
+                (nearest, _STRONG, f"{thing.name}, nearest at {time:.3g} s"),
             ]
         for shift, strength, words in shown:
             every = faces_of(thing.shape, size)
@@ -165,9 +165,9 @@ def entries(drawn: Sequence[DrawnFaces]) -> list[Artist]:
     """Return the legend's entries of what is drawn."""
     from matplotlib.patches import Patch
 
+    kinds = {each.label: each for each in reversed(drawn)}
     return [
-        Patch(fc=colour, alpha=_STRONG, label=label)
-        for label, colour in {each.label: _colour(each) for each in drawn if each.label}.items()
+        Patch(fc=_colour(each), alpha=each.strength, label=label) for label, each in reversed(kinds.items())
     ]
 
 

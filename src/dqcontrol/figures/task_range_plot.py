@@ -10,6 +10,7 @@ from dqcontrol.figures.style import (
     DOUBLE,
     ERROR,
     FLOOR,
+    at_least,
     legend_below,
     line_style,
     logarithmic,
@@ -22,7 +23,8 @@ if TYPE_CHECKING:
 
     from dqcontrol.measures.task_range import TaskRange
 
-_DECADES = 10  # of the error below its peak that are shown
+_DECADES = 6  # of the error below its peak that are shown
+_STILL = 1e-6  # m/s, rad/s, m and rad: the least height of the other panels
 
 
 @styled
@@ -51,6 +53,8 @@ def range_condition(found: TaskRange, error: np.ndarray) -> Figure:
     panels[1].set_ylabel("twist [m/s, rad/s]")
     panels[2].plot(time, found.smallest_singular_value, **line_style(3))
     panels[2].set_ylabel("smallest\nsingular value [m, rad]")
+    for axes in panels[1:]:
+        at_least(axes, _STILL)
     panels[-1].set_xlabel("time [s]")
     artists = [artist for axes in panels[1:] for artist in axes.get_legend_handles_labels()[0]]
     legend_below(figure, panels[0], artists)

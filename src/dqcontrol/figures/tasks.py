@@ -14,6 +14,8 @@ from dqcontrol.loop.signals import TASK
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_SMALLEST = 1e-3  # mm and °: the least height of a panel
+
 
 def has_tasks(record: Record) -> bool:
     """Return whether there is anything for `task_errors` to draw."""
@@ -48,8 +50,9 @@ def task_errors(record: Record) -> Figure:
         moved, turned = 1e3 * signal.values[:, 0], np.degrees(signal.values[:, 1])
         panels[0].plot(record.time, moved, label=label, **line_style(i))
         panels[1].plot(record.time, turned, label=label, **line_style(i))
-    panels[0].set_ylabel("position [mm]")
-    panels[1].set_ylabel("orientation [°]")
+    for axes, name, unit in ((panels[0], "position", "mm"), (panels[1], "orientation", "°")):
+        axes.set_ylabel(f"{name} [{unit}]")
+        axes.set_ylim(0, max(_SMALLEST, axes.get_ylim()[1]))
     panels[1].set_xlabel("time [s]")
     legend_below(figure, panels[0])
     return figure
