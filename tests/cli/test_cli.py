@@ -285,7 +285,8 @@ def test_check_moves_nothing_and_tells_instability_by_its_exit_code(here, capsys
     code, out, err = call("check", "spec.yaml", capsys=capsys)
     assert (code, err) == (1, "")
     assert (
-        "proportional · integrator: position unstable: k = 250 1/s, limit 200 1/s; largest recommended k = 100 1/s" in out
+        "proportional · integrator: position unstable: k = 250 1/s, limit 200 1/s; largest recommended k = 100 1/s"
+        in out
     )
     code, _, err = call("run", "spec.yaml", "--no-figures", capsys=capsys)
     assert code == 1

@@ -47,7 +47,9 @@ def lines_of(table, width):
 @pytest.mark.parametrize("cells", list(tables_of_pages()))
 def test_tables_of_examples_fit(cells, width):
     head, *rows = cells
-    table = Table([Column(title, "", ".3g") for title in head], [[as_number(cell) for cell in row] for row in rows])
+    table = Table(
+        [Column(title, "", ".3g") for title in head], [[as_number(cell) for cell in row] for row in rows]
+    )
     lines = lines_of(table, width)
     assert max(map(len, lines)) <= width
     shown = [line for line in lines if line.startswith("│")]
