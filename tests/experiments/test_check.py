@@ -132,7 +132,8 @@ def test_verdicts_and_what_to_do():
         (
             {"gain": 2100},
             "unstable",
-            r"^proportional · servo: position unstable: k = 2.1e\+03 1/s, limit 2.01e\+03 1/s; largest recommended k = 10.2 1/s$",
+            r"^proportional · servo: position unstable: k = 2.1e\+03 1/s, limit 2.01e\+03 1/s; "
+            r"largest recommended k = 10.2 1/s$",
         ),
     ]
     for change, verdict, remark in cases:
