@@ -64,7 +64,15 @@ SLOW = {  # parts of commands and of Python
 }
 MADE = "make -C results/"  # in folders that commands of ours wrote
 SEPARATELY = {"errors.md": "test_errors_page.py compares what each example raises"}
-NOTHING_TO_RUN = ("", "text", "c", "csv", "toml", "py", "matlab")  # what is printed; files; other libraries' code
+NOTHING_TO_RUN = (
+    "",
+    "text",
+    "c",
+    "csv",
+    "toml",
+    "py",
+    "matlab",
+)  # what is printed; files; other libraries' code
 BUILT = ("{include}", "{toctree}", "{eval-rst}")  # by Sphinx: test_site.py
 KNOWN = ("python", "console", "yaml", *NOTHING_TO_RUN, *BUILT)
 WITH_BLOCKS = [page for page in PAGES if blocks(page) and page not in SEPARATELY]
