@@ -50,12 +50,6 @@ def _short_sweep(folder: Path) -> None:
     path.write_text(text.replace("points: 512", "points: 16"), encoding="utf-8")
 
 
-def _readme(folder: Path) -> None:
-    _demo(folder)
-    _short_sweep(folder)
-    _servo_log(folder)
-
-
 def _circle_and_demo(folder: Path) -> None:
     _demo(folder)
     _save(dqc.run(CIRCLE), folder / "results" / "circle")
@@ -103,7 +97,6 @@ def _measured_poses(folder: Path) -> None:
 
 
 _OWN_FILES = {
-    "README.md": _readme,
     "reports.md": _circle_and_demo,
     "sweeps.md": _short_sweep,
     "own-data.md": _logs,

@@ -37,21 +37,9 @@ NOT_RUN = {  # patterns of whole commands
 }
 EVERYTHING = ("",)
 SLOW = {  # parts of commands and of Python
-    "README.md": (
-        "run examples/",
-        "excite",
-        "tune",
-        "learn",
-        "export examples/",
-        "reproduce",
-        "paint",
-        "clip",
-        "report results",
-        "figures results",
-        "identify arm.csv",
-        "sweep examples/",
-    ),
+    "README.md": ("run first.yaml",),
     "export.md": EVERYTHING,
+    "from-matlab.md": ("run examples/",),
     "calibrate.md": EVERYTHING,
     "constraints.md": ("run examples/", "report results", "robots shapes"),
     "examples.md": ("run examples/",),
@@ -71,11 +59,20 @@ SLOW = {  # parts of commands and of Python
     "tune.md": ("tune examples/",),
     "tutorial.md": ("run mine.yaml", "compare results/mine"),
     "two-arms.md": ("run examples/",),
+    "which-law.md": ("run examples/",),
     "view.md": ("run examples/", "clip"),
 }
 MADE = "make -C results/"  # in folders that commands of ours wrote
 SEPARATELY = {"errors.md": "test_errors_page.py compares what each example raises"}
-NOTHING_TO_RUN = ("", "text", "c", "csv", "toml")  # what is printed; formats; files, if they have a name
+NOTHING_TO_RUN = (
+    "",
+    "text",
+    "c",
+    "csv",
+    "toml",
+    "py",
+    "matlab",
+)  # what is printed; files; other libraries' code
 BUILT = ("{include}", "{toctree}", "{eval-rst}")  # by Sphinx: test_site.py
 KNOWN = ("python", "console", "yaml", *NOTHING_TO_RUN, *BUILT)
 WITH_BLOCKS = [page for page in PAGES if blocks(page) and page not in SEPARATELY]

@@ -70,8 +70,7 @@ app: App = App(
     name="dqcontrol",
     help="Pose control of arms and mobile manipulators with dual quaternions: simulate, compare, deploy. Options of "
     "any command: --wide shows all columns of tables, --columns NAMES those named (a,b); --no-code refuses specs that "
-    "bring code of their own; --package FOLDER (repeatable) says where the packages are that URDF and "
-    "xacro files name.",
+    "bring code of their own; --package FOLDER (repeatable) says where packages are that URDF and xacro files name.",
     version=dqcontrol.__version__,
     help_format="plaintext",
     group_commands=Group("Options", sort_key=len(GROUPS) + 1),

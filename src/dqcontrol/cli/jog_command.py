@@ -43,7 +43,8 @@ def jog(
     angular_speed
         The fastest that it turns, rad/s.
     out
-        New folder for a recording of the motion, which `dqcontrol view` shows while it runs.
+        New folder for a recording of the motion, which `dqcontrol view` shows while it runs; what led to a stop lies
+        in its black-box, without it in results/black-box.
     force
         Replace an earlier folder of results.
     """
@@ -66,7 +67,7 @@ def jog(
     with session as driven:
         print("\n".join(HELP))
         with keyboard, first_interrupt(driven.end):
-            _drive(driven, keyboard, (out or Path()) / FOLDER)
+            _drive(driven, keyboard, (out or Path("results")) / FOLDER)
         print(f"ended: {driven.condition}" + f"; poses: {poses}" * poses.exists())
     if out:
         print(f"results: {out}")

@@ -45,9 +45,9 @@ def paint(
     plane
         How the paper lies.
     law
-        As in a spec, "{kind: proportional, gain: 5}", or the kind alone; default: lqr-dq with q/r = 100.
+        As in a spec, "{kind: proportional, gain: 5}", or a kind of dqcontrol list laws; default: lqr-dq with q/r = 100.
     plant
-        As in a spec, or the kind alone; default: servo.
+        As in a spec, or a kind of dqcontrol list plants; default: servo.
     """
     import yaml
 

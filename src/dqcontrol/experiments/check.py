@@ -30,7 +30,7 @@ from dqcontrol.measures.stability import (
     with_lag,
     with_mean,
 )
-from dqcontrol.measures.table_cells import VerdictCell
+from dqcontrol.measures.table_cells import VerdictCell, known
 from dqcontrol.measures.tables import Column, Table
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode
@@ -285,38 +285,33 @@ class Checks(Sequence[LoopCheck]):
         places = [field for field in Names._fields if any(getattr(row.names, field) for row in self.rows)]
         columns = [
             *map(Column, places),
+            Column("verdict"),
+            Column("margin", "", ".3g"),
+            Column("largest recommended k", "1/s", ".3g"),
+            Column("limit", "1/s", ".3g"),
             Column("k position", "1/s", ".3g"),
             Column("k orientation", "1/s", ".3g"),
             Column("T", "ms", ".4g"),
-            Column("limit", "1/s", ".3g"),
-            Column("margin", "", ".3g"),
-            Column("largest recommended k", "1/s", ".3g"),
             Column("overshoot", "%", ".2g"),
             Column("time constant", "s", ".3g"),
-            Column("verdict"),
         ]
         return Table(columns, [_cells(row, places) for row in self.rows], self.name)
 
 
 def _cells(row: LoopCheck, places: list[str]) -> list[str | float | None]:
     gains = {loop.gain.loop: abs(loop.gain.value) for loop in row.loops}
-    numbers: list[float | None] = [None] * 5
+    limit = margin = advised = passed = constant = None
     if row.loops:
         worst, limits = row.worst, row.worst.limits
         advised = limits.recommended / row.period or None
         percent = 100 * row.overshoot
         passed = percent if percent >= LEAST_OVERSHOOT else 0.0
-        numbers = [limits.stable / row.period, worst.margin, advised, passed, row.time_constant]
+        limit, margin, constant = limits.stable / row.period, worst.margin, row.time_constant
     elif row.numeric:
-        numbers = [None, row.numeric.margin, None, None, row.time_constant]
-    return [
-        *(getattr(row.names, place) for place in places),
-        gains.get("position"),
-        gains.get("orientation"),
-        1e3 * row.period,
-        *(number if number is not None and math.isfinite(number) else None for number in numbers),
-        judged(row),
-    ]
+        margin, constant = row.numeric.margin, row.time_constant
+    kept = (gains.get("position"), gains.get("orientation"), 1e3 * row.period)
+    numbers = (margin, advised, limit, *kept, passed, constant)
+    return [*(getattr(row.names, place) for place in places), judged(row), *map(known, numbers)]
 
 
 def judged(row: LoopCheck) -> VerdictCell:

@@ -122,7 +122,7 @@ class ProportionalFeedforward(IntegralPoseLaw, frozen=True, kw_only=True, tag="p
     feedforward: Feedforward = "second-order"
 
     def rows(self, robot: Robot, reference: Reference | None, dt: float) -> np.ndarray:
-        """Return the rows of `IntegralPoseLaw`, and what feed-forward of second order needs."""
+        """Return the rows of ``IntegralPoseLaw``, and what feed-forward of second order needs."""
         return feedforward_parameters.pack(
             integral=super().rows(robot, reference, dt),
             second_order=second_order_numbers(
@@ -131,7 +131,7 @@ class ProportionalFeedforward(IntegralPoseLaw, frozen=True, kw_only=True, tag="p
         )
 
     def state_size(self, robot: Robot) -> int:
-        """Return room for the state of `IntegralPoseLaw`, and the last command."""
+        """Return room for the state of ``IntegralPoseLaw``, and the last command."""
         if self.feedforward == "printed":
             return super().state_size(robot)
         return feedforward_state.size(robot.input_size)

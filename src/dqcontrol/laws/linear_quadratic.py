@@ -430,7 +430,7 @@ class LinearQuadraticDQ(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
     feedback = twist_feedback
 
     def rows(self, robot: Robot, reference: Reference | None, dt: float) -> Array:
-        """Return the rows of `LinearQuadratic`, and what feed-forward of second order needs."""
+        """Return the rows of ``LinearQuadratic``, and what feed-forward of second order needs."""
         given = twist_feedback(super().rows(robot, reference, dt))
         length = self.inverse.characteristic_length
         numbers = second_order_numbers(self.feedforward, robot, reference, dt, length)
