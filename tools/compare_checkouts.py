@@ -18,6 +18,7 @@ import shlex
 import subprocess
 import sys
 import tempfile
+import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -41,9 +42,32 @@ def commands(checkout: Path, *, reproduce: bool, only: str) -> Iterator[tuple[st
             yield label, ["reproduce", name, *options]
 
 
+def entry_points(checkout: Path, folder: Path) -> Path:
+    """Write the entry points of a checkout where Python looks for them, in place of those that are installed."""
+    project = tomllib.loads((checkout / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    information = folder / "dqcontrol-0.dist-info"
+    information.mkdir()
+    (information / "METADATA").write_text(
+        "Metadata-Version: 2.1\nName: dqcontrol\nVersion: 0\n", encoding="utf-8"
+    )
+    lines = [
+        line
+        for group, points in project.get("entry-points", {}).items()
+        for line in (f"[{group}]", *(f"{name} = {value}" for name, value in points.items()))
+    ]
+    (information / "entry_points.txt").write_text("\n".join(lines), encoding="utf-8")
+    return folder
+
+
 def run(checkout: Path, arguments: list[str], out: Path) -> bool:
     """Run one command of a checkout, whose results go to a folder; return whether it ended well."""
-    environment = {**os.environ, "PYTHONPATH": str(checkout / "src")}
+    with tempfile.TemporaryDirectory() as folder:
+        return _run(checkout, arguments, out, entry_points(checkout, Path(folder)))
+
+
+def _run(checkout: Path, arguments: list[str], out: Path, information: Path) -> bool:
+    path = os.pathsep.join([str(checkout / "src"), str(information)])
+    environment = {**os.environ, "PYTHONPATH": path}
     words = [sys.executable, "-m", "dqcontrol", *arguments, "--out", str(out)]
     done = subprocess.run(words, env=environment, cwd=checkout, capture_output=True, text=True, check=False)
     if done.returncode:

@@ -1,6 +1,7 @@
 from . import (
     algebra as algebra,
     browser as browser,
+    compiled as compiled,
     errors as errors,
     experiments as experiments,
     export as export,

@@ -28,18 +28,17 @@ def refused(source):
                 for each in node.names
                 if each.name.startswith("dqcontrol.") and each.name.count(".") > 1
             )
-        if not isinstance(node, ast.ImportFrom) or (node.module or "").partition(".")[0] != "dqcontrol":
+        if not isinstance(node, ast.ImportFrom):
             continue
-        package, _, inside = node.module.rpartition(".")
-        if node.module in PLAIN:
+        module = node.module or ""
+        package, _, inside = module.rpartition(".")
+        if module.partition(".")[0] != "dqcontrol" or module in PLAIN:
             continue
-        if node.module.count(".") > 1:  # a module that its package lists, as laws.parts
+        if module.count(".") > 1:  # a module that its package lists, as laws.parts
             if inside not in listed(package):
-                yield node.module
+                yield module
             continue
-        yield from (
-            f"{node.module}.{each.name}" for each in node.names if each.name not in listed(node.module)
-        )
+        yield from (f"{module}.{each.name}" for each in node.names if each.name not in listed(module))
 
 
 def test_only_public_names_are_imported():

@@ -1,3 +1,5 @@
+import cyclopts
+
 from .options import (
     Force as Force,
     Out as Out,
@@ -6,3 +8,9 @@ from .screen import (
     print_table as print_table,
     progress_bar as progress_bar,
 )
+
+COMMANDS: dict[str, str]
+app: cyclopts.App
+
+def main() -> None: ...
+def whole_app() -> cyclopts.App: ...

@@ -94,7 +94,7 @@ class Kernel:
     strict
         True for IEEE arithmetic without reassociation.
     cached
-        False for functions whose changes would go unnoticed; those without a file, as a notebook's, never are.
+        False for functions whose changes would go unnoticed; those of a script or a notebook never are.
 
     Attributes
     ----------

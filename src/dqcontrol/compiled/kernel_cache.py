@@ -92,9 +92,9 @@ def _imports(module: str, lazily: bool) -> frozenset[str]:
     return frozenset(found)
 
 
-def has_source(module: str) -> bool:
-    """Return whether a module's source can be read; that of a notebook cannot."""
-    return _file(module) is not None
+def has_source(module: str | None) -> bool:
+    """Return whether a module's source can be found again; that of a notebook, or of a script, cannot."""
+    return module not in (None, "__main__") and _file(str(module)) is not None
 
 
 def _environment() -> str:

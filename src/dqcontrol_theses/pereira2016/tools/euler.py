@@ -30,7 +30,7 @@ READINGS: dict[str, dict[str, Any]] = {
     "no drift of the moving target in 3.44": {"drift": 0.0},
     "no feed-forward ξ": {"feed": 0.0},
     "horizon one sample shorter": {"cut": 1},
-    "S = √(qr)": {"end": 1.0},
+    "S = √(qr)": {"last": 1.0},
     "q × (1 + 1e-9)": {"weight": 1 + 1e-9},
     "q × 0.998": {"weight": 0.998},
     "q × 1.002": {"weight": 1.002},
@@ -54,17 +54,17 @@ def solver(
     drift: float = 1.0,
     feed: float = 1.0,
     cut: int = 0,
-    end: float = 0.0,
+    last: float = 0.0,
     weight: float = 1.0,
 ):
     """Return what solves 3.44 as a reading has it, in place of the law's own."""
 
-    def solve(self, weights, controls, final, times: Array, until, reference):
+    def solve(self, weights, controls, final, times: Array, end, reference):
         count, period = len(times), float(times[1] - times[0])
         q = weight * at_times(weights, times)
         inverse = at_times((controls[0], np.linalg.inv(controls[1])), times)
         drifts, offsets = moving_target(reference, times.copy())
-        p = end * np.sqrt(q[-1] @ np.linalg.inv(inverse[-1])) if end else final.copy()
+        p = last * np.sqrt(q[-1] @ np.linalg.inv(inverse[-1])) if last else final.copy()
         xi = np.zeros(8)
         out, out_xi = np.zeros((count, 8, 8)), np.zeros((count, 8))
         out[-1], out_xi[-1] = p, xi
