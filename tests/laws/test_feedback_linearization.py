@@ -8,6 +8,7 @@ import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.errors import Error
 from dqcontrol.laws import ClassicWholeBody, FeedbackLinearization
+from dqcontrol.laws.linearization import INERTIAL, spring
 from dqcontrol.plants import Integrator
 from dqcontrol.robots import SerialArm
 
@@ -267,3 +268,20 @@ def test_projection_is_for_the_constrained_form():
     law = FeedbackLinearization(stiffness=1.0, damping=1.0, velocity_state="realised-unconstrained")
     with pytest.raises(Error, match="is for the constrained form of little-john"):
         law.prepare(dqc.load_robot("little-john").in_form("unconstrained"), None, 0.01)
+
+
+@pytest.mark.parametrize("wanted", [0.6, 3.9, 4.1])
+def test_the_inertial_logarithm_gives_up_half_of_the_decrease_and_stays_within_its_window(wanted):
+    """k_p A₂ = k̄ A₁ − ½ k_v |ξ̃|² where k̄/2 would not do, and the body logarithm where that takes k_p > 4 k̄."""
+    rng, stiffness, damping, out, found = np.random.default_rng([SEED, 3]), 1.3, 0.7, np.zeros(6), 0
+    while found < 20:
+        x, twist = algebra.exp_screw(rng.uniform(-0.8, 0.8, 6)), rng.standard_normal(6)
+        body, inertial = algebra.log_body(x), algebra.log_inertial(x)
+        first, second = 0.5 * body @ twist, inertial @ twist
+        speed = (stiffness * first - wanted * stiffness * second) / (0.5 * damping * twist @ twist)
+        if second <= 1e-3 or speed <= 0:
+            continue  # no speed along this twist takes a k_p of `wanted` k̄
+        found += 1
+        spring(x, speed * twist, stiffness, damping, INERTIAL, out)
+        expected = wanted * stiffness * inertial if wanted < 4 else 0.5 * stiffness * body
+        np.testing.assert_allclose(out, expected, atol=1e-9)
