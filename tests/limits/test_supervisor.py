@@ -634,3 +634,17 @@ def test_a_localisation_that_jumps_stops_and_one_that_corrects_itself_does_not(f
         assert drive(state, jumped[:4]) == "", "one sample brakes"
         assert supervisor.reasons(state) == ("measured base jumped",)
         assert drive(state, jumped[4:5]) == "stop category 1: measured base jumped"
+
+
+@pytest.mark.parametrize(("slack", "told"), [(0.08, ""), (0.12, "stop category 1: measured joint too fast")])
+def test_measured_joints_may_be_a_tenth_of_a_radian_a_second_beyond_the_overspeed(arm, slack, told):
+    """For the noise of encoders; the joint goes at 1.5 times its limit and the slack, as it was asked to measure."""
+    supervisor = Supervisor(acceleration=5.0, tracking_error=9.0, jump=9.0, **FREE).prepare(arm, T)
+    speed = 1.5 * arm.limits.velocity[0] + slack
+    path = lambda k, q: np.r_[-1.5 + speed * T * k, q[1:]]  # noqa: E731
+    state = supervisor.start(np.r_[-1.5, Q0[1:]])
+    reasons = set()
+    for k in range(60):
+        supervisor.command(path(k, supervisor.position(state).copy()), np.zeros(7), state)
+        reasons.add(supervisor.describe_stop(state))
+    assert reasons - {""} == ({told} if told else set())

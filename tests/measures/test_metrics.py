@@ -192,3 +192,12 @@ def test_flat_names_every_number_once():
 def test_bad_options(options, kind, message):
     with pytest.raises(kind, match=message):
         evaluate(record(np.linspace(0, 1, 3), along_x(np.ones(3))), **options)
+
+
+@pytest.mark.parametrize(("share", "starts_off"), [(0.101, True), (0.099, False)])
+def test_a_run_starts_on_its_target_if_its_first_error_is_less_than_a_tenth_of_the_largest(share, starts_off):
+    time = np.linspace(0, 1, 101)
+    x = np.where(time < 0.5, share + (1 - share) * 2 * time, 2 * (1 - time))  # to 1, and back to 0
+    found = evaluate(record(time, along_x(0.1 * x)))
+    assert np.isfinite(found.settling_band) == starts_off
+    assert np.isfinite(found.position_overshoot) == starts_off

@@ -253,3 +253,22 @@ def test_a_goal_beside_the_lost_direction_is_no_singular_start():
     }
     assert not any("singularity" in remark for remark in check(spec).remarks())
     assert dqc.experiments.run(spec).task.words == "reached"
+
+
+@pytest.mark.parametrize(("last", "outcome"), [(0.09, "reached"), (0.11, "followed")])
+def test_a_motion_ends_at_rest_if_its_last_step_is_a_tenth_of_the_largest(last, outcome):
+    way = 0.1 * np.cumsum(np.r_[0.0, np.linspace(1.0, last, 100)]) / 100
+    assert task_result(record_of(way, way)).outcome == outcome
+
+
+@pytest.mark.parametrize(("sideways", "is_singular"), [(1.70, True), (1.76, False)])
+def test_a_singularity_is_in_the_way_from_half_of_the_error_on(sideways, is_singular):
+    """Upright, no joint moves the hand down: 1/√(1 + s²) of an error of 1 down and s to the side, ½ at √3."""
+    arm, upright = dqc.load_robot("iiwa7"), np.zeros(7)
+    pose = arm.fkm(upright)
+    goal = dqc.algebra.multiply(dqc.algebra.pose([1, 0, 0, 0], [0.1 * sideways, 0, -0.1]), pose)
+    samples = np.zeros((50, 21))
+    samples[:, :8], samples[:, -1] = goal, 0.01 * np.arange(50)
+    q, poses = np.zeros((50, 7)), np.tile(pose, (50, 1))
+    resting = Record(samples[:, -1], q, q, q, poses, samples, arm.joint_names)
+    assert task_result(resting, robot=arm).is_singular == is_singular

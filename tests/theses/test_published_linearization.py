@@ -8,7 +8,7 @@ import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.errors import Error
 from dqcontrol_theses.variants import PublishedLinearization
-from dqcontrol_theses.variants.published_linearization import LOGARITHMS, spring
+from dqcontrol_theses.variants.published_linearization import INERTIAL, LOGARITHMS, spring
 
 pytestmark = pytest.mark.usefixtures("without_growth")
 
@@ -75,3 +75,20 @@ def test_the_spring_lets_the_lyapunov_function_fall(logarithm):
 def test_bad_parameters(changes, message):
     with pytest.raises(Error, match=message):
         PublishedLinearization(stiffness=1.0, damping=1.0, **changes)
+
+
+@pytest.mark.parametrize("wanted", [0.6, 3.9, 4.1])
+def test_the_inertial_logarithm_gives_up_half_of_the_decrease_and_stays_within_its_window(wanted):
+    """k_p A₂ = k̄ A₁ − ½ k_v |ξ̃|² where k̄/2 would not do, and the body logarithm where that takes k_p > 4 k̄."""
+    rng, stiffness, damping, out, found = np.random.default_rng([SEED, 3]), 1.3, 0.7, np.zeros(6), 0
+    while found < 20:
+        x, twist = algebra.exp_screw(rng.uniform(-0.8, 0.8, 6)), rng.standard_normal(6)
+        body, inertial = algebra.log_body(x), algebra.log_inertial(x)
+        first, second = 0.5 * body @ twist, inertial @ twist
+        speed = (stiffness * first - wanted * stiffness * second) / (0.5 * damping * twist @ twist)
+        if second <= 1e-3 or speed <= 0:
+            continue  # no speed along this twist takes a k_p of `wanted` k̄
+        found += 1
+        spring(x, speed * twist, stiffness, damping, INERTIAL, out)
+        expected = wanted * stiffness * inertial if wanted < 4 else 0.5 * stiffness * body
+        np.testing.assert_allclose(out, expected, atol=1e-9)

@@ -19,10 +19,13 @@ from dqcontrol.robots.kinematics_kernels import REVOLUTE, compose_fixed, half_si
 # arguments: chain, limits (2 × n), starts (K × n), poses (N × 8), options, q (N × n), reports (N × 4), work
 SOLVE = STATUS(READ2, READ2, READ2, READ2, READ, WRITE2, WRITE2, WRITE)
 
-_PATIENCE = 6  # iterations in a row that hardly reduce the error, after which a start is given up
-_STALL_RATIO = 0.95  # of the squared residual: what reduces it by less hardly does
-_DAMPING = 0.15  # times the squared residual, so that the last steps are Newton's
-_LEAST_DAMPING = 1e-9  # relative to the trace of JJᵀ: 10⁷ times its rounding, so that the factors exist
+# Iterations in a row that hardly reduce the error, after which a start is given up: of random starts of an iiwa 7 that
+# lets 82 % succeed, 2 iterations 75 % (tests/robots/test_inverse_kinematics.py).
+PATIENCE = 6
+STALL_RATIO = 0.95  # of the squared residual: what reduces it by less hardly does
+# Times the squared residual, so that the last steps are Newton's: near starts take 3.4 iterations, of 100 times that 4.5.
+DAMPING = 0.15
+LEAST_DAMPING = 1e-9  # relative to the trace of JJᵀ: 10⁷ times its rounding, so that the factors exist
 
 
 def work_size(joints: int) -> int:
@@ -129,7 +132,7 @@ def _step(jacobian, residual, q, limits, damping, gram, y, left, held, out):
                         gram[i, j] += jacobian[m, i] * jacobian[m, j]
         for i in range(6):
             trace += gram[i, i]
-        extra = damping + _LEAST_DAMPING * trace + 1e-300  # where all joints are held, the trace is 0
+        extra = damping + LEAST_DAMPING * trace + 1e-300  # where all joints are held, the trace is 0
         for i in range(6):
             gram[i, i] += extra
             y[i] = left[i]
@@ -200,7 +203,7 @@ def solve(chain, limits, starts, poses, options, q, reports, work):
                 if _reached(residual, turns, moves, position_tolerance, orientation_tolerance):
                     break
                 total += 1
-                damping = factor * _DAMPING * square
+                damping = factor * DAMPING * square
                 before = square
                 if _step(here, residual, now, limits, damping, gram, y, left, held, trial):
                     new = _residual(chain, trial, target, position, turns, moves, there, after, turn)
@@ -217,8 +220,8 @@ def solve(chain, limits, starts, poses, options, q, reports, work):
                     factor = max(0.25 * factor, 1e-6)
                 else:
                     factor *= 8.0
-                waited = waited + 1 if square > _STALL_RATIO * before else 0
-                if waited >= _PATIENCE:
+                waited = waited + 1 if square > STALL_RATIO * before else 0
+                if waited >= PATIENCE:
                     break
             done = _reached(residual, turns, moves, position_tolerance, orientation_tolerance)
             if done or square < least:

@@ -19,6 +19,7 @@ from dqcontrol.algebra.symmetric import cholesky, cholesky_solve
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
+from dqcontrol.robots.inverse_kernels import DAMPING, LEAST_DAMPING, PATIENCE, STALL_RATIO
 from dqcontrol.robots.kinematics_kernels import hand_jacobian
 from dqcontrol.robots.pose_task_kernels import task_twist_kinematics
 
@@ -27,11 +28,6 @@ from dqcontrol.robots.pose_task_kernels import task_twist_kinematics
 # options: iterations, then tolerances of position (m) and orientation (rad) of each task
 # report of a row: largest position error (m), largest orientation error (rad), iterations, starts
 SOLVE_TASKS = STATUS(READ2, READ, READ2, READ2, READ2, READ, WRITE2, WRITE2, WRITE)
-
-_PATIENCE = 6  # iterations in a row that hardly reduce the error, after which a start is given up
-_STALL_RATIO = 0.95
-_DAMPING = 0.15  # times the squared residual, so that the last steps are Newton's
-_LEAST_DAMPING = 1e-9  # relative to the trace of JJᵀ
 
 
 class TaskSolverWork(NamedTuple):
@@ -130,7 +126,7 @@ def _step(own, q, limits, damping):
                 gram[i, j] = value
             trace += gram[i, i]
         for i in range(rows):
-            gram[i, i] += damping + _LEAST_DAMPING * trace + 1e-300
+            gram[i, i] += damping + LEAST_DAMPING * trace + 1e-300
             y[i] = left[i]
         if not cholesky(gram, rows):
             return False
@@ -175,7 +171,7 @@ def solve_tasks(tables, begins, limits, starts, poses, options, q, reports, work
                 if _reached(own.residual, options):
                     break
                 total += 1
-                damping = factor * _DAMPING * square
+                damping = factor * DAMPING * square
                 before = square
                 new = math.inf
                 if _step(own, now, limits, damping):
@@ -191,8 +187,8 @@ def solve_tasks(tables, begins, limits, starts, poses, options, q, reports, work
                     factor = max(0.25 * factor, 1e-6)
                 else:
                     factor *= 8.0
-                waited = waited + 1 if square > _STALL_RATIO * before else 0
-                if waited >= _PATIENCE:
+                waited = waited + 1 if square > STALL_RATIO * before else 0
+                if waited >= PATIENCE:
                     break
             done = _reached(own.residual, options)
             if done or square < least:

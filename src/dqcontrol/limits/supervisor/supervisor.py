@@ -328,7 +328,6 @@ def _or_infinite(bound: float | None) -> float:
 
 
 def _each(field: str, value: float | list[float], m: int) -> Array:
-    """Return a bound for each input."""
     return as_each_positive(f"supervisor.{field}", value, m)
 
 
