@@ -11,7 +11,7 @@ from dqcontrol.reports.run_verdicts import run_verdicts
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 CASES = {
-    "keep-out": ("not followed", None),
+    "keep-out": ("gave way to constraints", None),
     "door": ("reached", None),
     "drawing-around": ("reached", None),
     "lines-apart": ("not reached", "held"),
@@ -27,6 +27,12 @@ def test_an_example_keeps_what_it_asks_for_and_says_what_became_of_its_task(name
     assert found["Constraints"][0] == "no constraint crossed", found["Constraints"]
     assert found["Task"][0] == task, found["Task"]
     assert found.get("Deadlock", [None])[0] == deadlock
+
+    if name == "keep-out":
+        assert run.verdict.words == (
+            "kept clear of the ball (10.6 mm, 10 asked); left the circle by 65 mm at most; back on it at the end"
+        )
+        assert not run.verdict.failure
 
     text = (EXAMPLES / f"{name}.yaml").read_text(encoding="utf-8")
     text = text.replace("drawings/", f"{EXAMPLES}/drawings/")

@@ -60,7 +60,8 @@ def test_a_ball_that_moves_is_drawn_where_it_was_nearest_and_what_is_far_is_not(
         moved = corners_of([nearest]).mean(axis=0) - corners_of([first]).mean(axis=0)
         np.testing.assert_allclose(moved, [shift, 0, 0], atol=1e-12)
     assert [each.get_label() for each in entries([first, nearest])] == [
-        "ball at 1 s, nearest; faint: at first"
+        "ball at the start",
+        "ball, nearest at 1 s",
     ]
     assert faces_near(None, path, record) == []
 

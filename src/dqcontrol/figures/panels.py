@@ -50,7 +50,17 @@ class PanelFigure(Figure):
     def draw(self, renderer: Any) -> None:
         """Draw everything."""
         if self.get_layout_engine() is None:
+            before = None
             for _ in range(_PASSES):
+                numbers = [
+                    axis.own_depth()
+                    for axes in self.axes
+                    for axis in (axes.xaxis, axes.yaxis)
+                    if _is_seen(axis)
+                ]
+                if numbers == before:
+                    break
+                before = numbers
                 _make_room(self, renderer)
         super().draw(renderer)
 
@@ -135,7 +145,7 @@ class _PanelAxis:
         low, high = sorted(self.get_view_interval())
         place = (low, high, *self.axes.bbox.extents, self.major.locator, self.major.formatter)
         if self._marked != place:
-            self._marked, self._found = place, self._new_marks(low, high)
+            self._marked, self._found, self._boxes = place, self._new_marks(low, high), {}
         return self._found
 
     def _new_marks(self: Any, low: float, high: float) -> tuple[Array, list[str], Array]:
@@ -172,7 +182,7 @@ class _PanelAxis:
         codes = np.tile(np.array([Path.MOVETO, Path.LINETO], dtype=Path.code_type), len(places))
         pen = renderer.new_gc()
         pen.set_foreground(look[f"{kind}color"])
-        pen.set_linewidth(renderer.points_to_pixels(look.get(f"{kind}linewidth", 0.8)))
+        pen.set_linewidth(look.get(f"{kind}linewidth", 0.8))
         renderer.draw_path(pen, Path(vertices, codes), IdentityTransform())
         pen.restore()
 
@@ -195,7 +205,15 @@ class _PanelAxis:
 
     def _numbers_box(self: Any) -> Bbox:
         """Return what the numbers take up, px; where there are none, a line of the panel's edge."""
-        look, box = self._look(), self.axes.bbox
+        look = self._look()
+        self._marks()
+        key = (look.get(f"label{self.side}", True), look["labelsize"])
+        if key not in self._boxes:
+            self._boxes[key] = self._new_numbers_box(look)
+        return self._boxes[key]
+
+    def _new_numbers_box(self: Any, look: dict[str, Any]) -> Bbox:
+        box = self.axes.bbox
         low, high = box.min.copy(), box.max.copy()
         high[self.across] = low[self.across]
         if look.get(f"label{self.side}", True):
@@ -279,7 +297,7 @@ def _make_room(figure: Figure, renderer: Any) -> None:
     rows, columns = panels[0].get_subplotspec().get_geometry()[:2]
     for column in range(columns):
         mine = [each.yaxis for each in panels if each.get_subplotspec().colspan.start == column]
-        mine = [each for each in mine if isinstance(each, _PanelYAxis) and _is_seen(each)]
+        mine = [each for each in mine if _is_seen(each)]
         deepest = max((each.own_depth() for each in mine), default=0.0)
         for each in mine:
             each.depth = deepest
@@ -307,7 +325,9 @@ def _make_room(figure: Figure, renderer: Any) -> None:
 
 
 def _is_seen(axis: Any) -> bool:
-    return axis.axes.get_visible() and axis.axes.axison and not axis.majorTicks
+    return (
+        isinstance(axis, _PanelAxis) and axis.axes.get_visible() and axis.axes.axison and not axis.majorTicks
+    )
 
 
 def _beside(axes: Any, renderer: Any) -> Array:
