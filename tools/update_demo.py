@@ -1,4 +1,8 @@
-"""Put the demo's table, pictures and clip into the documentation: `make demo`, then this."""
+"""Put the demo's table, pictures and clip into the documentation: `make demo`, then this.
+
+The clip is drawn by ``dqcontrol clip results/demo/K-physics results/demo.webp --faster 3 --rate 12 --size 560x480
+--azimuth=-65deg --elevation=-10deg``.
+"""
 
 from __future__ import annotations
 

@@ -97,6 +97,7 @@ def cells(table):
     return [cell.strip() for row in table.splitlines() if row.startswith("| ") for cell in row.split("|")]
 
 
+@pytest.mark.slow
 def test_table_of_laws():
     study = dqc.run_study(ROOT / "examples/which-law.yaml")
     shown = PAGES["which-law.md"].read_text(encoding="utf-8").partition("law table: begin -->")[2]
