@@ -25,10 +25,7 @@ def test_demo_stays_on_the_drawing(demo):
 
 def test_table_of_the_demo(demo):
     shown = (
-        (ROOT / "docs/demo.md")
-        .read_text()
-        .partition("<!-- demo table: begin -->")[2]
-        .partition("<!--")[0]
+        (ROOT / "docs/demo.md").read_text().partition("<!-- demo table: begin -->")[2].partition("<!--")[0]
     )
     for cell, own in zip(cells(shown), cells(demo.table().markdown()), strict=True):
         # MuJoCo's arithmetic differs between processors
