@@ -1,4 +1,4 @@
-"""`dqcontrol evaluate` and `dqcontrol export` as a person types them."""
+"""`dqcontrol evaluate` and `dqcontrol convert` as a person types them."""
 
 import re
 import shlex
