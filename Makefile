@@ -92,6 +92,7 @@ docs: $(VENV)/test
 gallery: $(VENV)/test
 	@for program in $(wildcard examples/[0-9]*.py); do \
 	  (cd docs/pictures/examples && "$(CURDIR)/$(BIN)/python" "$(CURDIR)/$$program") || exit 1; done
+	@$(BIN)/python tools/update_tiles.py
 
 # What releases are made with, away from the environment that they are checked in.
 RELEASE := $(VENV)-release

@@ -1,4 +1,8 @@
-"""Put the demo's table, pictures and clip into the documentation: `make demo`, then this."""
+"""Put the demo's table, pictures and clip into the documentation: `make demo`, then this.
+
+The clip is drawn by ``dqcontrol clip results/demo/K-physics results/demo.webp --faster 3 --rate 12 --size 560x480
+--azimuth=-65deg --elevation=-10deg``.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +20,7 @@ def main(results: Path) -> None:
     for suffix in (".png", ".webp"):
         shutil.copy(results.with_suffix(suffix), PICTURES / f"demo{suffix}")
     shutil.copy(results / "errors.png", PICTURES / "demo-errors.png")
-    page = ROOT / "docs/examples.md"
+    page = ROOT / "docs/demo.md"
     before, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
     table = "".join((results / "table.md").read_text(encoding="utf-8").partition("|")[1:]).strip()
     page.write_text(f"{before}{BEGIN}\n{table}\n{END}{rest.partition(END)[2]}", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""`dqcontrol evaluate` and `dqcontrol export` as a person types them."""
+"""`dqcontrol evaluate` and `dqcontrol convert` as a person types them."""
 
 import re
 import shlex
@@ -51,9 +51,8 @@ def test_evaluate_prints_the_metrics_and_writes_the_results(run, here, monkeypat
     line = "dqcontrol evaluate log.csv --robot iiwa7 --reference circle.yaml --out found"
     code, out, err = call(line, monkeypatch, capsys)
     assert (code, err) == (1, "")  # the law lags: it is measured, and said
-    assert out.splitlines()[0] == run.verdict.words
+    assert out.splitlines()[:2] == ["results: found", run.verdict.words]
     assert re.search(rf"Position error RMS +│ {run.metrics.position.rms:.4g} +│ mm", out)
-    assert "results: found" in out
     assert {"record.mcap", "report.html", "metrics.json"} <= {p.name for p in (here / "found").iterdir()}
     assert call(line, monkeypatch, capsys)[0] == 2  # nothing is overwritten unasked
     assert call(f"{line} --force", monkeypatch, capsys)[0] == 1

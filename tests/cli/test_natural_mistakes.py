@@ -92,7 +92,7 @@ def test_in_an_experiment(here, capsys, change, message):  # noqa: F811
         ("new spec.yaml --yes", "exists already; choose another name, or replace it with --force"),
         ("list law", "there is no command 'law'; did you mean 'laws'? See dqcontrol list --help"),
         ("rnu", "there is no command 'rnu'; did you mean 'run'? See dqcontrol --help"),
-        ("help", "see dqcontrol --help"),
+        ("help", "did you mean '--help'? See dqcontrol --help"),
     ],
 )
 def test_at_the_command_line(here, capsys, words, message):  # noqa: F811

@@ -39,7 +39,7 @@ EVERYTHING = ("",)
 SLOW = {  # parts of commands and of Python
     "README.md": ("run first.yaml",),
     "export.md": EVERYTHING,
-    "from-matlab.md": ("run examples/",),
+    "from-matlab.md": ("run examples/", "convert"),
     "calibrate.md": EVERYTHING,
     "constraints.md": ("run examples/", "report results", "robots shapes"),
     "examples.md": ("run examples/",),

@@ -25,10 +25,7 @@ def test_demo_stays_on_the_drawing(demo):
 
 def test_table_of_the_demo(demo):
     shown = (
-        (ROOT / "docs/examples.md")
-        .read_text()
-        .partition("<!-- demo table: begin -->")[2]
-        .partition("<!--")[0]
+        (ROOT / "docs/demo.md").read_text().partition("<!-- demo table: begin -->")[2].partition("<!--")[0]
     )
     for cell, own in zip(cells(shown), cells(demo.table().markdown()), strict=True):
         # MuJoCo's arithmetic differs between processors
@@ -97,6 +94,7 @@ def cells(table):
     return [cell.strip() for row in table.splitlines() if row.startswith("| ") for cell in row.split("|")]
 
 
+@pytest.mark.slow
 def test_table_of_laws():
     study = dqc.run_study(ROOT / "examples/which-law.yaml")
     shown = PAGES["which-law.md"].read_text(encoding="utf-8").partition("law table: begin -->")[2]

@@ -53,7 +53,7 @@ def plants() -> None:
 
 @kinds.command
 def robots() -> None:
-    """List the robots that come with dqcontrol."""
+    """List the bundled robots."""
     from dqcontrol.measures.tables import Column, Table
     from dqcontrol.robots import describe, load_robot, robot_names
 
