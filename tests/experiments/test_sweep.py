@@ -11,6 +11,7 @@ import dqcontrol as dqc
 from dqcontrol import cli
 from dqcontrol.errors import Error, ExistsError, FileFormatError, UnknownNameError, ValueRangeError
 from dqcontrol.experiments import load_study, rank, run_sweep as conduct_sweep, run_sweep_to, sweep
+from dqcontrol.experiments.spec import as_spec
 from dqcontrol.experiments.sweep import REFUSED, read_sweep
 from dqcontrol.experiments.working_folder import working_folder
 from dqcontrol.figures import sweep_figure
@@ -48,6 +49,26 @@ def test_rows_are_those_of_single_studies(tmp_path, small_parts):
         plant = {**data["plant"], "time_constant": lag}
         one = dqc.run(spec(laws=None, law=law, plant=plant, repeats=None, seed=row["seed"], duration=0.2))
         assert {key: row[key] for key in one.metrics.flat()} == one.metrics.flat()
+
+
+def test_points_of_numbers_are_read_as_if_afresh():
+    """Beside keys that say their unit, a key that the spec leaves out, and one that asks for its unit."""
+    over = OVER | {"plant.delay": {"low": "1 ms", "high": "20 ms"}, "start.1": {"low": -7.0, "high": 7.0}}
+    data = study(sweep={"over": over | {"seed": [1, 2]}})
+    data["plant"] = data["plant"] | {"base_time_constant": "30 ms"}
+    found = read_sweep(data)
+    for point in [*found.sampling.points_between(3, 6), *found.sampling.ends()]:
+        read = as_spec("spec", found._data_at(point), found.folder)
+        assert found._spec_at(point) == read
+        assert read.seed == point["seed"]
+
+
+def test_a_run_starts_its_plant_once(monkeypatch):
+    found, starts = read_sweep(study()), []
+    assert found.first.scene.start.size
+    start = dqc.plants.Servo.start
+    monkeypatch.setattr(dqc.plants.Servo, "start", lambda *given: starts.append(given) or start(*given))
+    assert len(list(found.rows(range(2, 6)))) == len(starts) == 8
 
 
 @pytest.mark.slow

@@ -133,20 +133,22 @@ class Sweep:
 
     def _unchecked(self, point: Point) -> PreparedExperiment:
         """Return the same for runs that follow at once, which fail where `setting` does, if in other words."""
-        if all(type(value) in (int, float) for value in point.values()):
-            data = dict(self._first_numbers)
-            for head in {key.partition(".")[0] for key in point}:
-                data[head] = copy.deepcopy(data.get(head))
-            for key, value in point.items():
-                _put(data, key, value)
-            spec = convert(self.where, data, Spec)
-        else:
-            spec = as_spec(self.where, self._data_at(point), self.folder)
-        return prepare_spec(spec, self.folder, self._known, checked=False)
+        return prepare_spec(self._spec_at(point), self.folder, self._known, checked=False)
+
+    def _spec_at(self, point: Point) -> Spec:
+        """Return the spec at a point: of numbers alone with these put into what was read of the first point."""
+        if not all(type(value) in (int, float) for value in point.values()):
+            return as_spec(self.where, self._data_at(point), self.folder)
+        data = dict(self._first_numbers)
+        for head in {key.partition(".")[0] for key in point}:
+            data[head] = copy.deepcopy(data.get(head))
+        for key, value in point.items():
+            _put(data, key, value)
+        return convert(self.where, data, Spec)
 
     @cached_property
     def _first_numbers(self) -> dict[str, Any]:
-        """The data of the first point, read: with files in their place and numbers in SI units.
+        """The data of the first point, with what files say in their place and numbers in SI units.
 
         Points of numbers differ from it in their keys alone; others may name another kind or file.
         """

@@ -221,7 +221,7 @@ class Metrics:
 
     def flat(self) -> dict[str, float | int | str | None]:
         """Return one level with dotted names, as ``"error.integral"``."""
-        return _flatten(self.to_dict())
+        return _flatten(vars(self))
 
 
 def evaluate(
@@ -424,5 +424,10 @@ def _overshoot(error: Array) -> float:
 def _flatten(nested: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     flat: dict[str, Any] = {}
     for key, value in nested.items():
-        flat |= _flatten(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
+        if isinstance(value, float):
+            flat[prefix + key] = value if math.isfinite(value) else None
+        elif isinstance(value, SignalNorms | Deviation | TaskDeviation):
+            flat |= _flatten(vars(value), f"{prefix}{key}.")
+        else:
+            flat |= _flatten(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
     return flat
