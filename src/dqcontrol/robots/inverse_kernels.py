@@ -23,7 +23,8 @@ SOLVE = STATUS(READ2, READ2, READ2, READ2, READ, WRITE2, WRITE2, WRITE)
 # lets 82 % succeed, 2 iterations 75 % (tests/robots/test_inverse_kinematics.py).
 PATIENCE = 6
 STALL_RATIO = 0.95  # of the squared residual: what reduces it by less hardly does
-# Times the squared residual, so that the last steps are Newton's: near starts take 3.4 iterations; at 100 times 4.5.
+# Times the squared residual, so that the last steps are Newton's: near starts take 3.4 iterations, of 100 times that
+# 4.5.
 DAMPING = 0.15
 LEAST_DAMPING = 1e-9  # relative to the trace of JJᵀ: 10⁷ times its rounding, so that the factors exist
 
