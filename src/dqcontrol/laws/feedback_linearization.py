@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from msgspec import Meta
 
+from dqcontrol.algebra.dual_quaternion_kernels import log_body
+from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import kernel
+from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.laws.inverses import FilteredInverse, Inverse
 from dqcontrol.laws.law import LAW, Law
 from dqcontrol.laws.linearization import (
     linearization_parameters,
     linearization_state,
     linearization_work,
-    linearize,
+    motion_errors,
+    solve_rates,
 )
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import AnyNullSpace, BestHeading
@@ -27,12 +31,30 @@ if TYPE_CHECKING:
     from dqcontrol.references import Reference
 
 
+class FeedbackWork(NamedTuple):
+    """Scratch of `FeedbackLinearization`; that of all laws of this kind begins with the preferred motion."""
+
+    linear: Annotated[Array, linearization_work.sized("m")]
+    jacobian: Annotated[Array, 6, "m"]
+
+
+feedback_work: MemoryLayout[FeedbackWork] = MemoryLayout(FeedbackWork, "m")
+
+
 @kernel(LAW)
 def feedback_linearization(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write z + J⁺ (ξ_b + T U − J z), and remember it."""
     m = out.shape[0]
     given, kept = linearization_parameters(parameters), linearization_state(state, m)
-    status = linearize(pose, twist_jacobian, sample, given, kept, linearization_work(work, m), out)
+    whole = feedback_work(work, m)
+    own, jacobian = linearization_work(whole.linear, m), whole.jacobian
+    motion_errors(pose, sample, given, kept, own)
+    log_body(own.relative, own.twist)
+    for i in range(6):
+        own.twist[i] *= 0.5 * given.stiffness
+        for j in range(m):  # a copy: LLVM takes sums over an array of the caller's in another order
+            jacobian[i, j] = twist_jacobian[i, j]
+    status = solve_rates(pose, jacobian, sample, given, kept, own, out)
     for i in range(m):
         kept.last[i] = out[i]
     return status
@@ -103,7 +125,7 @@ class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linear
     """
 
     kernel = feedback_linearization
-    work = linearization_work
+    work = feedback_work
     gain_powers: ClassVar[Mapping[str, float]] = {"stiffness": 2, "damping": 1}
     stiffness: Annotated[float, Meta(gt=0, description="k̄, 1/s²")]
     damping: Annotated[float, Meta(gt=0, description="k_v, 1/s")]

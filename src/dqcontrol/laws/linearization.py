@@ -9,7 +9,6 @@ from dqcontrol.algebra.dual_quaternion_kernels import (
     conjugate,
     conjugate_multiply,
     cross_twist,
-    log_body,
     position,
 )
 from dqcontrol.arrays import Array
@@ -137,13 +136,3 @@ def solve_rates(pose, jacobian, sample, given, kept, own, out):
         if is_fixed(jacobian, i):
             out[i] *= FIXED
     return status
-
-
-@inline
-def linearize(pose, jacobian, sample, given, kept, own, out):
-    """Write the inputs z + J⁺ (ξ_b + T U − J z), and remember the twist that they give the hand."""
-    motion_errors(pose, sample, given, kept, own)
-    log_body(own.relative, own.twist)
-    for i in range(6):
-        own.twist[i] *= 0.5 * given.stiffness
-    return solve_rates(pose, jacobian, sample, given, kept, own, out)
