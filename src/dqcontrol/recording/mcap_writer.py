@@ -78,7 +78,7 @@ class SampleWriter:
         self._stamps = np.empty(0, np.int64)
         self._filled, self._count, self._chunks, self._metadata = 0, 0, 0, 0
         self._first, self._last = 0, 0  # ns
-        self._summary: dict[int, bytes] = dict.fromkeys(_SUMMARY, b"")
+        self._summary = {opcode: bytearray() for opcode in _SUMMARY}
         self._put(_MAGIC + _encoded(Header("ros2", f"dqcontrol {__version__}")))
 
     def add_metadata(self, name: str, texts: dict[str, str]) -> None:
