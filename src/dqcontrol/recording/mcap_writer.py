@@ -1,6 +1,6 @@
 """Writes recordings of runs as MCAP files: what they say about themselves, and samples as they come.
 
-By hand, although there is a library: it takes messages one by one, 25 times as long. All samples of a run have messages
+By hand, although there is a library: it takes messages one by one, 18 times as long. All samples of a run have messages
 of the same sizes, so a chunk of the file is an array with a row of bytes for each sample, and NumPy writes its columns.
 Records other than messages and their index are left to the library.
 """
@@ -78,7 +78,7 @@ class SampleWriter:
         self._stamps = np.empty(0, np.int64)
         self._filled, self._count, self._chunks, self._metadata = 0, 0, 0, 0
         self._first, self._last = 0, 0  # ns
-        self._summary: dict[int, bytes] = dict.fromkeys(_SUMMARY, b"")
+        self._summary = {opcode: bytearray() for opcode in _SUMMARY}
         self._put(_MAGIC + _encoded(Header("ros2", f"dqcontrol {__version__}")))
 
     def add_metadata(self, name: str, texts: dict[str, str]) -> None:

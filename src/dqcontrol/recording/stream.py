@@ -22,7 +22,7 @@ from dqcontrol.recording.mcap_writer import END, METADATA, SampleWriter, about
 from dqcontrol.robots.robot import Robot
 
 _EVERY = 0.1  # s between drains: little at once, as the loop may have to wait for it
-_CHUNK = 1.0  # s, recorded or on the clock, of one chunk, of which the library keeps 1 kB of index in memory
+_CHUNK = 1.0  # s, recorded or on the clock, of one chunk, of whose index 0.2 kB stay in memory
 _URGENCY = (
     1  # of real-time scheduling, if the loop has it: at ordinary priority this could keep the loop waiting
 )
