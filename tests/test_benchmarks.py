@@ -31,7 +31,8 @@ def test_one_configuration_against_its_peers():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "module", ["commands", "rollout", "batches", "sizes", "starting", "quadratic_programs", "export", "figures"]
+    "module",
+    ["commands", "rollout", "batches", "sizes", "starting", "quadratic_programs", "export", "figures"],
 )
 def test_the_other_benchmarks(module):
     assert "ratio" in shown(module)
