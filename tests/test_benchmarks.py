@@ -32,7 +32,17 @@ def test_one_configuration_against_its_peers():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "module",
-    ["commands", "rollout", "batches", "sizes", "starting", "quadratic_programs", "export", "recording"],
+    [
+        "commands",
+        "rollout",
+        "batches",
+        "sizes",
+        "starting",
+        "quadratic_programs",
+        "export",
+        "recording",
+        "figures",
+    ],
 )
 def test_the_other_benchmarks(module):
     assert "ratio" in shown(module)

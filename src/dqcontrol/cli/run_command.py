@@ -48,7 +48,7 @@ def run(
     jobs
         Processes that work in parallel; default: as many as there are processors, if there is enough to do.
     figures
-        Of several runs, also the figures of each one (seconds a run; later: dqcontrol report); --no-figures draws none.
+        Of several runs, also the figures of each one (a second each; later: dqcontrol report); --no-figures draws none.
     real_time
         One run at its control period, recorded while it moves; Ctrl-C stops softly if there is a supervisor.
     compiled

@@ -192,7 +192,7 @@ class Run:
         return task_result(record, law=self.law, skip_initial=skip_initial, robot=self.robot)
 
     def save(self, folder: str | Path, *, force: bool = False, figures: bool = True) -> Path:
-        """Write ``spec.yaml``, ``record.mcap``, ``metrics.json``, ``report.html`` and the plots.
+        """Write ``spec.yaml``, ``record.mcap``, ``metrics.json`` and ``report.html``.
 
         Parameters
         ----------
@@ -201,7 +201,7 @@ class Run:
         force
             Replace it, if it holds an earlier run.
         figures
-            False: neither plots nor figures in the report, which take seconds; ``dqcontrol figures`` draws them later.
+            False: no figures in the report, which take a second; ``dqcontrol figures`` draws them later.
 
         Raises
         ------

@@ -134,7 +134,7 @@ class Study:
         force
             Replace it, if it holds earlier results.
         figures
-            True: those of each run and of all together; default: those of all together, for each run takes seconds;
+            True: those of each run and of all together; default: those of all together, each run takes a second;
             False: none. `dqcontrol.reports.rewrite_reports` draws what is missing later.
         jobs
             Processes that draw in parallel; default: as many as there are processors, or one for few runs.
