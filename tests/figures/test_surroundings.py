@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from obstacles import around, plane, sphere
 
 import dqcontrol as dqc
 from dqcontrol import algebra
@@ -30,14 +31,14 @@ def test_corners_lie_on_the_shape(shape):
 
 
 def constraints(**obstacles):
-    return dqc.laws.Constraints(obstacles=obstacles)
+    return dqc.laws.Constraints(**around(obstacles))
 
 
 def test_a_ball_that_moves_appears_twice_and_what_is_far_does_not():
     path = np.array([[0.0, 0, 0.5], [1, 0, 0.5]])
     times = np.array([0.0, 1.0, 2.0])
-    ball = dqc.laws.SphereObstacle(center=(0.2, 0, 0.5), radius=0.1, velocity=(0.3, 0, 0))
-    far = dqc.laws.SphereObstacle(center=(9, 0, 0.5), radius=0.1)
+    ball = sphere(center=(0.2, 0, 0.5), radius=0.1, velocity=(0.3, 0, 0))
+    far = sphere(center=(9, 0, 0.5), radius=0.1)
     first, last = faces_near(constraints(ball=ball, far=far), path, times)
     assert first.strength < last.strength
     moved = corners_of([last]).mean(axis=0) - corners_of([first]).mean(axis=0)
@@ -47,7 +48,7 @@ def test_a_ball_that_moves_appears_twice_and_what_is_far_does_not():
 
 def test_planes_are_cut_off_around_the_path():
     path = np.array([[0.0, 0, 0.5], [1, 0, 0.5]])
-    wall = dqc.laws.PlaneObstacle(normal=(1, 0, 0), offset=-0.2)
+    wall = plane(normal=(1, 0, 0), offset=-0.2)
     (drawn,) = faces_near(constraints(wall=wall), path, np.array([0.0, 1.0]))
     corners = corners_of([drawn])
     np.testing.assert_allclose(corners[:, 0], -0.2)

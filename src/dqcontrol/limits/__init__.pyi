@@ -5,12 +5,9 @@ from .clamping import (
 from .command_limits import CommandLimits as CommandLimits
 from .compensation import Compensation as Compensation
 from .supervisor import (
-    CircularZone as CircularZone,
     DeclaredPayload as DeclaredPayload,
     KeepOutZones as KeepOutZones,
     LinkPoint as LinkPoint,
-    MapZone as MapZone,
-    PolygonalZone as PolygonalZone,
     Supervisor as Supervisor,
     WorkspaceBox as WorkspaceBox,
 )
