@@ -46,14 +46,14 @@ def by_mink(
         body = spec.body(f"link_{each.frame}") if each.frame else spec.worldbody
         add_geom(body, each.name, each.shape)
     for name, obstacle in given.obstacles.items():
-        add_geom(spec.worldbody, name, obstacle.shape)
+        add_geom(spec.worldbody, name, obstacle.shapes[0])
     model = spec.compile()
     names = arm.shapes.names
     pairs = [([names[a]], [names[b]]) for a, b in arm.shapes.pairs]
     links = [each.name for each in arm.shapes.shapes if each.frame > 1]
     kept_from: dict[tuple[str, ...], list[str]] = {}
     for name, obstacle in given.obstacles.items():
-        kept_from.setdefault(tuple(obstacle.links or links), []).append(name)
+        kept_from.setdefault(tuple(obstacle.clear.links or links), []).append(name)
     pairs += [(list(chosen), obstacles) for chosen, obstacles in kept_from.items()]
     configuration = mink.Configuration(model)
     task = mink.FrameTask("hand", "site", position_cost=1.0, orientation_cost=1.0, gain=gain * period)

@@ -24,7 +24,7 @@ import dqcontrol as dqc
 from dqcontrol.geometry import Capsule, distance_kernels as geometry
 from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "laws"))
+sys.path[:0] = [str(Path(__file__).parents[1] / "tests" / "laws"), str(Path(__file__).parents[1] / "tests")]
 
 PERIOD = 0.01
 LASTING = 1.5  # s of a random run
@@ -34,10 +34,8 @@ HOME = np.array([0.0, -0.3, 0.0, -2.0, 0.0, 1.8, 0.7])
 
 def fenced(arm: dqc.Robot, balls: np.ndarray, **options: Any) -> dqc.laws.Constraints:
     """Return constraints with balls of 60 mm at these centres."""
-    obstacles: dict[str, Any] = {
-        f"ball {i}": dqc.laws.SphereObstacle(center=tuple(ball), radius=0.06) for i, ball in enumerate(balls)
-    }
-    return dqc.laws.Constraints(obstacles=obstacles, **options)
+    bodies = {f"ball {i}": dqc.world.Body(sphere=0.06, position=tuple(ball)) for i, ball in enumerate(balls)}
+    return dqc.laws.Constraints(world=dqc.World(bodies=bodies), clear_of="all", **options)
 
 
 def around(arm: dqc.Robot, rng: np.random.Generator, count: int) -> np.ndarray:
@@ -254,11 +252,13 @@ def as_mink_has_it(given: dqc.laws.Constraints, arm: dqc.Robot) -> dqc.laws.Cons
     """Return constraints without what Mink lacks: things that move, limits of acceleration, the first link's pairs."""
     assert arm.shapes is not None
     links = [each.name for each in arm.shapes.shapes if each.frame > 1]
-    obstacles = {
-        name: structs.replace(each, velocity=None, links=each.links or links)
+    assert given.world is not None
+    still = {name: structs.replace(body, moves=None) for name, body in given.world.bodies.items()}
+    clear_of = {
+        name: structs.replace(each.clear, links=each.clear.links or links)
         for name, each in given.obstacles.items()
     }
-    return structs.replace(given, obstacles=obstacles, acceleration=None)
+    return structs.replace(given, world=dqc.World(bodies=still), clear_of=clear_of, acceleration=None)
 
 
 def ratios(short: bool) -> list[Ratio]:

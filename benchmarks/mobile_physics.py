@@ -9,10 +9,11 @@ import time
 from typing import Any
 
 import numpy as np
+from msgspec import structs
 
 import dqcontrol as dqc
-from dqcontrol.plants import Basket, Cube, MobilePlant, WheeledBase
-from dqcontrol_theses.silva2017.pick_and_drop_task import pick_and_drop
+from dqcontrol.plants import MobilePlant, WheeledBase
+from dqcontrol_theses.silva2017.pick_and_drop_task import BASKET, CUBE, pick_and_drop
 
 SEED = 20261209
 PERIOD = 0.02
@@ -65,8 +66,8 @@ def errands() -> int:
         turn = angle + rng.choice([-1, 1]) * rng.uniform(0.3, 2.2)
         basket = cube + way * np.array([np.cos(turn), np.sin(turn)])
         scene = (
-            Cube(position=(cube[0], cube[1]), yaw=rng.uniform(-3, 3)),
-            Basket(position=(basket[0], basket[1])),
+            structs.replace(CUBE, position=(*cube, 0.015), rpy=(0.0, 0.0, rng.uniform(-3, 3))),
+            structs.replace(BASKET, position=(*basket, 0.0)),
         )
         done += pick_and_drop(*scene, seed=seed).is_in_basket
     return done

@@ -59,9 +59,12 @@ def law_among(floor: FloorMap, folder: Path, links: list[str] | None) -> laws.Gu
     """Return the law that keeps these links, or all and from each other too, out of what stands on a floor."""
     file = folder / "room.yaml"
     file.write_text(yaml.safe_dump({"polygons": [each.tolist() for each in floor.polygons]}))
-    columns = laws.MapObstacle(file=str(file), links=links, margin=0.005)
     kept = laws.Constraints(
-        acceleration=ACCELERATION, self_collision=links is None, obstacles={"columns": columns}, recovery=0.1
+        acceleration=ACCELERATION,
+        self_collision=links is None,
+        world=dqc.World(bodies={"columns": dqc.world.Body(map=str(file))}),
+        clear_of={"columns": laws.ClearOf(links=links, margin=0.005)},
+        recovery=0.1,
     )
     return laws.GuidedProportional(gain=1.0, constraints=kept)
 

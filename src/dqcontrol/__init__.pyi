@@ -19,6 +19,7 @@ from . import (
     reports as reports,
     robots as robots,
     tuning as tuning,
+    world as world,
 )
 from .algebra import DualQuaternion as DualQuaternion
 from .errors import Error as Error
@@ -28,6 +29,7 @@ from .experiments import (
     run_study as run_study,
 )
 from .experiments.run import run as run
+from .experiments.spec.world_file import load_world as load_world
 from .logs import calibrate as calibrate, excite as excite, identify as identify
 from .loop import Record as Record, simulate as simulate
 from .references import Sample as Sample
@@ -59,6 +61,7 @@ from .tuning import (
     learn as learn,
     tune as tune,
 )
+from .world import World as World
 
 __version__: str
 __all__: list[str]

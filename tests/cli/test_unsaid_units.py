@@ -25,7 +25,7 @@ SPEC = {
     "law": {"kind": "proportional", "gain": 4},
     "plant": {"kind": "servo"},
 }
-WALL = {"kind": "box", "position": [2, 0, 0], "size": [0.1, 1, 1]}
+WALL = {"box": [0.1, 1, 1], "position": [2, 0, 0]}
 
 
 def changed(path, value):
@@ -43,7 +43,7 @@ ANGLES = [
     ("reference.start.rpy", [180, 0, 0], "reference.start.rpy[0]: 180 is more than a full turn in radians"),
     ("reference.transform.rpy", [0, -35, 0], "write -35 deg or -35 rad"),
     ("start", {"position": [0.4, 0.2, 0.4], "rpy": [180, 0, 0]}, "start.rpy[0]: 180 is more"),
-    ("constraints.obstacles", {"wall": WALL | {"rpy": [0, 0, 45]}}, "obstacles.wall.rpy[2]: 45 is more"),
+    ("world", {"wall": WALL | {"rpy": [0, 0, 45]}}, "world.wall.rpy[2]: 45 is more"),
     ("constraints.zones", {"room": WALL | {"rpy": [0, 0, 45]}}, "zones.room.rpy[2]: 45 is more"),
     ("constraints.angles", {"up": {"direction": [0, 0, 1], "at_most": 35}}, "up.at_most: 35 is more"),
     ("constraints.sights", {"see": {"place": [0, 0, 1], "at_most": 20}}, "see.at_most: 20 is more"),

@@ -18,12 +18,20 @@ SPEC = {
     "law": {"kind": "proportional", "gain": 2},
     "plant": {"kind": "integrator"},
 }
-WALL = {"kind": "plane", "normal": [0, -1, 0], "offset": -0.2, "links": ["hand"]}
+
+
+def wall(y):
+    """Return a wall whose free side begins at -y."""
+    return {"plane": [0, -1, 0], "position": [0, -y, 0]}
+
+
+AROUND = {"world": {"wall": wall(-0.2)}}
+HAND = {"clear_of": {"wall": {"links": ["hand"]}}}
 
 
 @pytest.fixture(scope="module")
 def run():
-    spec = SPEC | {"constraints": {"margin": "20 mm", "obstacles": {"wall": WALL}}}
+    spec = SPEC | AROUND | {"constraints": HAND | {"margin": "20 mm"}}
     return dqc.run(spec)
 
 
@@ -46,31 +54,34 @@ def test_distances_are_drawn(run):
 
 
 def test_a_start_that_violates_is_refused_with_all_that_it_violates():
-    constraints = {"obstacles": {"wall": WALL | {"offset": 0.05}, "ball": WALL | {"offset": 0.01}}}
+    world = {"wall": wall(0.05), "ball": wall(0.01)}
+    constraints = {"clear_of": {name: {"links": ["hand"]} for name in world}}
     with pytest.raises(
         dqc.Error, match=r"wall: hand: 50 mm deep, 10 mm of distance are asked; ball: hand: 10 mm deep"
     ):
-        prepare(SPEC | {"constraints": constraints})
+        prepare(SPEC | {"world": world, "constraints": constraints})
 
 
 @pytest.mark.parametrize(
     ("constraints", "words"),
     [
-        ({"obstacles": {"a": {"kind": "shpere", "center": [0, 0, 0], "radius": 1}}}, "sphere"),
-        ({"obstacles": {"a": {"kind": "sphere", "center": [0, 0, 0], "radius": 0}}}, "radius"),
+        ({"clear_of": ["wal"]}, "constraints.clear_of: unknown name 'wal'; did you mean 'wall'"),
+        ({"obstacles": {}}, "obstacles"),
+        ({"zones": {"a": {"mesh": "room.stl"}}}, "zone"),
         ({"angles": {"a": {"direction": [0, 0, 1], "at_most": "0.5 deg"}}}, "at_most: must be ≥ 0.0349 rad"),
-        ({"zones": {"a": {"kind": "box", "position": [0, 0, 0], "size": [1, 1, 1]}}, "angels": {}}, "angles"),
+        ({"zones": {"a": {"box": [1, 1, 1]}}, "angels": {}}, "angles"),
     ],
 )
 def test_slips_are_named(constraints, words):
     with pytest.raises(dqc.Error, match=words):
-        prepare(SPEC | {"constraints": constraints})
+        prepare(SPEC | AROUND | {"constraints": constraints})
 
 
 def test_a_law_keeps_its_own_constraints():
     spec = SPEC | {
         "law": SPEC["law"] | {"constraints": {"self_collision": False}},
-        "constraints": {"obstacles": {"wall": WALL}},
+        "constraints": HAND,
+        **AROUND,
     }
     prepared = prepare(spec).cases[0].prepared
     assert prepared is not None

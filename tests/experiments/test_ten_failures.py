@@ -28,8 +28,12 @@ def going(duration, *translation):
     }
 
 
-BALL = {"kind": "sphere", "center": [-0.16, -0.8, 1], "radius": 0.1, "path": [[0, 0, 0, 0], [0.3, 0, 0.8, 0]]}
-WALL = {"kind": "box", "position": [0.9, 0, 0.1], "size": [0.1, 2, 0.2], "links": ["hand"]}
+BALL = {
+    "sphere": 0.1,
+    "position": [-0.16, -0.8, 1],
+    "moves": {"path": [[0, 0, 0, 0], [0.3, 0, 0.8, 0]]},
+}
+WALL = {"box": [0.1, 2, 0.2], "position": [0.9, 0, 0.1]}
 REST = {"reference": {"kind": "set-point", "duration": 2}}
 GRIPPER = {"closes": "y", "schedule": [{"time": 0.2, "closed": True}, {"time": 1.5, "closed": False}]}
 TALL = """
@@ -54,18 +58,20 @@ FAILURES = {
         | going(3, 0.05, 0, -0.1)
         | {
             "law": K,
-            "plant": {
-                "kind": "mobile",
-                "scene": {"tables": [{"position": [0.7, 0], "size": [0.6, 1], "height": 0.18}]},
-            },
+            "plant": {"kind": "mobile"},
+            "world": {"table": {"box": [0.6, 1, 0.18], "position": [0.7, 0, 0.09]}},
         },
-        r"in the table: link_\d −\d+\.?\d* mm at [\d.]+ s; ",
+        r"in table: link_\d −\d+\.?\d* mm at [\d.]+ s; ",
     ),
     "wall": (
         JOHN
         | going(8, 1.0, 0, 0.2)
         | IDEAL
-        | {"law": K, "constraints": {"self_collision": False, "obstacles": {"wall": WALL}}},
+        | {
+            "law": K,
+            "world": {"wall": WALL},
+            "constraints": {"self_collision": False, "clear_of": {"wall": {"links": ["hand"]}}},
+        },
         r"in wall: chassis −\d+\.?\d* mm at [\d.]+ s; ",
     ),
     "itself": (
@@ -85,13 +91,13 @@ FAILURES = {
         | REST
         | {
             "law": K,
-            "plant": {
-                "kind": "mobile",
-                "gripper": GRIPPER,
-                "scene": {"cubes": [{"position": [0.6, 0.2]}], "baskets": [{"position": [0.6, 0.5]}]},
+            "plant": {"kind": "mobile", "gripper": GRIPPER},
+            "world": {
+                "cube": {"box": 0.03, "position": [0.6, 0.2, 0.015], "mass": 0.02},
+                "basket": {"container": [0.16, 0.16, 0.08], "position": [0.6, 0.5, 0]},
             },
         },
-        r"gripped nothing at 0\.2 s; not placed: cube 220 mm from the basket; reached",
+        r"gripped nothing at 0\.2 s; not placed: cube 220 mm from basket; reached",
     ),
     "toppled": (
         {
@@ -139,7 +145,10 @@ FAILURES = {
         r"too late: \d\d\.\d mm behind; not followed: errs by \d\d\.?\d* mm RMS",
     ),
     "crossed": (
-        IIWA | REST | IDEAL | {"law": K, "constraints": {"acceleration": 5, "obstacles": {"ball": BALL}}},
+        IIWA
+        | REST
+        | IDEAL
+        | {"law": K, "world": {"ball": BALL}, "constraints": {"acceleration": 5, "clear_of": "all"}},
         r"crossed: ball −\d+\.?\d* mm \(link_\d\) at [\d.]+ s; ",
     ),
 }

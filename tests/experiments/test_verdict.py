@@ -10,7 +10,7 @@ from dqcontrol.loop import Record
 from dqcontrol.loop.signals import Signal
 from dqcontrol.plants import MobilePlant
 from dqcontrol.plants.mobile.gripper import Gripper, GripperEvent
-from dqcontrol.plants.mobile.scene import Basket, Cube, Scene
+from dqcontrol.world import Body, World
 
 TIME = np.linspace(0.0, 2.0, 201)
 ARM, START = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
@@ -76,22 +76,24 @@ def test_joints_beyond_limits_of_position_and_velocity():
     [
         ([0.03] * 2, [0.6, 0.5, 0.05], "reached; placed 1 of 1; stands (tilt ≤ 0°)", ""),
         ([0.0] * 2, [0.6, 0.2, 0.015], "gripped nothing at 0.2 s; not placed: cube 220 mm ", "grip"),
-        ([0.03, 0.0], [0.6, 0.2, 0.015], "dropped at 1.7 s; not placed: cube 220 mm from the basket", "grip"),
-        ([0.03] * 2, [0.6, 0.35, 0.015], "not placed: cube 70 mm from the basket; reached", "grip"),
+        ([0.03, 0.0], [0.6, 0.2, 0.015], "dropped at 1.7 s; not placed: cube 220 mm from basket", "grip"),
+        ([0.03] * 2, [0.6, 0.35, 0.015], "not placed: cube 70 mm from basket; reached", "grip"),
     ],
 )
 def test_what_was_to_be_gripped_and_placed(opening, place, words, failure):
     """The gripper closes from 0.2 s to 1.9 s; how far it is open up to 1.7 s, and then."""
     schedule = [GripperEvent(time=0.2, closed=True), GripperEvent(time=1.9, closed=False)]
-    scene = Scene(cubes=[Cube(position=(0.6, 0.2))], baskets=[Basket(position=(0.6, 0.5))])
-    plant = MobilePlant(gripper=Gripper(closes="y", schedule=schedule), scene=scene)
+    cube = Body(box=0.03, position=(0.6, 0.2, 0.015), mass=0.02)
+    basket = Body(container=(0.16, 0.16, 0.08), position=(0.6, 0.5, 0.0))
+    plant = MobilePlant(gripper=Gripper(closes="y", schedule=schedule))
+    plant = plant.in_world(World(bodies={"cube": cube, "basket": basket}))
     width = np.select([TIME < 0.2, TIME < 1.7, TIME <= 1.9], [0.06, *opening], 0.06)[:, None]
     zero = np.zeros((len(TIME), 1))
     record = recorded(
         BASE,
         STANDS,
         gripper_opening=width,
-        cube_1_position=np.tile(np.array(place, float), (len(TIME), 1)),
+        cube_position=np.tile(np.array(place, float), (len(TIME), 1)),
         tilt=zero,
         wheel_slip=zero,
     )

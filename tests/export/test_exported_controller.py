@@ -20,7 +20,7 @@ from dqcontrol.loop.targets import PoseTarget, Speeds, TwistTarget
 from dqcontrol.robots.driving import RIM_LEVER
 
 START = np.array(SPEC["start"])
-WALL = {"kind": "polygon", "corners": [[0.5, -2], [0.7, -2], [0.7, 2], [0.5, 2]]}
+WALL = {"box": [0.2, 4, 1], "position": [0.6, 0, 0.5]}
 WALLED = {
     "name": "walled",
     "robot": "little-john",
@@ -30,7 +30,8 @@ WALLED = {
     "duration": 6,
     "law": {"kind": "proportional", "gain": 2},
     "plant": {"kind": "integrator"},
-    "supervisor": {"acceleration": 1.0, "keep_out": {"zones": {"wall": WALL}, "footprint": 0.15}},
+    "supervisor": {"acceleration": 1.0, "keep_out": {"footprint": 0.15}},
+    "world": {"wall": WALL},
 }
 OUTSIDE_LIMITS = -5
 POSE, TWIST = 1, 2  # sources of targets, as dqc_controller.h has them

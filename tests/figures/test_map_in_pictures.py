@@ -18,7 +18,6 @@ def test_the_map_of_a_planned_way_is_drawn(tmp_path):
     }
     run = dqc.run(spec)
     assert run.surroundings is not None
-    (drawn,) = run.surroundings.obstacles.values()
-    assert drawn.file == str(hall)
+    assert run.surroundings.world.bodies["map"].map == str(hall)
     figure = base_path(run.robot, {"": run.record}, run.surroundings)
     assert "obstacle" in [text.get_text() for text in figure.legends[0].get_texts()]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from obstacles import around, column, plane, sphere
 
 import dqcontrol as dqc
 from dqcontrol import algebra
@@ -33,7 +34,7 @@ def test_corners_lie_on_the_shape(shape):
 
 
 def constraints(**obstacles):
-    return dqc.laws.Constraints(obstacles=obstacles)
+    return dqc.laws.Constraints(**around(obstacles))
 
 
 def recorded(times, **distances):
@@ -50,8 +51,8 @@ def recorded(times, **distances):
 
 def test_a_ball_that_moves_is_drawn_where_it_was_nearest_and_what_is_far_is_not():
     path = np.array([[0.0, 0, 0.5], [1, 0, 0.5]])
-    ball = dqc.laws.SphereObstacle(center=(0.2, 0, 0.5), radius=0.1, velocity=(0.3, 0, 0))
-    far = dqc.laws.SphereObstacle(center=(9, 0, 0.5), radius=0.1)
+    ball = sphere(center=(0.2, 0, 0.5), radius=0.1, velocity=(0.3, 0, 0))
+    far = sphere(center=(9, 0, 0.5), radius=0.1)
     things = constraints(ball=ball, far=far)
     for distances, shift in (({}, 0.6), ({"ball": [0.3, 0.1, 0.2]}, 0.3)):
         record = recorded([0.0, 1.0, 2.0], **distances)
@@ -68,7 +69,7 @@ def test_a_ball_that_moves_is_drawn_where_it_was_nearest_and_what_is_far_is_not(
 
 def test_planes_are_cut_off_around_the_path():
     path = np.array([[0.0, 0, 0.5], [1, 0, 0.5]])
-    wall = dqc.laws.PlaneObstacle(normal=(1, 0, 0), offset=-0.2)
+    wall = plane(normal=(1, 0, 0), offset=-0.2)
     (drawn,) = faces_near(constraints(wall=wall), path, recorded([0.0, 1.0]))
     corners = corners_of([drawn])
     np.testing.assert_allclose(corners[:, 0], -0.2)
@@ -80,7 +81,7 @@ def test_planes_are_cut_off_around_the_path():
 def test_a_cylinder_is_drawn_whole_seen_along_its_axis_too(direction):
     """The area of its faces, seen along the axis, is that of its circle."""
     path = np.array([[0.0, 0, 0.5], [1, 0.2, 0.5]])
-    post = dqc.laws.CylinderObstacle(point=(0.5, 0.1, 0.4), direction=direction, radius=0.05)
+    post = column(point=(0.5, 0.1, 0.4), direction=direction, radius=0.05)
     (drawn,) = faces_near(constraints(post=post), path, recorded([0.0, 1.0]))
     onto = np.linalg.svd(np.array([direction], dtype=float))[2][1:]
     areas = []

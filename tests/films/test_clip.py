@@ -11,7 +11,8 @@ from dqcontrol.errors import ExistsError, FileFormatError, MissingExtraError, Sh
 from dqcontrol.films.clip import render_clip, render_strip, render_whole
 from dqcontrol.films.film_physics import with_rolling_wheels
 from dqcontrol.films.offscreen import offscreen
-from dqcontrol.plants import Basket, CompliantPlant, Cube, Gripper, MobilePlant, Obstacle, Scene
+from dqcontrol.plants import CompliantPlant, Gripper, MobilePlant, Obstacle
+from dqcontrol.world import Body
 
 pytest.importorskip("mujoco")
 
@@ -31,8 +32,9 @@ def opengl():
 @pytest.fixture(scope="module")
 def driven():
     robot = dqc.load_robot("little-john")
-    scene = Scene(cubes=[Cube(position=(0.6, 0.2))], baskets=[Basket(position=(0.6, -0.3))])
-    plant = MobilePlant(gripper=Gripper(), scene=scene)
+    cube = Body(box=0.03, position=(0.6, 0.2, 0.015), mass=0.02)
+    basket = Body(container=(0.16, 0.16, 0.08), position=(0.6, -0.3, 0))
+    plant = MobilePlant(gripper=Gripper(), world=dqc.World(bodies={"cube": cube, "basket": basket}))
     law = dqc.laws.FeedbackLinearization(stiffness=4.0, damping=4.0)
     target = dqc.references.SetPoint(robot.fkm(robot.integrate(START, [0.3, 0.3, 0, 0, 0, 0, 0], 1.0)))
     return robot, plant, dqc.simulate(robot, target, law, plant, START, period=0.02, duration=2.0)
@@ -217,7 +219,7 @@ def test_bad_input(driven, tmp_path):
     pytest.importorskip("av")
     robot, _, record = driven
     (tmp_path / "there.gif").touch()
-    other = MobilePlant(scene=Scene(cubes=[Cube(position=(0, 0)), Cube(position=(1, 1))]))
+    other = MobilePlant(world=dqc.World(bodies={"ball": Body(sphere=0.1, position=(2, 1, 0.1), mass=1)}))
     for call, error, text in (
         (
             lambda: render_clip(*driven, tmp_path / "clip.avi"),
@@ -231,7 +233,7 @@ def test_bad_input(driven, tmp_path):
         (
             lambda: render_clip(robot, other, record, tmp_path / "c.gif"),
             ShapeError,
-            "missing: cube_2_position",
+            "missing: ball_position",
         ),
         (
             lambda: render_clip(*driven, tmp_path / "c.gif", rate=0.01),

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from obstacles import around, plane, sphere
 
 import dqcontrol as dqc
 from dqcontrol.laws.constrained.kept_scene import KeptScene
@@ -13,12 +14,10 @@ ARM = dqc.load_robot("panda")
 @pytest.fixture(scope="module")
 def kept():
     hand = dqc.DualQuaternion(ARM.fkm(HOME)).translation
-    ball = dqc.laws.SphereObstacle(
-        center=tuple(hand + np.array([0.0, 0.5, 0.0])), radius=0.05, velocity=(0.0, -0.3, 0.0)
-    )
-    table = dqc.laws.PlaneObstacle(normal=(0.0, 0.0, 1.0), offset=-0.3)
-    room = dqc.laws.BoxZone(position=tuple(hand), size=(1.5, 1.5, 1.0))
-    return dqc.laws.Constraints(obstacles={"ball": ball, "table": table}, zones={"room": room})
+    ball = sphere(center=tuple(hand + np.array([0.0, 0.5, 0.0])), radius=0.05, velocity=(0.0, -0.3, 0.0))
+    table = plane(normal=(0.0, 0.0, 1.0), offset=-0.3)
+    room = dqc.laws.Zone(position=tuple(hand), box=(1.5, 1.5, 1.0))
+    return dqc.laws.Constraints(**around({"ball": ball, "table": table}), zones={"room": room})
 
 
 @pytest.fixture(scope="module")

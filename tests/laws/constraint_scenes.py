@@ -1,6 +1,7 @@
 """Random scenes for constrained laws: a Panda among things in its way, and what shows that none was touched."""
 
 import numpy as np
+from obstacles import around, box, capsule, plane, sphere, towards
 
 import dqcontrol as dqc
 from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
@@ -21,20 +22,18 @@ def random_constraints(rng, arm, q, **options):
 
         start = np.array(near(0.2, 0.6))
         obstacles = {
-            "ball": dqc.laws.SphereObstacle(center=near(0.15, 0.5), radius=rng.uniform(0.02, 0.1)),
-            "bar": dqc.laws.CapsuleObstacle(
-                start=tuple(start), end=tuple(start + rng.normal(scale=0.3, size=3)), radius=0.03
-            ),
-            "table": dqc.laws.PlaneObstacle(normal=(0.0, 0.0, 1.0), offset=-0.05),
-            "box": dqc.laws.BoxObstacle(position=near(0.3, 0.7), size=(0.2, 0.1, 0.15), rpy=(0.3, 0.2, 0.5)),
-            "mover": dqc.laws.SphereObstacle(
+            "ball": sphere(center=near(0.15, 0.5), radius=rng.uniform(0.02, 0.1)),
+            "bar": capsule(start=tuple(start), end=tuple(start + rng.normal(scale=0.3, size=3)), radius=0.03),
+            "table": plane(normal=(0.0, 0.0, 1.0), offset=-0.05),
+            "box": box(position=near(0.3, 0.7), size=(0.2, 0.1, 0.15), rpy=(0.3, 0.2, 0.5)),
+            "mover": sphere(
                 center=near(0.5, 0.8),
                 radius=0.05,
                 velocity=tuple(rng.uniform(-0.05, 0.05, 3)),
                 links=MOVED,
             ),
         }
-        found = dqc.laws.Constraints(margin=0.01, obstacles=obstacles, **options)
+        found = dqc.laws.Constraints(margin=0.01, **around(obstacles), **options)
         kept = PreparedConstraints(found, arm, 0.01, "measured")
         if kept.values(q[None], [0.0])[0].min() > 0.025:
             return found
@@ -91,14 +90,14 @@ def random_kinds(rng, robot, q, **options):
         middle, axis = pose.translation, pose.matrix()[:3, 2]
         near = tuple(middle + rng.uniform(0.0, 0.06) * np.array(random_turn(rng)))
         zones = {
-            "room": dqc.laws.BoxZone(
-                position=near, size=tuple(rng.uniform(0.15, 0.5, 3)), rpy=tuple(rng.uniform(-1, 1, 3))
+            "room": dqc.laws.Zone(
+                position=near, box=tuple(rng.uniform(0.15, 0.5, 3)), rpy=tuple(rng.uniform(-1, 1, 3))
             ),
-            "globe": dqc.laws.SphereZone(center=near, radius=rng.uniform(0.08, 0.3), radius_of_hand=0.01),
-            "tube": dqc.laws.CylinderZone(
-                point=near, direction=random_turn(rng), radius=rng.uniform(0.08, 0.3)
+            "globe": dqc.laws.Zone(position=near, sphere=rng.uniform(0.08, 0.3), radius_of_hand=0.01),
+            "tube": dqc.laws.Zone(
+                position=near, rpy=towards(random_turn(rng)), cylinder=(rng.uniform(0.08, 0.3), 0.5)
             ),
-            "floor": dqc.laws.PlaneZone(normal=(0, 0, 1), offset=middle[2] - 0.1, margin=0.02),
+            "floor": dqc.laws.Zone(plane=(0, 0, 1), position=(0, 0, middle[2] - 0.1), margin=0.02),
         }
         away = np.cross(axis, random_turn(rng))
         away /= np.linalg.norm(away)
@@ -108,9 +107,7 @@ def random_kinds(rng, robot, q, **options):
             "lines": dqc.laws.Angle(direction=tuple(away), apart=rng.uniform(0.2, 1.0)),
         }
         place = tuple(middle + axis * rng.uniform(0.3, 0.8))
-        lamp = dqc.laws.SphereObstacle(
-            center=place, radius=0.02, links=["hand"], velocity=tuple(rng.uniform(-0.05, 0.05, 3))
-        )
+        lamp = sphere(center=place, radius=0.02, links=["hand"], velocity=tuple(rng.uniform(-0.05, 0.05, 3)))
         sights = {
             "at place": dqc.laws.LineOfSight(place=place, at_most=0.5),
             "at lamp": dqc.laws.LineOfSight(target="lamp", at_most=0.6, camera=(0.0, 0.05, 0.0)),
@@ -120,7 +117,7 @@ def random_kinds(rng, robot, q, **options):
             kind: {name: each for name, each in given.items() if rng.random() < 0.5}
             for kind, given in parts.items()
         }
-        found = dqc.laws.Constraints(obstacles={"lamp": lamp}, **chosen, **options)  # pyright: ignore
+        found = dqc.laws.Constraints(**around({"lamp": lamp}), **chosen, **options)  # pyright: ignore
         kept = PreparedConstraints(found, robot, 0.01, "measured")
         if (kept.values(q[None], [0.0])[0] - kept.asked).min() > 0.005:
             return found
@@ -132,15 +129,17 @@ def plain_rooms(given, robot, q, time):
     hand, turn = matrix[:3, 3], matrix[:3, :3]
     rooms = {}
     for name, zone in given.zones.items():
-        if isinstance(zone, dqc.laws.BoxZone):
-            box = dqc.DualQuaternion(zone_box(zone)).matrix()
-            rooms[name] = (0.5 * np.array(zone.size) - abs(box[:3, :3].T @ (hand - box[:3, 3]))).min()
-        elif isinstance(zone, dqc.laws.SphereZone):
-            rooms[name] = zone.radius - np.linalg.norm(hand - zone.center)
-        elif isinstance(zone, dqc.laws.CylinderZone):
-            rooms[name] = zone.radius - np.linalg.norm(np.cross(hand - zone.point, zone.direction))
+        local = dqc.DualQuaternion(zone.pose).matrix()
+        place = local[:3, :3].T @ (hand - local[:3, 3])
+        if zone.kind == "box":
+            rooms[name] = (0.5 * zone.size - abs(place)).min()
+        elif zone.kind == "sphere":
+            rooms[name] = zone.sphere - np.linalg.norm(place)
+        elif zone.kind == "cylinder":
+            radius, length = zone.cylinder
+            rooms[name] = min(radius - np.linalg.norm(place[:2]), 0.5 * length - abs(place[2]))
         else:
-            rooms[name] = hand @ zone.normal - zone.offset
+            rooms[name] = place @ zone.plane
         rooms[name] -= zone.margin + zone.radius_of_hand
     for name, angle in given.angles.items():
         opening = opening_of(turn @ angle.axis, angle.direction)
@@ -152,14 +151,9 @@ def plain_rooms(given, robot, q, time):
         place = sight.place
         if place is None:
             lamp = given.obstacles[sight.target]
-            place = np.array(lamp.center) + time * np.array(lamp.velocity)
+            place = lamp.shapes[0].center + time * np.array(lamp.moves.velocity)
         rooms[name] = sight.at_most - opening_of(turn @ sight.axis, place - hand - turn @ sight.camera)
     return rooms
-
-
-def zone_box(zone):
-    """Return the pose of a box zone."""
-    return dqc.DualQuaternion.from_translation(zone.position) * dqc.DualQuaternion.from_rpy(zone.rpy)
 
 
 def opening_of(a, b):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from constraint_scenes import HOME, least_room, random_constraints, random_goal
+from obstacles import around, box, plane, sphere
 
 import dqcontrol as dqc
 
@@ -21,8 +22,8 @@ def run(rng, period, duration=1.5, **options):
 
 
 def test_without_a_row_that_presses_the_law_is_left_bit_for_bit():
-    ball = dqc.laws.SphereObstacle(center=(3.0, 0.0, 0.0), radius=0.1)
-    given = dqc.laws.Constraints(obstacles={"ball": ball})
+    ball = sphere(center=(3.0, 0.0, 0.0), radius=0.1)
+    given = dqc.laws.Constraints(**around({"ball": ball}))
     goal = dqc.references.SetPoint(ARM.fkm(HOME + 0.05))
     laws = [dqc.laws.Proportional(gain=1.0, constraints=keep) for keep in (None, given)]
     commands = [dqc.simulate(ARM, goal, law, PLANT, HOME, period=0.01, duration=1.0).command for law in laws]
@@ -68,23 +69,19 @@ LATE = {  # goal, obstacles, period, acceleration: rows alone exceed the limit b
     "itself": ([-0.075, 1.536, -1.311, -1.608, 0.344, 0.006, 1.049], {}, 0.00208, 6.26),
     "ball": (
         [1.592, -1.61, -1.919, -1.117, 1.086, 2.313, 1.936],
-        {"ball": dqc.laws.SphereObstacle(center=(0.412, -0.279, 0.496), radius=0.057)},
+        {"ball": sphere(center=(0.412, -0.279, 0.496), radius=0.057)},
         0.00169,
         7.24,
     ),
     "box": (
         [1.277, 0.643, -0.084, -0.382, 2.433, 1.936, 0.399],
-        {
-            "box": dqc.laws.BoxObstacle(
-                position=(0.074, 0.233, 0.868), size=(0.2, 0.1, 0.15), rpy=(0.3, 0.2, 0.5)
-            )
-        },
+        {"box": box(position=(0.074, 0.233, 0.868), size=(0.2, 0.1, 0.15), rpy=(0.3, 0.2, 0.5))},
         0.00251,
         19.75,
     ),
     "table": (
         [0.778, 1.54, 0.684, -1.162, 1.995, 0.143, 2.069],
-        {"table": dqc.laws.PlaneObstacle(normal=(0, 0, 1), offset=-0.05)},
+        {"table": plane(normal=(0, 0, 1), offset=-0.05)},
         0.00576,
         8.01,
     ),
@@ -94,7 +91,7 @@ LATE = {  # goal, obstacles, period, acceleration: rows alone exceed the limit b
 @pytest.mark.parametrize("before", LATE)
 def test_a_fast_arm_brakes_in_time_within_its_limits_of_acceleration(before):
     there, obstacles, period, acceleration = LATE[before]
-    given = dqc.laws.Constraints(margin=0.01, obstacles=obstacles, acceleration=acceleration)
+    given = dqc.laws.Constraints(margin=0.01, **around(obstacles), acceleration=acceleration)
     law = dqc.laws.Proportional(gain=3.0, constraints=given)
     goal = dqc.references.SetPoint(ARM.fkm(np.array(there)))
     record = dqc.simulate(ARM, goal, law, PLANT, HOME, period=period, duration=0.5)
@@ -120,13 +117,13 @@ def random_states(count, seed):
     """Return the worst excess of the box of speeds in random states, inside obstacles and outside limits among them."""
     rng = np.random.default_rng(seed)
     obstacles = {
-        "ball": dqc.laws.SphereObstacle(center=(0.4, 0.0, 0.4), radius=0.2),
-        "other": dqc.laws.SphereObstacle(center=(0.45, 0.0, 0.45), radius=0.2, level=1),
-        "low": dqc.laws.PlaneObstacle(normal=(0, 0, 1), offset=0.3, links=["hand"]),
-        "high": dqc.laws.PlaneObstacle(normal=(0, 0, -1), offset=-0.2, links=["hand"]),
+        "ball": sphere(center=(0.4, 0.0, 0.4), radius=0.2),
+        "other": sphere(center=(0.45, 0.0, 0.45), radius=0.2, level=1),
+        "low": plane(normal=(0, 0, 1), offset=0.3, links=["hand"]),
+        "high": plane(normal=(0, 0, -1), offset=-0.2, links=["hand"]),
     }
     angles = {"upright": dqc.laws.Angle(direction=(0, 0, -1), at_most=0.5)}
-    given = dqc.laws.Constraints(obstacles=obstacles, angles=angles, acceleration=10.0, recovery=0.1)
+    given = dqc.laws.Constraints(**around(obstacles), angles=angles, acceleration=10.0, recovery=0.1)
     law = dqc.laws.Proportional(gain=3.0, constraints=given).prepare(ARM, None, 0.01)
     gave = set()
     for _ in range(count):
@@ -153,14 +150,12 @@ def test_a_hundred_thousand_states_have_a_command():
 
 def test_a_start_inside_is_refused_and_recovers_if_asked():
     hand = dqc.DualQuaternion(ARM.fkm(HOME)).translation
-    ball = dqc.laws.SphereObstacle(
-        center=tuple(hand + np.array([0.0, 0.03, 0.0])), radius=0.05, links=["hand"]
-    )
+    ball = sphere(center=tuple(hand + np.array([0.0, 0.03, 0.0])), radius=0.05, links=["hand"])
     goal = dqc.references.SetPoint(ARM.fkm(HOME))
-    law = dqc.laws.Proportional(gain=2.0, constraints=dqc.laws.Constraints(obstacles={"ball": ball}))
+    law = dqc.laws.Proportional(gain=2.0, constraints=dqc.laws.Constraints(**around({"ball": ball})))
     with pytest.raises(dqc.Error, match="ball: hand: 20 mm deep, 10 mm of distance are asked"):
         dqc.simulate(ARM, goal, law, PLANT, HOME, period=0.01, duration=1.0)
-    given = dqc.laws.Constraints(obstacles={"ball": ball}, recovery=0.1)
+    given = dqc.laws.Constraints(**around({"ball": ball}), recovery=0.1)
     law = dqc.laws.Proportional(gain=2.0, constraints=given)
     record = dqc.simulate(ARM, goal, law, PLANT, HOME, period=0.01, duration=1.5)
     distance = record.readings["kept_distance"].values[:, 0]
@@ -171,13 +166,12 @@ def test_a_start_inside_is_refused_and_recovers_if_asked():
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"obstacles": {"x": dqc.laws.SphereObstacle(center=(1, 0, 0), radius=0.1, links=["hnad"])}}, "hand"),
+        (around({"x": sphere(center=(1, 0, 0), radius=0.1, links=["hnad"])}), "hand"),
         ({"angles": {"x": dqc.laws.Angle(direction=(0, 0, 1), at_most=0.0)}}, "at_most: must be ≥"),
         ({"angles": {"x": dqc.laws.Angle(direction=(0, 0, 0), at_most=1.0)}}, "must not be zero"),
         ({"rate": 200.0}, "rate: must be ≤ 100"),
         ({"acceleration": [1.0]}, "expected 7 numbers"),
         ({"sights": {"x": dqc.laws.LineOfSight(target="nothing", at_most=0.5)}}, "target: unknown"),
-        ({"obstacles": {"x": dqc.laws.BoxObstacle(position=(1, 0, 0), size=(0, 1, 1))}}, "size: must be > 0"),
     ],
 )
 def test_bad_input_is_named(given, words):

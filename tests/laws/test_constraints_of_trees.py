@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from constraint_scenes import least_room
+from obstacles import around, plane, sphere
 
 import dqcontrol as dqc
 from dqcontrol.geometry import Capsule
@@ -33,12 +34,10 @@ def test_a_chain_and_the_tree_of_it_are_kept_alike():
     q = np.array([0, 0.418, 1.716, 0, 1.007, 0])
     hand = dqc.DualQuaternion(chain.fkm(q)).translation
     given = dqc.laws.Constraints(
-        obstacles={
-            "ball": dqc.laws.SphereObstacle(
-                center=tuple(hand + np.array([0, 0.15, 0])), radius=0.05, links=["arm", "hand"]
-            )
-        },
-        zones={"room": dqc.laws.BoxZone(position=tuple(hand), size=(0.5, 0.5, 0.2))},
+        **around(
+            {"ball": sphere(center=tuple(hand + np.array([0, 0.15, 0])), radius=0.05, links=["arm", "hand"])}
+        ),
+        zones={"room": dqc.laws.Zone(position=tuple(hand), box=(0.5, 0.5, 0.2))},
         angles={
             "cone": dqc.laws.Angle(
                 direction=tuple(dqc.algebra.matrix_from_pose(chain.fkm(q))[:3, 2]), at_most=0.3
@@ -72,10 +71,10 @@ def test_two_arms_keep_apart_between_samples():
 
 
 def test_hands_of_a_tree_have_names():
-    zones = {"side": dqc.laws.PlaneZone(normal=(0, 1, 0), offset=0.1, frame="left")}
+    zones = {"side": dqc.laws.Zone(plane=(0, 1, 0), position=(0, 0.1, 0), frame="left")}
     angles = {"level": dqc.laws.Angle(direction=(0, 0, -1), at_most=0.3, frame="right")}
-    obstacles = {"wall": dqc.laws.PlaneObstacle(normal=(1, 0, 0), offset=0.2, links=["hand"])}
-    given = dqc.laws.Constraints(zones=zones, angles=angles, obstacles=obstacles, self_collision=False)
+    obstacles = {"wall": plane(normal=(1, 0, 0), offset=0.2, links=["hand"])}
+    given = dqc.laws.Constraints(zones=zones, angles=angles, **around(obstacles), self_collision=False)
     law = dqc.laws.Proportional(gain=2.0, constraints=given)
     arms = TWO.with_task("relative")
     prepared = law.prepare(arms, None, 0.01)
@@ -94,8 +93,8 @@ def test_joints_that_follow_others_are_reckoned_with(tmp_path):
         LinkShape("d", 4, Capsule([0, 0, 0], [0, 0, 0.4], 0.05)),
     ]
     tree.shapes = LinkShapes(tuple(bars), ((0, 1),))
-    ball = dqc.laws.SphereObstacle(center=(-0.35, 0, 0.4), radius=0.1)
-    law = dqc.laws.Proportional(gain=3.0, constraints=dqc.laws.Constraints(obstacles={"ball": ball}))
+    ball = sphere(center=(-0.35, 0, 0.4), radius=0.1)
+    law = dqc.laws.Proportional(gain=3.0, constraints=dqc.laws.Constraints(**around({"ball": ball})))
     rng = np.random.default_rng(0)
     for _ in range(6):
         goal = dqc.references.SetPoint(tree.fkm(rng.uniform(-1.5, 1.5, 3) * [1, 0.2, 1]))
@@ -107,7 +106,7 @@ def test_joints_that_follow_others_are_reckoned_with(tmp_path):
     ("given", "words"),
     [
         (
-            {"zones": {"x": dqc.laws.PlaneZone(normal=(0, 1, 0), offset=0, frame="lfet")}},
+            {"zones": {"x": dqc.laws.Zone(plane=(0, 1, 0), frame="lfet")}},
             "zones.x.frame: unknown name 'lfet'; did you mean 'left'",
         ),
         (
@@ -115,7 +114,7 @@ def test_joints_that_follow_others_are_reckoned_with(tmp_path):
             "give one as 'frame', left or right",
         ),
         (
-            {"obstacles": {"x": dqc.laws.SphereObstacle(center=(1, 0, 0), radius=0.1, links=["rihgt"])}},
+            around({"x": sphere(center=(1, 0, 0), radius=0.1, links=["rihgt"])}),
             "did you mean 'right'",
         ),
     ],
@@ -125,7 +124,7 @@ def test_bad_input_is_named(given, words):
     with pytest.raises(dqc.Error, match=words):
         law.prepare(TWO, None, 0.01)
     arm = dqc.load_robot("panda")
-    zone = dqc.laws.PlaneZone(normal=(0, 1, 0), offset=-2, frame="left")
+    zone = dqc.laws.Zone(plane=(0, 1, 0), position=(0, -2, 0), frame="left")
     law = dqc.laws.Proportional(gain=1.0, constraints=dqc.laws.Constraints(zones={"x": zone}))
     with pytest.raises(dqc.Error, match="panda is a chain and has one hand"):
         law.prepare(arm, None, 0.01)
@@ -134,8 +133,8 @@ def test_bad_input_is_named(given, words):
 def test_what_both_hands_hold_gives_way_last():
     arms = TWO.with_task("absolute")
     circle = dqc.references.Circle(arms.fkm(START), radius=0.08, duration=2.0)
-    wall = dqc.laws.PlaneObstacle(normal=(0, 0, -1), offset=-0.78, links=["left", "right"])
-    keep = dqc.laws.Constraints(obstacles={"ceiling": wall}, acceleration=20.0)
+    wall = plane(normal=(0, 0, -1), offset=-0.78, links=["left", "right"])
+    keep = dqc.laws.Constraints(**around({"ceiling": wall}), acceleration=20.0)
     law = dqc.laws.ProportionalFeedforward(gain=5.0, constraints=keep)
     tasks = [dqc.laws.FurtherTask("relative", gain=20.0, level=0)]
     record = dqc.simulate(arms, circle, law, PLANT, START, period=0.01, tasks=tasks)

@@ -12,6 +12,7 @@ from constraint_scenes import (
     random_goal,
     random_kinds,
 )
+from obstacles import around, box, column, plane, sphere
 
 import dqcontrol as dqc
 from dqcontrol.laws.constrained.constraints import AT_ONCE
@@ -75,7 +76,7 @@ def gantry():
 def test_a_hand_crosses_the_middle_of_a_ball_and_brakes_before_its_other_side(beside):
     robot, q = gantry(), np.array([-0.09, beside, 0.0])
     middle = dqc.DualQuaternion(robot.fkm(np.zeros(3))).translation
-    zone = dqc.laws.SphereZone(center=tuple(middle), radius=0.1)
+    zone = dqc.laws.Zone(sphere=0.1, position=tuple(middle))
     given = dqc.laws.Constraints(zones={"ball": zone}, acceleration=0.5)
     law = dqc.laws.Proportional(gain=20.0, constraints=given)
     goal = dqc.references.SetPoint(robot.fkm(np.array([0.3, 0.0, 0.0])))
@@ -89,12 +90,10 @@ def among_walls(rng):
     """Return constraints of a base's chassis and of the hand among a wall, a column and a post, on a floor."""
     both = {"links": ["chassis", "hand"]}
     return {
-        "floor": dqc.laws.PlaneObstacle(normal=(0, 0, 1), offset=0.0),
-        "wall": dqc.laws.PlaneObstacle(normal=(-1, 0, 0), offset=-rng.uniform(0.4, 0.8), **both),
-        "column": dqc.laws.CylinderObstacle(
-            point=(rng.uniform(-0.6, 0.2), rng.uniform(0.3, 0.6), 0), radius=0.1, **both
-        ),
-        "post": dqc.laws.BoxObstacle(
+        "floor": plane(normal=(0, 0, 1), offset=0.0),
+        "wall": plane(normal=(-1, 0, 0), offset=-rng.uniform(0.4, 0.8), **both),
+        "column": column(point=(rng.uniform(-0.6, 0.2), rng.uniform(0.3, 0.6), 0), radius=0.1, **both),
+        "post": box(
             position=(rng.uniform(-0.6, 0.2), -rng.uniform(0.4, 0.6), 0.2), size=(0.1, 0.1, 1), **both
         ),
     }
@@ -107,7 +106,7 @@ def check_base(rng, robot, duration):
     if n == 10:
         q[3:] = HOME
     acceleration = 5.0 if rng.random() < 0.5 else None
-    given = dqc.laws.Constraints(obstacles=among_walls(rng), acceleration=acceleration)
+    given = dqc.laws.Constraints(**around(among_walls(rng)), acceleration=acceleration)
     inverse = dqc.laws.DampedInverse(damping=0.05)
     law = dqc.laws.Proportional(gain=2.0, constraints=given, inverse=inverse)
     goal = dqc.references.SetPoint(robot.fkm(q + rng.uniform(-1, 1, n)))
@@ -173,7 +172,7 @@ def test_an_arm_keeps_away_from_the_base_that_carries_it():
 def ball_before(robot, q, ahead, radius):
     """Return a ball straight before the hand, on its way by ``ahead``, m."""
     hand = dqc.DualQuaternion(robot.fkm(q)).translation
-    return dqc.laws.SphereObstacle(center=tuple(hand + ahead), radius=radius, links=["hand"])
+    return sphere(center=tuple(hand + ahead), radius=radius, links=["hand"])
 
 
 @pytest.mark.usefixtures("without_growth")
@@ -181,13 +180,13 @@ def ball_before(robot, q, ahead, radius):
 def test_a_hand_that_is_held_goes_aside_if_asked_and_comes_to_its_goal(kind):
     way = np.array([0.0, 0.15, 0.0])
     ball = ball_before(ARM, HOME, way, 0.06)
-    board = dqc.laws.BoxObstacle(position=ball.center, size=(0.15, 0.04, 0.15), links=["hand"])
+    board = box(position=ball[0].position, size=(0.15, 0.04, 0.15), links=["hand"])
     obstacle = ball if kind == "ball" else board
     start = dqc.DualQuaternion(ARM.fkm(HOME))
     goal = dqc.references.SetPoint(dqc.DualQuaternion.from_translation(2 * way) * start)
     errors = {}
     for escape in (None, 0.2):
-        given = dqc.laws.Constraints(obstacles={"it": obstacle}, escape=escape, acceleration=10.0)
+        given = dqc.laws.Constraints(**around({"it": obstacle}), escape=escape, acceleration=10.0)
         law = dqc.laws.Proportional(gain=2.0, constraints=given)
         record = dqc.simulate(ARM, goal, law, PLANT, HOME, period=0.01, duration=6.0)
         assert least_room(law.prepare(ARM, goal, 0.01), record, 0.01) > -FOUND
@@ -216,7 +215,7 @@ def test_joints_held_at_the_end_of_their_range_go_to_another_posture_if_asked():
 def lagging_run(rng, servo, period, lag):
     """Return the least room, between samples too, of joints that follow a motion past a ball late."""
     ball = ball_before(ARM, HOME, np.array([0.01, 0.15, 0.005]), rng.uniform(0.02, 0.06))
-    given = dqc.laws.Constraints(obstacles={"ball": ball}, margin=0.005)
+    given = dqc.laws.Constraints(**around({"ball": ball}), margin=0.005)
     law = dqc.laws.ProportionalFeedforward(gain=4.0, constraints=given)
     start = dqc.DualQuaternion(ARM.fkm(HOME))
     end = dqc.DualQuaternion.from_translation([0.0, 0.3, 0.0]) * start

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from obstacles import around, box
 
 import dqcontrol as dqc
 from dqcontrol import algebra
@@ -18,14 +19,14 @@ def test_the_hand_follows_the_edge_and_the_base_keeps_clear(nearer):
     end = algebra.pose(algebra.rotation(hand), [x + 2.0, y, z])
     line = StartRamp(Points([0.0, 25.0], [hand, end]), 2.0)
     edge = max(y - 0.03, 0.3) - nearer
-    table = dqc.laws.BoxObstacle(
+    table = box(
         position=(x + 1.0, edge + 0.4, 0.5 * (z - 0.03)),
         size=(4.0, 0.8, z - 0.03),
         links=["chassis"],
         margin=0.05,
     )
     kept = dqc.laws.Constraints(
-        self_collision=False, acceleration=3.0, obstacles={"table": table}, recovery=0.1
+        self_collision=False, acceleration=3.0, **around({"table": table}), recovery=0.1
     )
     law = dqc.laws.FeedbackLinearization(stiffness=6.0, damping=3.0, constraints=kept)
     record = dqc.simulate(robot, line, law, Integrator(), start, period=0.02)

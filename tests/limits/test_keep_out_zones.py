@@ -9,10 +9,11 @@ import yaml
 import dqcontrol as dqc
 from dqcontrol.errors import Error, ShapeError, ValueRangeError
 from dqcontrol.geometry import FloorMap
-from dqcontrol.limits import CircularZone, KeepOutZones, MapZone, PolygonalZone, Supervisor
+from dqcontrol.limits import KeepOutZones, Supervisor
 from dqcontrol.limits.supervisor.interventions import IMPOSSIBLE, KEEP_OUT
 from dqcontrol.limits.supervisor.keep_out_step import clearance
 from dqcontrol.limits.supervisor.supervisor_layout import END, FINISH, GO, RESET, STOP
+from dqcontrol.world import Body, Solid
 
 T = 0.02
 BASES = {
@@ -21,10 +22,22 @@ BASES = {
     "mecanum": dqc.MecanumBase(wheel_radius=0.05, half_track=0.15, half_wheelbase=0.24, rim_speed=0.8),
     "car-like": dqc.CarLikeBase(0.05, 0.15, wheelbase=0.4, steering_limit=0.6, rim_speed=0.8),
 }
-WALL = PolygonalZone(corners=[(1.2, -3.0), (1.6, -3.0), (1.6, 3.0), (1.2, 3.0)])
-NOTCH = PolygonalZone(corners=[(-3.0, 1.0), (3.0, 1.0), (3.0, 2.0), (0.2, 2.0), (0.2, 1.4), (-3.0, 1.4)])
-ZONES = {"wall": WALL, "notch": NOTCH, "column": CircularZone(center=(-0.9, -0.5), radius=0.25)}
-KEEP = KeepOutZones(zones=ZONES, footprint=0.25, margin=0.03)
+WALL = [(1.2, -3.0), (1.6, -3.0), (1.6, 3.0), (1.2, 3.0)]
+NOTCH = [(-3.0, 1.0), (3.0, 1.0), (3.0, 2.0), (0.2, 2.0), (0.2, 1.4), (-3.0, 1.4)]
+COLUMN, RADIUS = (-0.9, -0.5), 0.25
+WORLD = dqc.World(
+    bodies={
+        "floor": Body(plane=(0, 0, 1)),
+        "wall": Body(box=[0.4, 6.0, 1.0], position=(1.4, 0.0, 0.5)),
+        "notch": Body(
+            box=[6.0, 0.4, 1.0],
+            position=(0.0, 1.2, 0.5),
+            parts=[Solid(box=[2.8, 0.6, 1.0], position=(1.6, 0.5, 0.0))],
+        ),
+        "column": Body(cylinder=(RADIUS, 1.0), position=(*COLUMN, 0.5)),
+    }
+)
+KEEP = KeepOutZones(world=WORLD, footprint=0.25, margin=0.03)
 
 
 def body(kind):
@@ -34,9 +47,8 @@ def body(kind):
 
 def distance(points):
     """Return how far points (N, 2) are from all zones, as the floor map and a square root have it."""
-    floor = FloorMap((np.array(WALL.corners), np.array(NOTCH.corners)))
-    column = ZONES["column"]
-    return np.minimum(floor.clearance(points), np.linalg.norm(points - column.center, axis=1) - column.radius)
+    floor = FloorMap((np.array(WALL), np.array(NOTCH)))
+    return np.minimum(floor.clearance(points), np.linalg.norm(points - COLUMN, axis=1) - RADIUS)
 
 
 def test_distances_are_those_of_the_floor_map():
@@ -112,7 +124,7 @@ def test_a_base_brakes_as_late_as_it_may_and_drives_away_again():
 def test_zones_far_away_leave_every_bit():
     robot, rng = dqc.load_robot("little-john"), np.random.default_rng(3)
     q = np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0])
-    far = KeepOutZones(zones={"far": CircularZone(center=(50, 50), radius=1)}, footprint=0.2)
+    far = KeepOutZones(world=dqc.World(bodies={"far": Body(sphere=1.0, position=(50, 50, 0))}), footprint=0.2)
     free, bound = (Supervisor(keep_out=each).prepare(robot, T) for each in (None, far))
     states = free.start(q), bound.start(q)
     for _ in range(60):
@@ -141,7 +153,6 @@ def test_an_arm_s_base_is_braked_in_the_run_of_a_spec(tmp_path):
     (tmp_path / "room.yaml").write_text(
         "polygons: [[[0.5, -2], [0.7, -2], [0.7, 2], [0.5, 2]], [[0.5, -2], [2, -2], [2, -2.2]]]"
     )
-    zones = {"room": {"kind": "map", "file": "room.yaml"}}
     spec = {
         "name": "wall",
         "robot": "little-john",
@@ -151,7 +162,8 @@ def test_an_arm_s_base_is_braked_in_the_run_of_a_spec(tmp_path):
         "reference": {"kind": "set-point", "offset": {"translation": [1.5, 0.0, 0.0]}},
         "law": {"kind": "feedback-linearization", "stiffness": 2.0, "damping": 2.0},
         "plant": {"kind": "integrator"},
-        "supervisor": {"acceleration": 1.0, "keep_out": {"zones": zones, "footprint": 0.15}},
+        "supervisor": {"acceleration": 1.0, "keep_out": {"footprint": 0.15}},
+        "world": {"room": {"map": "room.yaml"}},
     }
     (tmp_path / "spec.yaml").write_text(yaml.safe_dump(spec))
     record = dqc.run(tmp_path / "spec.yaml").record
@@ -178,16 +190,17 @@ def test_an_arm_s_base_is_braked_in_the_run_of_a_spec(tmp_path):
         ("little-john", {"margin": -1.0}, ValueRangeError, "supervisor.keep_out.margin: must be ≥ 0, got -1"),
         (
             "little-john",
-            {"zones": {"flat": PolygonalZone(corners=[(0, 0), (1, 0), (2, 0)])}},
-            ValueRangeError,
-            "supervisor.keep_out.zones.flat: polygons",
+            {"clear_of": ["wal"]},
+            Error,
+            "supervisor.keep_out.clear_of: unknown name 'wal'; did you mean 'wall'",
         ),
-        ("little-john", {"zones": {"room": MapZone(file="no-such.yaml")}}, Error, "no-such.yaml"),
+        ("little-john", {"clear_of": ["floor"]}, ValueRangeError, "'floor' takes no place on the floor"),
+        ("little-john", {"world": None}, ShapeError, "there is none; give 'world'"),
     ],
 )
 def test_what_is_wrong_is_said_in_a_line(robot, given, error, why):
     def prepare():
-        zones = KeepOutZones(**{"zones": ZONES, "footprint": 0.2, **given})
+        zones = KeepOutZones(**{"world": WORLD, "footprint": 0.2, **given})
         Supervisor(keep_out=zones).prepare(dqc.load_robot(robot), T)
 
     with pytest.raises(error, match=re.escape(why)):
@@ -197,7 +210,7 @@ def test_what_is_wrong_is_said_in_a_line(robot, given, error, why):
 def test_a_base_without_shapes_needs_a_radius():
     cart = dqc.WholeBody([dqc.HolonomicBase(speed=0.5, turn_rate=1.0)], name="cart")
     with pytest.raises(ValueRangeError, match=r"keep_out.footprint: the base of cart has no shapes; give"):
-        Supervisor(keep_out=KeepOutZones(zones=ZONES)).prepare(cart, T)
+        Supervisor(keep_out=KeepOutZones(world=WORLD)).prepare(cart, T)
 
 
 def test_a_start_in_a_zone_is_refused():

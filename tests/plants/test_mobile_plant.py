@@ -9,15 +9,12 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.errors import DivergedError, ShapeError, UnknownNameError, ValueRangeError
 from dqcontrol.plants import (
-    Basket,
     Camera,
-    Cube,
     FiducialLoss,
     Gripper,
     GripperEvent,
     MobilePlant,
     MujocoPlant,
-    Scene,
     WheeledBase,
 )
 
@@ -219,23 +216,18 @@ def test_the_gripper_holds_a_cube_by_friction(body):
     lifted = dqc.algebra.translation(body.fkm(np.array([0, 0, 0, 0, 0.067, 0.949, 0, 0])))[2] - hand[2]
     schedule = [GripperEvent(time=0.2, closed=True), GripperEvent(time=2.4, closed=False)]
     for friction, height in ((0.8, lifted), (0.0, 0.0)):
-        cube = Cube(position=(hand[0], 0.0), side=0.03, friction=friction)
-        plant = MobilePlant(gripper=Gripper(closes="y", schedule=schedule), scene=Scene(cubes=[cube]))
+        cube = dqc.world.Body(box=0.03, position=(hand[0], 0.0, 0.015), mass=0.02, friction=friction)
+        world = dqc.World(bodies={"floor": dqc.world.Body(plane=(0, 0, 1)), "cube": cube})
+        plant = MobilePlant(gripper=Gripper(closes="y", schedule=schedule), world=world)
         live = plant.start(body, np.array([0, 0, 0, 0, 0.317, 0.949, 0, 0]), T, 200, 0)
         heights = []
         for k in range(180):
             live.step(np.array([0, 0, 0, -0.25 if 50 < k <= 100 else 0, 0, 0, 0.0]))
-            heights.append(reading(live, "cube_1_position", live.readings)[2])
+            heights.append(reading(live, "cube_position", live.readings)[2])
         assert heights[118] == pytest.approx(0.015 + height, abs=0.006)
         assert heights[-1] == pytest.approx(0.015, abs=2e-3)
         closed = reading(live, "gripper_opening", live.readings)[0]
         assert closed == pytest.approx(0.06, abs=1e-3)
-
-
-def test_a_basket_knows_what_it_holds():
-    basket = Basket(position=(1.0, 2.0), side=0.2, height=0.1)
-    inside = basket.holds([[1.0, 2.0, 0.02], [1.05, 1.95, 0.09], [1.2, 2.0, 0.02], [1.0, 2.0, 0.2]])
-    assert inside.tolist() == [True, True, False, False]
 
 
 @pytest.mark.parametrize(
@@ -246,8 +238,6 @@ def test_a_basket_knows_what_it_holds():
         (lambda: WheeledBase(wheel_torque=0), ValueRangeError, r"plant.base.wheel_torque: must be > 0"),
         (lambda: MobilePlant(link_mass=[0.1, -1]), ValueRangeError, "plant.link_mass: must be > 0"),
         (lambda: MobilePlant(location="gps"), UnknownNameError, "plant.location"),
-        (lambda: Cube(position=(0, 0), mass=0), ValueRangeError, "plant.scene.cubes.mass: must be > 0"),
-        (lambda: Basket(position=(0, 0), side=-1), ValueRangeError, "plant.scene.baskets.side: must be > 0"),
         (lambda: Gripper(force=0), ValueRangeError, "plant.gripper.force: must be > 0"),
         (lambda: Gripper(points="x", closes="x"), ValueRangeError, "plant.gripper.closes: must be another"),
         (

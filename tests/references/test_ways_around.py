@@ -223,10 +223,9 @@ def test_in_a_spec(tmp_path):
         "law": {"kind": "guided-proportional", "gain": 1.0},
         "constraints": {
             "self_collision": False,
-            "obstacles": {
-                "room": {"kind": "map", "file": str(tmp_path / "room.yaml"), "links": ["chassis", "hand"]}
-            },
+            "clear_of": {"room": {"links": ["chassis", "hand"]}},
         },
+        "world": {"room": {"map": str(tmp_path / "room.yaml")}},
         "plant": {"kind": "integrator"},
     }
     run = dqc.run(spec)

@@ -348,14 +348,16 @@ def test_odometry_that_drifts_says_how_much(spec, node):
 def test_a_base_brakes_before_a_keep_out_zone(pair, node):
     """The hand is asked for what stands behind a column; the robot's own limits know nothing of it."""
     ahead = {"kind": "set-point", "offset": {"translation": [0.9, 0.35, 0.0]}}
-    column = {"kind": "circle", "center": [0.85, 0.17], "radius": 0.1}
-    zones = {"keep_out": {"zones": {"column": column}, "footprint": 0.15, "margin": 0.05}}
-    controller, robot = pair(reference=ahead, supervisor={**zones, "acceleration": 2.0})
+    column = {"cylinder": [0.1, 1], "position": [0.85, 0.17, 0.5]}
+    zones = {"keep_out": {"footprint": 0.15, "margin": 0.05}}
+    controller, robot = pair(
+        reference=ahead, world={"column": column}, supervisor={**zones, "acceleration": 2.0}
+    )
     activated(node, controller)
     supervisor, least = controller.following.control.supervisor, [1.0]
 
     def is_braked():
-        least[0] = min(least[0], float(np.linalg.norm(robot._plant.q[:2] - column["center"])) - 0.1)
+        least[0] = min(least[0], float(np.linalg.norm(robot._plant.q[:2] - column["position"][:2])) - 0.1)
         return "keep-out zone" in reasons(controller.following.control)
 
     def reasons(control):

@@ -5,17 +5,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 import dqcontrol as dqc
 import dqcontrol_theses as published
 from dqcontrol import algebra
-from dqcontrol.plants import Basket, Cube
 from dqcontrol_theses.silva2017 import pick_and_drop_experiment as published_pick_and_drop
 from dqcontrol_theses.silva2017.pick_and_drop_task import (
     BASKET,
     CAMERA,
     CUBE,
     START,
+    _on_floor,
     _watched,
     pick_and_drop,
     plan,
@@ -37,7 +38,7 @@ def done():
 def test_the_cube_is_carried_into_the_basket(done):
     """It starts on the floor outside, rises with the hand, and rests in the basket."""
     assert done.record.stopped == "duration"
-    assert not done.plant.scene.baskets[0].holds(done.path[0])
+    assert not done.plant.bodies["basket"].holds(done.path[0])
     assert done.path[:, 2].max() > 0.2
     assert done.is_in_basket
     assert np.abs(done.path[-1] - done.path[-10]).max() < 1e-3
@@ -53,7 +54,7 @@ def test_the_hand_carries_it_by_friction(done):
 
 
 def test_it_goes_where_the_camera_sees_things(done):
-    assert done.seen[:, :2] == pytest.approx(np.array([CUBE.position, BASKET.position]), abs=0.01)
+    assert done.seen[:, :2] == pytest.approx(np.array([CUBE.position[:2], BASKET.position[:2]]), abs=0.01)
     assert np.abs(done.seen[0, :2] - CUBE.position).max() > 1e-4
     assert np.abs(done.record.measured[:, :2] - done.record.q[:, :2]).max() > 1e-3
 
@@ -69,8 +70,8 @@ def test_the_reproduction_judges_it_and_draws_it(done, monkeypatch):
     pictures = {"pick-and-drop.webp", "pick-and-drop.png", "pick-and-drop-set-points.png"}
     assert set(found.files) <= pictures  # none without OpenGL
     left = replace(done.record, readings={**done.record.readings})
-    cube = left.readings["cube_1_position"]
-    left.readings["cube_1_position"] = cube._replace(values=cube.values[:1].repeat(len(left), axis=0))
+    cube = left.readings["cube_position"]
+    left.readings["cube_position"] = cube._replace(values=cube.values[:1].repeat(len(left), axis=0))
     monkeypatch.setattr(published_pick_and_drop, "pick_and_drop", lambda: replace(done, record=left))
     verdicts = published.reproduce("silva2017/pick-and-drop").tables[-1]
     assert [row[4] for row in verdicts.rows] == ["not supported", "supported"]
@@ -78,11 +79,13 @@ def test_the_reproduction_judges_it_and_draws_it(done, monkeypatch):
 
 def test_cube_and_basket_are_measured_all_the_time():
     """The estimates scatter about the truth as the camera's filtered noise does: by √(w / (2 − w)) of a frame's."""
-    seen = _watched(CAMERA, [[*CUBE.position, CUBE.yaw], [*BASKET.position, 0]], 5000, seed=2)
+    seen = _watched(CAMERA, [_on_floor(CUBE), _on_floor(BASKET)], 5000, seed=2)
     weight = -np.expm1(-1 / (CAMERA.rate * CAMERA.filter_time))
     expected = CAMERA.position_noise * np.sqrt(weight / (2 - weight))
     assert seen[:, :, :2].std(axis=0) == pytest.approx(np.full((2, 2), expected), rel=0.2)
-    assert seen[:, :, :2].mean(axis=0) == pytest.approx(np.array([CUBE.position, BASKET.position]), abs=1e-3)
+    assert seen[:, :, :2].mean(axis=0) == pytest.approx(
+        np.array([CUBE.position[:2], BASKET.position[:2]]), abs=1e-3
+    )
     assert len(np.unique(seen[:, 0, 0])) > 2000
 
 
@@ -98,7 +101,8 @@ def test_both_laws_of_s17_do_it_by_set_points_with_its_gains(label):
 
 @pytest.mark.slow
 def test_a_scene_elsewhere():
-    cube, basket = Cube(position=(0.9, -0.3), yaw=1.0), Basket(position=(1.6, -0.5))
+    cube = structs.replace(CUBE, position=(0.9, -0.3, 0.015), rpy=(0.0, 0.0, 1.0))
+    basket = structs.replace(BASKET, position=(1.6, -0.5, 0.0))
     assert pick_and_drop(cube, basket, seed=3).is_in_basket
 
 
@@ -116,11 +120,11 @@ def test_the_errand_comes_from_the_side_that_faces_the_hand():
 def test_the_example_is_this_errand():
     errand = plan(
         dqc.load_robot("little-john").fkm(START),
-        *CAMERA.glance([[*CUBE.position, CUBE.yaw], [*BASKET.position, 0]], 0),
+        *CAMERA.glance([_on_floor(CUBE), _on_floor(BASKET)], 0),
     )
     points = dqc.references.load_points(EXAMPLES / "points" / "pick-and-drop.csv")
     assert np.asarray(points.times) == pytest.approx(errand.times, abs=1e-4)
     signs = np.sign(np.sum(np.asarray(points.poses)[:, :4] * errand.poses[:, :4], axis=1, keepdims=True))
     assert np.asarray(points.poses) == pytest.approx(signs * errand.poses, abs=1e-4)
     run = dqc.run(EXAMPLES / "pick-and-drop.yaml")
-    assert BASKET.holds(run.record.readings["cube_1_position"].values[-1])
+    assert BASKET.holds(run.record.readings["cube_position"].values[-1])

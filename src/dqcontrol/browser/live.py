@@ -160,7 +160,8 @@ class LiveRun:
         (case,) = setting.cases
         self.label, self.robot = case.names.label, case.scene.robot
         self.planned: Array = algebra.translation(np.ascontiguousarray(case.scene.samples[:, POSE]))
-        self.constraints: Constraints | None = case.variant.law.constraints
+        world, kept = setting.spec.surroundings, case.variant.law.constraints
+        self.constraints: Constraints | None = Constraints(world=world) if kept is None and world else kept
         self.failure: Error | None = None
         self._folder = tempfile.TemporaryDirectory(prefix="dqcontrol-")
         self.path: Path = Path(self._folder.name) / "record.mcap"

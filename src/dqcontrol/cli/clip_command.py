@@ -67,7 +67,7 @@ def clip(
         "azimuth": None if azimuth is None else math.degrees(azimuth),
         "elevation": None if elevation is None else math.degrees(elevation),
         "overwrite": force,
-        "kept": first.law.constraints if first.law else None,
+        "kept": first.surroundings,
         "further": [(other.plant, other.record) for other in others],
         "labels": [folder.name for folder in folders] if others else (),
     }

@@ -34,8 +34,7 @@ def view(*runs: Path, live: Path | None = None, port: Port = 8080) -> None:
     recordings = {path: file for path in runs if (file := growing_recording(path))}
     saved = load_runs([path for path in runs if path not in recordings])
     tracks = [
-        Track(label, run.robot, run.record, constraints=run.law.constraints if run.law else None)
-        for label, run in saved.items()
+        Track(label, run.robot, run.record, constraints=run.surroundings) for label, run in saved.items()
     ]
     running = LiveRun(live) if live is not None else None
     try:

@@ -13,30 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
-from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, inline, kernel
 from dqcontrol.errors import CollisionWarning
-from dqcontrol.geometry import Box, Capsule, FloorMap, Plane, Shape, Sphere, distance_kernels as kernels
-from dqcontrol.geometry.distance_kernels import (
-    ALONG,
-    CENTER,
-    CORE,
-    DISTANCE,
-    KIND,
-    NORMAL,
-    OFFSET,
-    PLANE,
-    ROTATION,
-    ROUND,
-    SHAPE,
-    find_distance,
-)
-from dqcontrol.laws.constrained.constraints import Constraints, PlaneObstacle
+from dqcontrol.experiments.contact_kernels import add_up_ways, pair_distances
+from dqcontrol.geometry import Capsule, FloorMap, Plane, Shape, Sphere, distance_kernels as kernels
+from dqcontrol.laws.constrained.constraints import Constraints
 from dqcontrol.laws.constrained.kept_scene import Surroundings
 from dqcontrol.loop.record import Record
 from dqcontrol.plants import CompliantPlant, MobilePlant, Plant
-from dqcontrol.plants.mobile.scene import TableBlock
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot, SerialArm, TwoArms, WholeBody
 from dqcontrol.robots.bases import CLEARANCE, Chassis, DifferentialDrive
@@ -46,6 +30,7 @@ from dqcontrol.robots.robot import base_coordinates
 from dqcontrol.robots.roller_bases import RollerBase
 from dqcontrol.robots.urdf import UrdfTree
 from dqcontrol.robots.urdf_xml import CheckedXml
+from dqcontrol.world import World
 
 HAND = "end effector"
 _UPRIGHT = math.cos(math.radians(10))  # of a first axis: bases that people put up are not level to a degree
@@ -73,74 +58,6 @@ class Contact(NamedTuple):
     words: str
     depth: float
     time: float
-
-
-# frames of each sample in a row, each shape's frame and its numbers there, pairs of shapes, shifts, scratch, distances
-@kernel(STATUS(READ2, READ2, READ2, READ2, WRITE2, WRITE, WRITE2))
-def pair_distances(frames, shapes, pairs, shifts, placed, found, out):
-    """Write how far the shapes of each pair are apart at each sample, m; infinity where one is not there."""
-    for i in range(out.shape[0]):
-        for s in range(shapes.shape[0]):
-            body, row = shapes[s, 1:], placed[s]
-            for k in range(SHAPE):
-                row[k] = body[k]
-            if shapes[s, 0] > 0.0:
-                first = 8 * (int(shapes[s, 0]) - 1)
-                _move(frames[i, first : first + 8], body, row)
-            if shifts.shape[0] > 0:
-                _shift(shifts[i, 3 * s], shifts[i, 3 * s + 1], shifts[i, 3 * s + 2], row)
-        for p in range(pairs.shape[0]):
-            find_distance(placed[int(pairs[p, 0])], placed[int(pairs[p, 1])], found)
-            out[i, p] = found[DISTANCE] if found[DISTANCE] == found[DISTANCE] else math.inf
-    return OK
-
-
-@kernel(STATUS(READ2, READ, WRITE))
-def add_up_ways(q, levers, out):
-    """Write how far something that joints carry may have gone up to each sample, m."""
-    out[0] = 0.0
-    for i in range(1, out.shape[0]):
-        out[i] = out[i - 1]
-        for j in range(q.shape[1]):
-            out[i] += levers[j] * abs(q[i, j] - q[i - 1, j])
-    return OK
-
-
-@inline
-def _move(pose, body, out):
-    """Write a ball, capsule or box where a pose takes it."""
-    w, x, y, z = pose[0], pose[1], pose[2], pose[3]
-    px, py, pz = position(pose)
-    at = CORE if body[KIND] == ROUND else CENTER
-    out[at], out[at + 1], out[at + 2] = _turned(w, x, y, z, body[at], body[at + 1], body[at + 2])
-    out[at] += px
-    out[at + 1] += py
-    out[at + 2] += pz
-    if body[KIND] == ROUND:
-        out[ALONG], out[ALONG + 1], out[ALONG + 2] = _turned(
-            w, x, y, z, body[ALONG], body[ALONG + 1], body[ALONG + 2]
-        )
-    else:
-        for k in range(ROTATION, ROTATION + 3):
-            out[k], out[k + 3], out[k + 6] = _turned(w, x, y, z, body[k], body[k + 3], body[k + 6])
-
-
-@inline
-def _turned(w, x, y, z, a, b, c):
-    """Return a vector turned by a unit quaternion."""
-    u, v, t = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
-    return a + w * u + y * t - z * v, b + w * v + z * u - x * t, c + w * t + x * v - y * u
-
-
-@inline
-def _shift(x, y, z, out):
-    if out[KIND] == PLANE:
-        out[OFFSET] += out[NORMAL] * x + out[NORMAL + 1] * y + out[NORMAL + 2] * z
-    else:
-        at = CORE if out[KIND] == ROUND else CENTER
-        out[at] += x
-        out[at + 1] += y
-        out[at + 2] += z
 
 
 class _Watched(NamedTuple):
@@ -179,9 +96,11 @@ class Contacts:
         Of its law: links that an obstacle does not name are watched here, as are the shapes that are not kept apart
         by it.
     plant
-        What moves it: its scene and obstacles.
+        What moves it: its obstacles.
     walls
         Map of the reference.
+    world
+        What stands around it; of plants that let links touch it, their readings say what they touched.
     """
 
     def __init__(
@@ -190,6 +109,7 @@ class Contacts:
         constraints: Constraints | None = None,
         plant: Plant | None = None,
         walls: FloorMap | None = None,
+        world: World | None = None,
     ) -> None:
         robot = robot if plant is None else plant.body_of(robot)
         self._robot = robot
@@ -205,8 +125,11 @@ class Contacts:
             if each.frame >= self._first and (self._first > 1 or robot.parents[each.frame - 1] >= 0)
         ]
         self._levers = _levers(robot, self._bodies)
-        self._watched = [*self._floor(constraints), *self._itself(constraints), *self._scene(plant)]
-        self._watched += [*self._walls(walls), *self._obstacles(constraints)]
+        felt = world is not None and plant is not None and plant.touches_world
+        self._watched = [] if felt else [*self._floor(constraints, world), *self._itself(constraints)]
+        self._watched += [*self._scene(plant), *self._walls(walls)]
+        if not felt:
+            self._watched += [*self._obstacles(constraints), *self._bodies_of(world, constraints)]
         shapes = list({id(each): each for pair in self._watched for each in pair[:2]}.values())
         number = {id(each): k for k, each in enumerate(shapes)}
         self._shapes: Array = np.zeros((len(shapes), 1 + kernels.SHAPE))
@@ -274,9 +197,10 @@ class Contacts:
             found[:, 3 * k : 3 * k + 3] = shifts(time)
         return found
 
-    def _floor(self, constraints: Constraints | None) -> Iterator[_Watched]:
-        given = constraints.obstacles.values() if constraints else ()
-        tops = [each for each in given if isinstance(each, PlaneObstacle) and each.normal[2] > 0]
+    def _floor(self, constraints: Constraints | None, world: World | None) -> Iterator[_Watched]:
+        world = world or (constraints.world if constraints else None)
+        planes = (shape for _, shape in world.shapes if isinstance(shape, Plane)) if world else ()
+        tops = [plane for plane in planes if plane.normal[2] > 0]
         if self._first > 1 or (_stands(self._robot) and not tops):
             floor = _still("floor", Plane(np.array([0.0, 0.0, 1.0]), 0.0))
             for each in self._carried:
@@ -294,13 +218,6 @@ class Contacts:
                 yield _Watched(first, second, f"in itself: {first.name} and {second.name}")
 
     def _scene(self, plant: Plant | None) -> Iterator[_Watched]:
-        if isinstance(plant, MobilePlant):
-            tables = plant.scene.tables
-            for i, table in enumerate(tables):
-                block = _still("table", _block(table))
-                for each in self._moving:
-                    name = f"table {i + 1}" if len(tables) > 1 else "table"
-                    yield _Watched(each, block, f"in the {name}: {each.name}")
         if isinstance(
             plant, CompliantPlant
         ):  # its balls touch the end effector alone, their radius is of both
@@ -324,14 +241,27 @@ class Contacts:
         wrist = self._around_the_hand()
         for name, obstacle in constraints.obstacles.items():
             for shape in obstacle.shapes:
-                moves = obstacle.velocity is not None or obstacle.path is not None
+                moves = obstacle.moves.velocity is not None or obstacle.moves.path is not None
                 shifts = (lambda times, k=k: around.shifts(times)[k]) if moves else None
                 still, k = _still(name, shape), k + 1
                 others = self._carried if isinstance(shape, Plane) else self._moving
-                named = {*wrist, *(obstacle.links or ())}
-                for each in others if obstacle.links is not None else []:
+                named = {*wrist, *(obstacle.clear.links or ())}
+                for each in others if obstacle.clear.links is not None else []:
                     if each.name not in named:
                         yield _Watched(each, still, f"in {name}: {each.name}", shifts)
+
+    def _bodies_of(self, world: World | None, constraints: Constraints | None) -> Iterator[_Watched]:
+        """Yield all links and the bodies that constraints do not keep clear of, but those that physics alone moves."""
+        kept = constraints.obstacles if constraints is not None and constraints.world is not None else {}
+        for name, body in () if world is None else world.bodies.items():
+            if name in kept or body.is_moved_by_physics or body.role == "springy":
+                continue
+            shifts = None if body.moves is None else body.moves.shifts
+            for shape in body.shapes:
+                still = _still(name, shape)
+                for each in self._carried if isinstance(shape, Plane) else self._moving:
+                    words = "through the" if isinstance(shape, Plane) else "in"
+                    yield _Watched(each, still, f"{words} {name}: {each.name}", shifts)
 
     def _around_the_hand(self) -> set[str]:
         """Return the names of the end effectors and of the links that they lie in."""
@@ -390,11 +320,16 @@ def _inside_chassis(robot: Robot, q: Array, position: Array) -> Array:
 
 
 def contacts_of(
-    robot: Robot, constraints: Constraints | None, plant: Plant | None, walls: FloorMap | None
+    robot: Robot,
+    constraints: Constraints | None,
+    plant: Plant | None,
+    walls: FloorMap | None,
+    world: World | None = None,
 ) -> Contacts:
     """Return `Contacts`; those of a robot with nothing around it, which the runs of a study share, are made once."""
-    if constraints is not None or walls is not None or isinstance(plant, MobilePlant | CompliantPlant):
-        return Contacts(robot, constraints, plant, walls)
+    around = constraints, walls, world
+    if any(each is not None for each in around) or isinstance(plant, MobilePlant | CompliantPlant):
+        return Contacts(robot, constraints, plant, walls, world)
     return _alone(robot if plant is None else plant.body_of(robot))
 
 
@@ -405,12 +340,6 @@ def _alone(robot: Robot) -> Contacts:
 
 def _still(name: str, shape: Shape) -> LinkShape:
     return LinkShape(name, 0, shape)  # type: ignore[arg-type]  # also a plane or an endless cylinder, as none is a link
-
-
-def _block(table: TableBlock) -> Box:
-    x, y = table.position
-    place = algebra.pose(np.array([1.0, 0, 0, 0]), np.array([x, y, 0.5 * table.height]))
-    return Box(place, np.array([*table.size, table.height]))
 
 
 def _core(link: LinkShape) -> LinkShape:

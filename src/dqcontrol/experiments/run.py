@@ -27,7 +27,6 @@ from dqcontrol.experiments.verdict import Judge, Verdict, verdict_of
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.laws import Constraints, Law
-from dqcontrol.laws.constrained.constraints import MapObstacle
 from dqcontrol.loop import Clock, Record, Timing
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.simulate import simulate_prepared
@@ -40,6 +39,7 @@ from dqcontrol.plants import Plant
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.recording import RecordStream, export_record, save_record
 from dqcontrol.robots import Robot
+from dqcontrol.world import Body, World
 
 Progress = Callable[[int, int], None]
 
@@ -142,12 +142,11 @@ class Run:
         if self._parts is None or self.law is None:
             return None
         given, planned_on = self.law.constraints, getattr(self._parts.reference, "map", None)
-        if planned_on is None or not Path(planned_on).is_file():
-            return given
-        kept = given or Constraints()
-        if any(each.file == planned_on for each in kept.obstacles.values() if isinstance(each, MapObstacle)):
-            return kept
-        return replace_field(kept, obstacles={**kept.obstacles, "map": MapObstacle(file=planned_on)})
+        bodies = dict(self._parts.world or {})
+        known = {body.map for body in bodies.values()}
+        if planned_on is not None and planned_on not in known and Path(planned_on).is_file():
+            bodies["map"] = Body(map=planned_on)
+        return replace_field(given or Constraints(), world=World(bodies=bodies)) if bodies else given
 
     @cached_property
     def _parts(self) -> Spec | None:

@@ -83,7 +83,7 @@ def collided(case: Combination, trials: Trials) -> str:
     if not through:
         return ""
     words = f"{case.names.label}: {through[0]['verdict']}{_count(through, trials, ', ')}"
-    if through[0]["failure"] == "crossed":
+    if through[0]["failure"] == "crossed" or str(through[0]["verdict"]).startswith("hit "):
         return words
     words += "; nothing stopped it there"
     if "through the floor" in words and not case.scene.robot.bases:
@@ -93,7 +93,7 @@ def collided(case: Combination, trials: Trials) -> str:
 
 def not_done(case: Combination, trials: Trials) -> str:
     """Say what is left of the task of one case, and what helps; nothing if all repeats did it."""
-    if lost := [trial for trial in trials if trial["failure"] == "grip"]:
+    if lost := [trial for trial in trials if trial["failure"] in ("grip", "outcome")]:
         return f"{case.names.label}: {lost[0]['verdict']}{_count(lost, trials, ', ')}"
     short = [trial for trial in trials if trial["failure"] and _MISSED.search(str(trial["verdict"]))]
     if not short:

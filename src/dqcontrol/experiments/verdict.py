@@ -9,18 +9,17 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from dqcontrol.arrays import Array
 from dqcontrol.experiments.contacts import HAND, contacts_of
+from dqcontrol.experiments.outcome import Expectation, felt, judge_outcome, length_text
 from dqcontrol.experiments.spec import Spec
 from dqcontrol.experiments.spec.reference_base import ReferenceSpec
-from dqcontrol.geometry import FloorMap, load_map
+from dqcontrol.geometry import load_map
 from dqcontrol.laws import Law, PartialProportional, PreparedTasks
 from dqcontrol.laws.constrained.constraints import Constraints
 from dqcontrol.laws.constrained.kept_scene import KeptScene
 from dqcontrol.laws.constrained.prepared_constraints import SELF
 from dqcontrol.limits import Supervisor, list_interventions
 from dqcontrol.limits.supervisor.interventions import INTERVENTIONS
-from dqcontrol.limits.supervisor.keep_out_zones import CircularZone, KeepOutZone, MapZone, PolygonalZone
 from dqcontrol.loop.kept_signals import DISTANCE, PRESSURE, ROOM
 from dqcontrol.loop.record import Record, has_failed, row_norms
 from dqcontrol.measures.deadlock import deadlocks
@@ -32,8 +31,9 @@ from dqcontrol.plants.mobile.mobile_live import SLIDING
 from dqcontrol.plants.mujoco.carried_box import GRIP_FORCE
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
+from dqcontrol.world import Body, World
 
-Failure = Literal["", "ended", "crossed", "contact", "limits", "grip", "task"]
+Failure = Literal["", "ended", "outcome", "crossed", "contact", "limits", "grip", "task"]
 """In what way a run failed; empty of one that did not."""
 
 _CROSSED = 1e-9  # m or rad: rounding
@@ -108,6 +108,8 @@ class Judge:
         s.
     tasks
         What is asked for beside it.
+    world, outcome
+        What stands around, and what is to be true of a run: then neither touching nor a reference that was left fails.
     """
 
     def __init__(
@@ -119,6 +121,8 @@ class Judge:
         reference: ReferenceSpec | None = None,
         period: float = 1.0,
         tasks: PreparedTasks | None = None,
+        world: World | None = None,
+        outcome: Sequence[Expectation] = (),
     ) -> None:
         self.robot = robot
         self.law = law
@@ -127,12 +131,23 @@ class Judge:
         kind = "" if reference is None else str(reference.__struct_config__.tag)
         self._motion = kind if kind in _SHAPES else "reference"
         file = getattr(reference, "map", None)
-        self._contacts = contacts_of(robot, self._constraints, plant, load_map(file) if file else None)
+        self._contacts = contacts_of(robot, self._constraints, plant, load_map(file) if file else None, world)
+        self._world, self._outcome = world, list(outcome)
 
     @classmethod
     def of(cls, spec: Spec, robot: Robot, law: Law, plant: Plant, tasks: PreparedTasks | None) -> Judge:
         """Return that of the runs of a spec with one of its robots, laws and plants; its further tasks made ready."""
-        return cls(robot, law, plant, spec.supervisor_of(plant), spec.reference, spec.period, tasks)
+        return cls(
+            robot,
+            law,
+            plant,
+            spec.supervisor_of(plant),
+            spec.reference,
+            spec.period,
+            tasks,
+            spec.surroundings,
+            spec.outcome or (),
+        )
 
     def verdict(self, record: Record, metrics: Metrics, skip_initial: float = 0.0) -> Verdict:
         """Return what a run came to.
@@ -147,9 +162,15 @@ class Judge:
         if metrics.failure == "ended":
             diverged = "" if has_failed(record.stopped) else "diverged: "
             return Verdict(diverged + record.stopped.partition(";")[0], "ended")
+        touched = list(self._touched(record))
+        judged = judge_outcome(self._outcome, record, self.robot, self._world, self._period, touched)
+        met = [each.words for each in judged if each.holds]
+        hit = felt(record, () if self.robot.shapes is None else self.robot.shapes.names)
         found: list[tuple[Failure, str]] = [
+            *(("outcome", f"not so: {each.words}") for each in judged if not each.holds),
             *(("crossed", words) for words in (*self._crossed(record), *self._supervised(record))),
-            *(("contact", words) for words in self._touched(record)),
+            *(("contact", words) for words in touched),
+            *(("contact", words) for words in hit if not self._outcome and not self._may_be_hit(words)),
             *(("limits", words) for words in self._limits(record, metrics)),
             *(("grip", words) for words in self._grip(record)),
             *(("task", words) for words in self._shakes(record, metrics)),
@@ -158,7 +179,10 @@ class Judge:
         found.extend(("task", words) for words, failed in further if failed)
         told = [words for words, failed in further if not failed]
         task = metrics.verdict
-        if task.startswith("not "):
+        met += [words for words in hit if self._outcome or self._may_be_hit(words)]
+        if self._outcome and not found:
+            return Verdict("; ".join([*met, task, *told, *self._kept(record), *self._done(record)]), "")
+        if task.startswith("not ") and not self._outcome:
             result = task_result(record, law=self.law, skip_initial=skip_initial, robot=self.robot)
             if not found and (left := self._left(record, result)):
                 words = [
@@ -171,7 +195,7 @@ class Judge:
             cause = next(self._causes(record, metrics, result), "")
             found.append(("task", f"{cause}; {task}" if cause else task))
         elif not found:
-            return Verdict("; ".join([task, *told, *self._kept(record), *self._done(record)]), "")
+            return Verdict("; ".join([task, *told, *met, *self._kept(record), *self._done(record)]), "")
         else:
             found.append(("task", task))
         *breaches, (_, end) = found
@@ -179,6 +203,12 @@ class Judge:
         if len(breaches) > _SAID:
             words.append(f"and {len(breaches) - _SAID} more")
         return Verdict("; ".join([*words, end]), found[0][0])
+
+    def _may_be_hit(self, words: str) -> bool:
+        """Return whether what was hit is a body that gives way."""
+        name = words.removeprefix("hit ").partition(": ")[0]
+        body = None if self._world is None else self._world.bodies.get(name)
+        return body is not None and (body.is_moved_by_physics or body.role == "springy")
 
     # What was to be kept
 
@@ -202,10 +232,10 @@ class Judge:
                 continue
             link = self._nearest_link(record, at, name)
             if distance[at, i] < 0:
-                yield f"crossed: {name} {_length(float(distance[at, i]))}{link}{when}"
+                yield f"crossed: {name} {length_text(float(distance[at, i]))}{link}{when}"
             else:
-                asked = _length(float(distance[at, i]) - value)
-                yield f"too near: {name} {_length(float(distance[at, i]))}{link}, {asked} asked,{when}"
+                asked = length_text(float(distance[at, i]) - value)
+                yield f"too near: {name} {length_text(float(distance[at, i]))}{link}, {asked} asked,{when}"
 
     def _nearest_link(self, record: Record, at: int, name: str) -> str:
         """Return the link that is nearest to a constraint at a sample, in brackets; nothing if it is another's."""
@@ -226,15 +256,15 @@ class Judge:
                 given.keep_out.footprint_of(self.robot),
                 record.q[:, self.robot.bases[0][0] :][:, :2],
             )
-            for name, zone in given.keep_out.zones.items():
-                room = _zone_room(zone, base) - radius
+            for name, taken in given.keep_out.footprints.items():
+                room = taken.clearance(base) - radius
                 if (k := int(room.argmin())) >= 0 and room[k] < -_CROSSED:
-                    yield f"crossed: zone {name} {_length(float(room[k]))} (base){_at(record, k)}"
+                    yield f"crossed: {name} {length_text(float(room[k]))} (base){_at(record, k)}"
         if (box := given.workspace) is not None:
             out = np.maximum(np.array(box.lower) - record.position, record.position - np.array(box.upper))
             beyond = out.max(axis=1)
             if beyond[k := int(beyond.argmax())] > given.measured_tolerance:
-                yield f"crossed: workspace {_length(-float(beyond[k]))} ({HAND}){_at(record, k)}"
+                yield f"crossed: workspace {length_text(-float(beyond[k]))} ({HAND}){_at(record, k)}"
 
     def _touched(self, record: Record) -> Iterator[str]:
         found = self._contacts.of_run(record)
@@ -243,14 +273,16 @@ class Judge:
             thing, _, link = each.words.partition(": ")
             if thing not in told:
                 told.add(thing)
-                yield f"{thing}: {link} {_length(-each.depth)} at {each.time:.3g} s"
+                yield f"{thing}: {link} {length_text(-each.depth)} at {each.time:.3g} s"
 
     def _limits(self, record: Record, metrics: Metrics) -> Iterator[str]:
         if metrics.limit_margin < -UNSEEN:
             i = record.joint_names.index(metrics.limit_joint)
             k = int(joint_margins(record, self.robot.limits)[i].argmin())
             turns = self.robot.joint_types[i] == "revolute"
-            by = f"{math.degrees(-metrics.limit_margin):.2g}°" if turns else _length(-metrics.limit_margin)
+            by = (
+                f"{math.degrees(-metrics.limit_margin):.2g}°" if turns else length_text(-metrics.limit_margin)
+            )
             yield f"beyond its limit: {metrics.limit_joint} by {by}{_at(record, k)}"
         if metrics.peak_velocity_share > 1 + _ROUNDING:
             shares = np.abs(record.command[:-1]) / self.robot.limits.velocity
@@ -268,7 +300,7 @@ class Judge:
             if len(lost):
                 yield f"let go of the box{_at(record, int(held[0] + lost[0]) if len(held) else 0)}"
         plant = self._plant
-        if not isinstance(plant, MobilePlant) or plant.gripper is None or not plant.scene.cubes:
+        if not isinstance(plant, MobilePlant) or plant.gripper is None or not _free(plant):
             return
         opening = record.readings["gripper_opening"].values[:, 0]
         end = float(record.time[-1])
@@ -282,22 +314,22 @@ class Judge:
                 lost = float(record.time[there[int(closed.argmax())]])
                 dropped = lost > begin + free
                 yield f"dropped at {lost:.3g} s" if dropped else f"gripped nothing at {begin:.3g} s"
-        if plant.scene.baskets and any(until < end for _, until in holds):
+        if _containers(plant) and any(until < end for _, until in holds):
             yield from self._not_placed(record, len(holds))
 
     def _not_placed(self, record: Record, carried: int) -> Iterator[str]:
-        """Yield the cube that is nearest to a basket, and not in it, if fewer are in baskets than were gripped."""
+        """Yield the body that is nearest to a container, and in none, if fewer are in one than were gripped."""
         assert isinstance(self._plant, MobilePlant)
-        scene, outside, names = self._plant.scene, [], []
-        for k in range(len(scene.cubes)):
-            place = record.readings[f"cube_{k + 1}_position"].values[-1]
-            if not any(basket.holds(place) for basket in scene.baskets):
-                names.append("cube" if len(scene.cubes) == 1 else f"cube {k + 1}")
-                away = [np.abs(place[:2] - basket.position) - 0.5 * basket.side for basket in scene.baskets]
-                outside.append(min(float(np.linalg.norm(np.maximum(each, 0.0))) for each in away))
-        if len(scene.cubes) - len(outside) < min(carried, len(scene.cubes)):
-            nearest = int(np.argmin(outside))
-            yield f"not placed: {names[nearest]} {_length(outside[nearest])} from the basket"
+        free, containers, outside = _free(self._plant), _containers(self._plant), {}
+        for name in free:
+            place = record.readings[f"{name}_position"].values[-1]
+            away = {other: float(body.away(place)) for other, body in containers.items()}
+            nearest = min(away, key=lambda other: away[other])
+            if away[nearest] > 0:
+                outside[name] = nearest, away[nearest]
+        if len(free) - len(outside) < min(carried, len(free)):
+            name = min(outside, key=lambda each: outside[each][1])
+            yield f"not placed: {name} {length_text(outside[name][1])} from {outside[name][0]}"
 
     def _shakes(self, record: Record, metrics: Metrics) -> Iterator[str]:
         """Yield which input goes back and forth at the end of a run most, and what the supervisor held it by."""
@@ -344,12 +376,13 @@ class Judge:
         name, at = room.parts[i], int(np.nanargmin(room.values[:, i]))
         near = float(distance[at, i])
         if name in self._constraints.zones:
-            yield f"kept in {name} ({_length(near)} left)"
+            yield f"kept in {name} ({length_text(near)} left)"
         else:
             what = "itself" if name == SELF else f"the {name}"
             asked = near - float(least[i])
             alike = max(near, asked) < 1  # m: both are said in mm
-            yield f"kept clear of {what} ({_length(near)}, {f'{1e3 * asked:.3g}' if alike else _length(asked)} asked)"
+            least_asked = f"{1e3 * asked:.3g}" if alike else length_text(asked)
+            yield f"kept clear of {what} ({length_text(near)}, {least_asked} asked)"
 
     def _done(self, record: Record) -> Iterator[str]:
         """Yield what else was to be done, and was."""
@@ -357,13 +390,10 @@ class Judge:
         if GRIP_FORCE in record.readings:
             yield "held the box"
         if isinstance(plant, MobilePlant):
-            if plant.gripper is not None and plant.scene.cubes and plant.gripper.schedule:
-                places = [
-                    record.readings[f"cube_{k + 1}_position"].values[-1]
-                    for k in range(len(plant.scene.cubes))
-                ]
-                count = sum(any(basket.holds(place) for basket in plant.scene.baskets) for place in places)
-                yield f"placed {count} of {len(places)}" if count else "gripped"
+            if plant.gripper is not None and (free := _free(plant)) and plant.gripper.schedule:
+                places = [record.readings[f"{name}_position"].values[-1] for name in free]
+                held = [any(body.holds(place) for body in _containers(plant).values()) for place in places]
+                yield f"placed {sum(held)} of {len(places)}" if any(held) else "gripped"
             yield f"stands (tilt ≤ {math.degrees(float(record.readings['tilt'].values.max())):.2g}°)"
 
     # Why a task was not done
@@ -385,7 +415,7 @@ class Judge:
             return ""
         far, turned = float(record.position_error.max()), float(record.orientation_error.max())
         mainly = result.position > result.position_tolerance
-        return f"{_length(far, 2) if mainly else f'{math.degrees(turned):.2g}°'} at most"
+        return f"{length_text(far, 2) if mainly else f'{math.degrees(turned):.2g}°'} at most"
 
     def _kept_hand(self, record: Record) -> bool:
         """Return whether the hand was farthest from its reference while a constraint pressed, or just after."""
@@ -420,7 +450,7 @@ class Judge:
         if result.rests and not result.is_moving:
             yield from self._rests(record, metrics, result)
         elif behind := _behind(record, result):
-            yield f"too late: {_length(behind)} behind"
+            yield f"too late: {length_text(behind)} behind"
 
     def _rests(self, record: Record, metrics: Metrics, result: TaskResult) -> Iterator[str]:
         """Yield why a hand rests before its goal."""
@@ -431,18 +461,17 @@ class Judge:
             yield f"{self.robot.name} has {self.robot.input_size} inputs, and a pose takes 6"
         elif not partial and not self.robot.solve(record.desired[-1, POSE], record.q[-1]).success:
             missing = record.position_error[-1]
-            yield f"out of reach: rests {_length(float(missing))} short"
+            yield f"out of reach: rests {length_text(float(missing))} short"
         elif metrics.limit_margin < AT_LIMIT:
             yield f"at its limit: {metrics.limit_joint}"
 
 
-def _zone_room(zone: KeepOutZone, points: Array) -> Array:
-    """Return how far points (N, 2), m, are from a zone; negative inside."""
-    if isinstance(zone, CircularZone):
-        return row_norms(points - np.array(zone.center)) - zone.radius
-    assert isinstance(zone, PolygonalZone | MapZone)
-    floor = load_map(zone.file) if isinstance(zone, MapZone) else FloorMap((np.array(zone.corners),))
-    return floor.clearance(points)
+def _free(plant: MobilePlant) -> dict[str, Body]:
+    return {name: body for name, body in plant.bodies.items() if body.role == "free"}
+
+
+def _containers(plant: MobilePlant) -> dict[str, Body]:
+    return {name: body for name, body in plant.bodies.items() if body.container is not None}
 
 
 def _braked(record: Record) -> str:
@@ -482,9 +511,3 @@ def _behind(record: Record, result: TaskResult) -> float:
 
 def _at(record: Record, sample: int) -> str:
     return f" at {record.time[sample]:.3g} s"
-
-
-def _length(value: float, digits: int = 3) -> str:
-    """Return a length in mm, one of a metre and more in m; negative inside of something."""
-    sign, size = "−" if value < 0 else "", abs(value)
-    return f"{sign}{size:.{digits}g} m" if size >= 1 else f"{sign}{1e3 * size:.{digits}g} mm"

@@ -24,6 +24,9 @@ _UNITS = {
     "kg": ("kg", 1.0),
     "g": ("kg", 1e-3),
     "N": ("N", 1.0),
+    "kN": ("N", 1e3),
+    "N/m": ("N/m", 1.0),
+    "kN/m": ("N/m", 1e3),
     "Hz": ("Hz", 1.0),
 }
 _QUANTITY = re.compile(

@@ -154,12 +154,13 @@ class FloorMap:
         return Box(place, np.array([float(np.linalg.norm(side)), width, self.height]))
 
 
-def load_map(path: str | Path) -> FloorMap:
+def load_map(path: str | Path, height: float | None = None) -> FloorMap:
     """Return the map of a YAML file.
 
     Either it has ``polygons``, lists of points [x, y] in m, and perhaps ``height``; or it is that of a grid, as ROS's
     map server writes it: ``image`` (PNG or PGM, beside the file), ``resolution`` (m a cell), ``origin`` [x, y, yaw] of
-    the lower left corner, ``negate``, ``occupied_thresh``. Cells that are not known count as free.
+    the lower left corner, ``negate``, ``occupied_thresh``. Cells that are not known count as free. A ``height`` given
+    here, m, is in place of the file's.
 
     Raises
     ------
@@ -180,7 +181,7 @@ def load_map(path: str | Path) -> FloorMap:
     if "polygons" in data:
         given = convert(path, data, _PolygonFile)
         try:
-            return FloorMap(tuple(np.array(each) for each in given.polygons), given.height)
+            return FloorMap(tuple(np.array(each) for each in given.polygons), height or given.height)
         except ValueRangeError as error:
             raise FileFormatError(f"{path}: {error}") from None
     if "resolution" not in data:
@@ -188,7 +189,8 @@ def load_map(path: str | Path) -> FloorMap:
             f"{path}: resolution: is missing; a map without scale (m a cell) cannot be kept out of"
         )
     grid = convert(path, data, _GridFile)
-    return _of_grid(path, _occupied(path, grid), grid)
+    found = _of_grid(path, _occupied(path, grid), grid)
+    return found if height is None else FloorMap(found.polygons, height)
 
 
 def _cross(a: Array, b: Array) -> Array:

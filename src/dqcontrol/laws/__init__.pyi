@@ -1,18 +1,10 @@
 from . import parts as parts
 from .constrained.constraints import (
     Angle as Angle,
-    BoxObstacle as BoxObstacle,
-    BoxZone as BoxZone,
-    CapsuleObstacle as CapsuleObstacle,
+    ClearOf as ClearOf,
     Constraints as Constraints,
-    CylinderObstacle as CylinderObstacle,
-    CylinderZone as CylinderZone,
     LineOfSight as LineOfSight,
-    MapObstacle as MapObstacle,
-    PlaneObstacle as PlaneObstacle,
-    PlaneZone as PlaneZone,
-    SphereObstacle as SphereObstacle,
-    SphereZone as SphereZone,
+    Zone as Zone,
 )
 from .constrained.programs import (
     LevelSolution as LevelSolution,

@@ -8,12 +8,9 @@ from .position_limit import (
     position_limits as position_limits,
 )
 from .supervisor import (
-    CircularZone as CircularZone,
     DeclaredPayload as DeclaredPayload,
     KeepOutZones as KeepOutZones,
     LinkPoint as LinkPoint,
-    MapZone as MapZone,
-    PolygonalZone as PolygonalZone,
     Supervisor as Supervisor,
     WorkspaceBox as WorkspaceBox,
 )

@@ -10,17 +10,20 @@ from numpy.typing import NDArray
 from dqcontrol.loop.record import Record, row_norms
 
 RECOVERED = 2e-3  # m
+FORCE, DEPTH = "contact_force", "penetration"  # channels of plants that let links touch the world
 
 
-def _contact(record: Record) -> NDArray[np.float64] | None:
-    """Return the size of the force on the hand, the largest since each sample before, N; None without obstacles."""
+def contact_force(record: Record) -> NDArray[np.float64] | None:
+    """Return the force on the hand, the largest since each sample before, or on a body, N; None without."""
+    if FORCE in record.readings:
+        return record.readings[FORCE].values.max(axis=1)
     signal = record.readings.get("contact")
     return row_norms(signal.values) if signal is not None and signal.values.shape[1] == 3 else None
 
 
 def peak_contact(record: Record) -> float:
     """Return the largest force of an obstacle on the hand, N; NaN without obstacles."""
-    force = _contact(record)
+    force = contact_force(record)
     return math.nan if force is None else float(force.max())
 
 
@@ -30,7 +33,7 @@ def recovery_time(record: Record) -> float:
     It is back once its distance |p_d − p| stays, to the end of the run, within 2 mm of what it was at the last sample
     before the first contact. NaN without contact, or if it never is.
     """
-    force = _contact(record)
+    force = contact_force(record)
     touched = np.flatnonzero(force > 0) if force is not None else np.zeros(0, dtype=np.intp)
     if not len(touched):
         return math.nan

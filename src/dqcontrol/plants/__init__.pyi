@@ -31,12 +31,6 @@ from .mobile.gripper import (
     GripperEvent as GripperEvent,
 )
 from .mobile.odometry import Odometry as Odometry
-from .mobile.scene import (
-    Basket as Basket,
-    Cube as Cube,
-    Scene as Scene,
-    TableBlock as TableBlock,
-)
 from .mobile.wheeled_base import WheeledBase as WheeledBase
 from .mujoco import MujocoPlant as MujocoPlant
 from .own_plant import OwnPlant as OwnPlant

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias, get_args
+from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias, get_args
 
 import numpy as np
 from msgspec.structs import replace
@@ -21,6 +21,7 @@ from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.live_plant import ControllerSettings, LivePlant, MovedPlant
 from dqcontrol.robots.robot import Robot, base_coordinates
+from dqcontrol.world import World
 
 # command, parameters, noise of this step, state, q, measured
 PLANT = STATUS(READ, READ, READ, WRITE, WRITE, WRITE)
@@ -78,6 +79,8 @@ class Plant(
     ----------
     is_supervised
         Whether a supervisor stands before it unless told otherwise: of plants that move more than our own arrays.
+    touches_world
+        Whether links touch the bodies of the world it is in, and each other.
     has_velocity_limits
         Whether commands before it are scaled to the robot's velocity limits unless told otherwise: of servos and
         physics, which real joints stand behind.
@@ -89,6 +92,7 @@ class Plant(
 
     spec_key: ClassVar[str] = "plant"
     is_supervised: ClassVar[bool] = False
+    touches_world: ClassVar[bool] = False
     has_velocity_limits: ClassVar[bool] = False
     is_ideal: ClassVar[bool] = False
     file_keys: ClassVar[tuple[str, ...]] = ()
@@ -176,6 +180,10 @@ class Plant(
     def boxes(self, robot: Robot, q: Array, readings: Mapping[str, Array]) -> list[MovingBox]:
         """Return what boxes a robot moves in a run, by its configurations (N, n) and what was sensed, for pictures."""
         return []
+
+    def in_world(self, world: World) -> Self:
+        """Return this plant among the bodies of a world; one that nothing touches stays as it is."""
+        return self
 
     def picture(self, robot: Robot) -> PhysicsPicture | None:
         """Return the robot among the things around it, for pictures; None if the robot alone says it all."""

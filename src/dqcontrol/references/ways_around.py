@@ -32,7 +32,7 @@ _APART = (
 _STEPS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
 
 
-class Body(NamedTuple):
+class BodyPoints(NamedTuple):
     """Points of a robot and how far its material is from them at most, as planning sees it."""
 
     points: Array  # (N, 3), m
@@ -170,7 +170,7 @@ def _overlap(i: int, j: int) -> tuple[slice, slice]:
     return along, across
 
 
-def body_points(robot: Robot, q: Array) -> Body:
+def body_points(robot: Robot, q: Array) -> BodyPoints:
     """Return points of a robot at a configuration (n,): of its shapes, else of straight links between its joints."""
     frames = robot.frames(q)
     last = int(np.flatnonzero(base_coordinates(robot))[-1]) + 1  # frame of the base
@@ -208,7 +208,7 @@ def body_points(robot: Robot, q: Array) -> Body:
         places = algebra.translation(frames[last:])
         for a, b in pairwise(places):
             add(_between(a, b), _LINK, True)
-    return Body(np.array(points).reshape(-1, 3), np.array(radii), np.array(carried, dtype=bool))
+    return BodyPoints(np.array(points).reshape(-1, 3), np.array(radii), np.array(carried, dtype=bool))
 
 
 def _balls(box: Box) -> tuple[Array, float]:

@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 def surroundings_of(runs: Iterable[Run]) -> Constraints | None:
     """Return constraints with the obstacles and zones that all runs have that have any; None where these differ."""
     given = [run.surroundings for run in runs if run.surroundings is not None]
-    alike = all((each.obstacles, each.zones) == (given[0].obstacles, given[0].zones) for each in given)
+    alike = all(
+        (each.world, each.clear_of, each.zones) == (given[0].world, given[0].clear_of, given[0].zones)
+        for each in given
+    )
     return given[0] if given and alike else None
 
 

@@ -110,14 +110,14 @@ def _apart(done: PickAndDrop) -> np.ndarray:
 
 def _aside(done: PickAndDrop) -> float:
     """Return how far beside the middle of the basket the cube rests, m."""
-    return float(np.linalg.norm(done.path[-1, :2] - BASKET.position))
+    return float(np.linalg.norm(done.path[-1, :2] - BASKET.position[:2]))
 
 
 def _table(done: PickAndDrop) -> Table:
     record = done.record
     closed, opened = (event.time for event in done.errand.schedule)
     carried = (record.time > closed + 1.0) & (record.time < opened)
-    seen = np.linalg.norm(done.seen[:, :2] - [CUBE.position, BASKET.position], axis=1)
+    seen = np.linalg.norm(done.seen[:, :2] - [CUBE.position[:2], BASKET.position[:2]], axis=1)
     path = np.linalg.norm(np.diff(done.path, axis=0), axis=1).sum()
     rows = [
         ["Cube and basket in the camera's frame, off by at most", 1e3 * float(seen.max()), "mm"],

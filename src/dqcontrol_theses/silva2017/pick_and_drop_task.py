@@ -15,9 +15,10 @@ from dqcontrol.errors import as_array
 from dqcontrol.laws import FeedbackLinearization, Law
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Record, simulate, simulate_prepared
-from dqcontrol.plants import Basket, Camera, Cube, Gripper, GripperEvent, MobilePlant, Scene, lagging_mode
+from dqcontrol.plants import Camera, Gripper, GripperEvent, MobilePlant, lagging_mode
 from dqcontrol.references import POSE, TIME, Points
 from dqcontrol.robots import load_robot
+from dqcontrol.world import Body, World
 from dqcontrol_theses.printed import PRINTED_IN_BODY_TWISTS
 
 ROBOT, PERIOD = "little-john", 0.02
@@ -25,7 +26,8 @@ START = (0.0, 0.0, 0.0, 0.0, -0.504, 1.397, 0.0, 0.0)
 LAW = FeedbackLinearization(stiffness=16.0, damping=6.0, inverse=PRINTED_IN_BODY_TWISTS)
 CAMERA = Camera(rate=30.0, delay=0.04, position_noise=0.002, angle_noise=0.004, filter_time=0.1)
 LINK_MASS = [0.125, 0.405, 0.18, 0.12, 0.13]
-CUBE, BASKET = Cube(position=(0.8, 0.2), yaw=0.3), Basket(position=(0.5, 0.9))
+CUBE = Body(box=0.03, position=(0.8, 0.2, 0.015), rpy=(0.0, 0.0, 0.3), mass=0.02)
+BASKET = Body(container=(0.16, 0.16, 0.08), position=(0.5, 0.9, 0.0))
 HOLDS = 40.0, 32.0, 40.0, 43.0  # s; of the set-points above the cube, at it, above it, above the basket
 _GRIPPING, _DROPPING = 2.0, 3.0  # s; before the end of its set-point the gripper closes, and opens
 _OTHER_NOISE = 1000  # things are seen with other noise than the base
@@ -82,12 +84,12 @@ class PickAndDrop:
     @property
     def path(self) -> Array:
         """Where the cube was over time, shape (N, 3), m."""
-        return self.record.readings["cube_1_position"].values
+        return self.record.readings["cube_position"].values
 
     @property
     def is_in_basket(self) -> bool:
         """Whether the cube ended up in the basket."""
-        return bool(self.plant.scene.baskets[0].holds(self.path[-1]))
+        return bool(self.plant.bodies["basket"].holds(self.path[-1]))
 
 
 def plan(hand: ArrayLike, cube: ArrayLike, basket: ArrayLike) -> Errand:
@@ -138,7 +140,7 @@ def stops_of(hand: ArrayLike, cube: ArrayLike, basket: ArrayLike) -> tuple[Array
 
 
 def pick_and_drop(
-    cube: Cube = CUBE, basket: Basket = BASKET, camera: Camera = CAMERA, seed: int = 0
+    cube: Body = CUBE, basket: Body = BASKET, camera: Camera = CAMERA, seed: int = 0
 ) -> PickAndDrop:
     """Let Little John put a cube into a basket, in physics, from what a camera at the ceiling measures.
 
@@ -162,7 +164,7 @@ def pick_and_drop(
     True
     """
     robot = load_robot(ROBOT)
-    seen = camera.glance([[*cube.position, cube.yaw], [*basket.position, 0.0]], seed)
+    seen = camera.glance([_on_floor(cube), _on_floor(basket)], seed)
     errand = plan(robot.fkm(START), *seen)
     plant = _plant(cube, basket, camera, errand.schedule)
     reference = Points(errand.times, errand.poses)
@@ -171,7 +173,7 @@ def pick_and_drop(
 
 
 def regulate(
-    law: Law, cube: Cube = CUBE, basket: Basket = BASKET, camera: Camera = CAMERA, seed: int = 0
+    law: Law, cube: Body = CUBE, basket: Body = BASKET, camera: Camera = CAMERA, seed: int = 0
 ) -> PickAndDrop:
     """Let a law put the cube into the basket by set-points, cube and basket measured all the time. [S17 5.1]
 
@@ -194,7 +196,7 @@ def regulate(
         GripperEvent(time=float(ends[1] - _GRIPPING), closed=True),
         GripperEvent(time=float(ends[3] - _DROPPING), closed=False),
     ]
-    seen = _watched(camera, [[*cube.position, cube.yaw], [*basket.position, 0.0]], len(times), seed)
+    seen = _watched(camera, [_on_floor(cube), _on_floor(basket)], len(times), seed)
     gripped = int((ends[1] - _GRIPPING) / PERIOD)
     seen[gripped:, 0] = seen[gripped, 0]
     stage = np.minimum(np.searchsorted(ends, times, side="right"), len(ends) - 1)
@@ -223,14 +225,19 @@ def _watched(camera: Camera, poses: list[list[float]], steps: int, seed: int) ->
     return seen
 
 
-def _plant(cube: Cube, basket: Basket, camera: Camera, schedule: list[GripperEvent]) -> MobilePlant:
+def _plant(cube: Body, basket: Body, camera: Camera, schedule: list[GripperEvent]) -> MobilePlant:
     return MobilePlant(
         location="camera",
         camera=camera,
         link_mass=LINK_MASS,
         gripper=Gripper(closes="y", schedule=schedule),
-        scene=Scene(cubes=[cube], baskets=[basket]),
+        world=World(bodies={"cube": cube, "basket": basket}),
     )
+
+
+def _on_floor(body: Body) -> list[float]:
+    """Return where the camera sees a body: x, y (m) and yaw (rad)."""
+    return [*body.position[:2], body.rpy[2]]
 
 
 def _bearing(start: Array, end: Array) -> float:

@@ -15,9 +15,10 @@ from dqcontrol.laws import GuidedProportional, Law
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Record, simulate
 from dqcontrol.measures import Cell, Column, Table
-from dqcontrol.plants import Basket, Cube, Gripper, GripperEvent, MobilePlant, Scene, TableBlock
+from dqcontrol.plants import Gripper, GripperEvent, MobilePlant
 from dqcontrol.references import DriveThrough, DriveTo
 from dqcontrol.robots import DifferentialDrive, Robot, WholeBody, load_robot
+from dqcontrol.world import Body, World
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.printed import PRINTED_INVERSE
 from dqcontrol_theses.reproduced import Reproduced, Write
@@ -26,11 +27,12 @@ from dqcontrol_theses.silva2017.pictures import filmed, if_drawable
 
 HEIGHT = 0.10  # m; of both tables
 TABLES = (
-    TableBlock(position=(1.2, 0.0), size=(0.4, 0.6), height=HEIGHT),
-    TableBlock(position=(-1.0, -0.6), size=(0.4, 0.6), height=HEIGHT),
+    Body(box=[0.4, 0.6, HEIGHT], position=(1.2, 0.0, 0.5 * HEIGHT)),
+    Body(box=[0.4, 0.6, HEIGHT], position=(-1.0, -0.6, 0.5 * HEIGHT)),
 )
-CUBE = Cube(position=(1.04, 0.05), yaw=0.2, raised=HEIGHT)
-BASKET = Basket(position=(-0.87, -0.6), side=0.12, height=0.05, raised=HEIGHT)
+CUBE = Body(box=0.03, position=(1.04, 0.05, HEIGHT + 0.015), rpy=(0.0, 0.0, 0.2), mass=0.02)
+BASKET = Body(container=(0.12, 0.12, 0.05), position=(-0.87, -0.6, HEIGHT))
+WORLD = World(bodies={"cube": CUBE, "table 1": TABLES[0], "table 2": TABLES[1], "basket": BASKET})
 GUIDED = "guided K along the plan"
 _DOWN = math.radians(58)  # how far the hand looks down
 _ABOVE, _GRIP, _DROP = 0.09, 0.02, 0.1  # m; of the hand above the table
@@ -61,7 +63,7 @@ class Carried:
     @property
     def cube(self) -> Array:
         """Where the cube was, shape (N, 3), m."""
-        return self.record.readings["cube_1_position"].values
+        return self.record.readings["cube_position"].values
 
     @property
     def from_hand(self) -> Array:
@@ -88,7 +90,7 @@ class Carried:
         drive = robot.parts[0]
         assert isinstance(drive, DifferentialDrive)
         assert drive.chassis is not None
-        floor = FloorMap(tuple(table.corners for table in TABLES), HEIGHT)
+        floor = _floor()
         return float(floor.clearance(self.record.q[:, :2]).min()) - drive.chassis.radius
 
 
@@ -109,8 +111,8 @@ def plan(robot: Robot, seed: int = 0) -> DriveThrough:
     >>> len(way.arrivals)
     4
     """
-    cube, basket = CAMERA.glance([[*CUBE.position, CUBE.yaw], [*BASKET.position, 0.0]], seed)
-    floor = FloorMap(tuple(table.corners for table in TABLES), HEIGHT)
+    cube, basket = CAMERA.glance([[*CUBE.position[:2], CUBE.rpy[2]], [*BASKET.position[:2], 0.0]], seed)
+    floor = _floor()
     limits = _SPEED, _ACCELERATION
 
     def drive(start: Array, pose: Array) -> DriveTo:
@@ -124,6 +126,12 @@ def plan(robot: Robot, seed: int = 0) -> DriveThrough:
     return DriveThrough([first, down, up, last], _RESTS)
 
 
+def _floor() -> FloorMap:
+    """Return what the tables take of the floor."""
+    signs = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    return FloorMap(tuple(table.position[:2] + 0.5 * signs * table.size[:2] for table in TABLES), HEIGHT)
+
+
 def carry(law: Law, seed: int = 0) -> Carried:
     """Let Little John carry the cube from table to table under a law, in physics, its base seen by the camera."""
     robot = load_robot(ROBOT)
@@ -133,7 +141,7 @@ def carry(law: Law, seed: int = 0) -> Carried:
         camera=CAMERA,
         link_mass=LINK_MASS,
         gripper=_gripper(way),
-        scene=Scene(cubes=[CUBE], baskets=[BASKET], tables=list(TABLES)),
+        world=WORLD,
     )
     limits = CommandLimits(velocity=isinstance(law, GuidedProportional))
     return Carried(plant, simulate(robot, way, law, plant, START, PERIOD, limits=limits, seed=seed), way)
@@ -164,7 +172,7 @@ def _table(done: dict[str, Carried]) -> Table:
                 float(np.linalg.norm(np.diff(run.cube, axis=0), axis=1).sum()),
                 float(np.linalg.norm(np.diff(base, axis=0), axis=1).sum()),
                 1e3 * run.room,
-                1e3 * float(np.linalg.norm(run.cube[-1, :2] - BASKET.position)),
+                1e3 * float(np.linalg.norm(run.cube[-1, :2] - BASKET.position[:2])),
                 1e3 * float(np.sqrt(np.mean(run.record.position_error**2))),
                 run.record.duration,
                 run.record.stopped,

@@ -15,6 +15,7 @@ from msgspec import UNSET, Meta, UnsetType
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, NoteWarning, ShapeError, as_array, error_prefix
+from dqcontrol.experiments.outcome import Expectation, check_outcome
 from dqcontrol.experiments.spec.key_types import (
     kinds_below,
     kinds_of,
@@ -51,6 +52,8 @@ from dqcontrol.robots.joined_chains import chain_as_tree
 from dqcontrol.robots.load import robot_from
 from dqcontrol.robots.robot_file import plain_arm
 from dqcontrol.robots.tree_robot import Root, TaskKind
+from dqcontrol.world import World
+from dqcontrol.world.world import Bodies, plain_world
 
 if TYPE_CHECKING:
     AnyLaw: TypeAlias = Law
@@ -271,6 +274,10 @@ class Spec(Part, frozen=True, kw_only=True):
         Of all laws that name none.
     tasks
         What two arms or another tree are to do beside the law's task.
+    world
+        What stands around the robots, by name; or the name of a file that says it.
+    outcome
+        What is to be true of each run; its verdict says whether it was.
     """
 
     name: Annotated[
@@ -312,6 +319,8 @@ class Spec(Part, frozen=True, kw_only=True):
     null_space: AnyNullSpace | None = None
     tasks: Annotated[list[FurtherTaskSpec], Meta(min_length=1, max_length=20)] | None = None
     constraints: Constraints | None = None
+    world: Bodies | None = None
+    outcome: Annotated[list[Expectation], Meta(min_length=1, max_length=50)] | None = None
 
     @property
     def robot_by_label(self) -> dict[str, StartedRobotSpec]:
@@ -335,12 +344,37 @@ class Spec(Part, frozen=True, kw_only=True):
     @property
     def plant_by_label(self) -> dict[str, AnyPlant]:
         """All plants by label; a single plant's label is its kind."""
-        return _by_label("plant", self.plant, self.plants)
+        plants = _by_label("plant", self.plant, self.plants)
+        world = self.surroundings
+        return plants if world is None else {label: each.in_world(world) for label, each in plants.items()}
+
+    @property
+    def checked_outcome(self) -> list[Expectation]:
+        """What is to be true of each run.
+
+        Raises
+        ------
+        Error
+            If one of it says nothing, or names a body that there is not.
+        """
+        found = self.outcome or []
+        check_outcome(found, self.surroundings)
+        return found
+
+    @property
+    def surroundings(self) -> World | None:
+        """The world, if it says one."""
+        return None if self.world is None else World(bodies=self.world)
 
     def supervisor_of(self, plant: AnyPlant) -> Supervisor | None:
         """Return what stands before a plant, if anything."""
         if isinstance(self.supervisor, Supervisor):
-            return self.supervisor
+            zones, world = self.supervisor.keep_out, self.surroundings
+            if zones is None or world is None:
+                return self.supervisor
+            return msgspec.structs.replace(
+                self.supervisor, keep_out=msgspec.structs.replace(zones, world=world)
+            )
         wanted = plant.is_supervised if self.supervisor is None else self.supervisor
         return Supervisor() if wanted else None
 
@@ -381,7 +415,11 @@ class Spec(Part, frozen=True, kw_only=True):
             for key in ("null_space", "constraints")
             if getattr(self, key) is not None and getattr(law, key) is None
         }
-        return msgspec.structs.replace(law, **missing) if missing else law
+        law = msgspec.structs.replace(law, **missing) if missing else law
+        if self.world is None or law.constraints is None:
+            return law
+        kept = msgspec.structs.replace(law.constraints, world=self.surroundings)
+        return msgspec.structs.replace(law, constraints=kept)
 
     @property
     def keeps_records(self) -> bool:
@@ -469,7 +507,7 @@ def read_data(source: str | Path | dict[str, Any]) -> tuple[str, dict[str, Any],
 def as_spec(where: str, data: dict[str, Any], folder: Path) -> Spec:
     """Return plain data as a spec; ``where`` is for the messages."""
     spec = convert(where, in_numbers(where, data, folder), Spec)
-    for check in ("robot_by_label", "plant_by_label", "variants"):
+    for check in ("robot_by_label", "plant_by_label", "variants", "checked_outcome"):
         try:
             getattr(spec, check)
         except Error as error:
@@ -480,6 +518,8 @@ def as_spec(where: str, data: dict[str, Any], folder: Path) -> Spec:
 def in_numbers(where: str, data: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Return plain data with what files say in their place, and with numbers in SI units for texts like ``60 mm``."""
     complete_plants(data, folder)
+    if "world" in data:
+        data["world"] = plain_world(data["world"], folder)
     admit(where, data, folder)
     return _with_numbers(where, data)
 
@@ -606,8 +646,20 @@ def _written(value: Any) -> Any:
     return msgspec.to_builtins(value, enc_hook=_plain)
 
 
+def _drop_copies(data: dict[str, Any]) -> None:
+    """Take the world out of what was given it: laws' constraints, plants, and what a supervisor keeps out of."""
+    for key, inner in (("law", "constraints"), ("plant", None), ("supervisor", "keep_out")):
+        for part in (data.get(key), *(data.get(f"{key}s") or {}).values()):
+            found = part.get(inner) if isinstance(part, dict) and inner else part
+            if isinstance(found, dict):
+                found.pop("world", None)
+
+
 def spec_text(spec: Spec, folder: Path) -> str:
     """Return the YAML of a spec with all defaults and absolute file names, so that it runs anywhere."""
-    data = quantities_for_numbers(_written(spec), list(kinds_of(Spec)))
+    plain = _written(spec)
+    if spec.world is not None:
+        _drop_copies(plain)
+    data = quantities_for_numbers(plain, list(kinds_of(Spec)))
     locate_files(data, folder)
     return yaml_text(data)

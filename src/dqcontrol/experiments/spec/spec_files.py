@@ -111,15 +111,16 @@ def _robots(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
 
 
 def _maps(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
-    """Yield what names maps of floors: references that keep out of them, constraints and the supervisor's zones."""
+    """Yield what names maps and meshes: references and bodies of the world."""
     reference = data.get("reference")
     if isinstance(reference, dict) and isinstance(reference.get("map"), str):
         yield reference, "map"
-    named = [_within(part, "constraints", "obstacles") for part in (data, *_tables(data, "law"))]
-    named.append(_within(data, "supervisor", "keep_out", "zones"))
-    for each in (each for names in named for each in names.values()):
-        if isinstance(each, dict) and each.get("kind") == "map" and isinstance(each.get("file"), str):
-            yield each, "file"
+    for body in _within(data, "world").values():
+        parts = body.get("parts") if isinstance(body, dict) else None
+        for each in (body, *(parts if isinstance(parts, list) else ())):
+            for key in ("map", "mesh"):
+                if isinstance(each, dict) and isinstance(each.get(key), str):
+                    yield each, key
 
 
 def _within(data: dict[str, Any], *keys: str) -> dict[str, Any]:

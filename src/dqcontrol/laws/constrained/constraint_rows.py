@@ -7,6 +7,7 @@ import math
 from dqcontrol.compiled.compile import inline, shared
 from dqcontrol.geometry.distance_kernels import (
     ALONG,
+    BOX,
     CENTER,
     CORE,
     KIND,
@@ -182,7 +183,7 @@ def place_obstacles(scene, placed, time, sample, ahead, span, period):
         if body[KIND] == PLANE:
             out[OFFSET] += x * body[NORMAL] + y * body[NORMAL + 1] + z * body[NORMAL + 2]
         else:
-            at = CORE if body[KIND] == ROUND else CENTER
+            at = CENTER if body[KIND] == BOX else CORE
             out[at], out[at + 1], out[at + 2] = out[at] + x, out[at + 1] + y, out[at + 2] + z
         out[BALL], out[BALL + 1], out[BALL + 2] = out[BALL] + x, out[BALL + 1] + y, out[BALL + 2] + z
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ShapeError, ValueRangeError, error_prefix
-from dqcontrol.geometry import Box, Capsule, InfiniteCylinder, Plane, Shape, Sphere, load_map
+from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
+from dqcontrol.geometry import Box, Cylinder, InfiniteCylinder, Plane, Shape
 from dqcontrol.named_fields import NamedFields
+from dqcontrol.world import Motion, Solid, World
 
 if TYPE_CHECKING:
     from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
@@ -42,125 +42,48 @@ class Kept(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     level: Level = 0
 
 
-class KeepOut(Kept, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
-    """Something that shapes of the robot keep away from; subclasses say what.
+class ClearOf(Kept, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How shapes of the robot keep away from a body of the world.
 
     Parameters
     ----------
     margin
         Distance to keep, m; that of all constraints if omitted.
-    velocity
-        It moves on from its place with that, m/s.
-    path
-        Or it moves by these rows [t, x, y, z] (s, m): shifts from its place, straight between them, resting at both
-        ends.
-    speed
-        At most this fast it may also come nearer than it is said to, m/s.
     links
         Names of the robot's shapes that keep away; ``hand`` is its point. All that move if omitted.
     """
 
     margin: Length | None = None
-    velocity: Annotated[Number3, Meta(description="m/s")] | None = None
-    path: Annotated[list[tuple[float, float, float, float]], Meta(min_length=2)] | None = None
-    speed: Annotated[float, Meta(ge=0, description="m/s")] = 0.0
     links: Annotated[list[Name], Meta(min_length=1)] | None = None
 
-    @property
-    def shape(self) -> Shape:
-        """Where it is at the start."""
-        raise NotImplementedError
 
-    @property
-    def shapes(self) -> list[Shape]:
-        """All that it consists of."""
-        return [self.shape]
+class KeptBody(NamedTuple):
+    """A body of the world that is kept clear of.
 
+    Attributes
+    ----------
+    shapes
+        All that it consists of, where it is at the start.
+    moves
+        How it moves by itself.
+    clear
+        How the robot keeps away.
+    """
 
-class SphereObstacle(KeepOut, frozen=True, kw_only=True, tag="sphere"):
-    """A ball."""
-
-    center: Place
-    radius: Annotated[float, Meta(gt=0, description="m")]
-
-    @property
-    def shape(self) -> Shape:
-        """The ball."""
-        return Sphere(np.array(self.center), self.radius)
+    shapes: list[Shape]
+    moves: Motion
+    clear: ClearOf
 
 
-class CapsuleObstacle(KeepOut, frozen=True, kw_only=True, tag="capsule"):
-    """All points within a radius of a segment."""
-
-    start: Place
-    end: Place
-    radius: Annotated[float, Meta(gt=0, description="m")]
-
-    @property
-    def shape(self) -> Shape:
-        """The capsule."""
-        return Capsule(np.array(self.start), np.array(self.end), self.radius)
-
-
-class CylinderObstacle(KeepOut, frozen=True, kw_only=True, tag="cylinder"):
-    """An endless cylinder."""
-
-    point: Place
-    direction: Direction = (0.0, 0.0, 1.0)
-    radius: Annotated[float, Meta(gt=0, description="m")]
-
-    @property
-    def shape(self) -> Shape:
-        """The cylinder."""
-        return InfiniteCylinder(np.array(self.point), np.array(self.direction), self.radius)
-
-
-class PlaneObstacle(KeepOut, frozen=True, kw_only=True, tag="plane"):
-    """A plane with a free side, n·p ≥ offset; the normal points into the free side."""
-
-    normal: Direction
-    offset: Annotated[float, Meta(description="m")]
-
-    @property
-    def shape(self) -> Shape:
-        """The plane."""
-        return Plane(np.array(self.normal), self.offset)
-
-
-class BoxObstacle(KeepOut, frozen=True, kw_only=True, tag="box"):
-    """A solid box about its position."""
-
-    position: Place
-    size: Place
-    rpy: Annotated[Number3, Meta(description="rad")] = (0.0, 0.0, 0.0)
-
-    @property
-    def shape(self) -> Shape:
-        """The box."""
-        return Box(algebra.pose(algebra.rotation_from_rpy(self.rpy), self.position), np.array(self.size))
-
-
-class MapObstacle(KeepOut, frozen=True, kw_only=True, tag="map"):
-    """What stands on a floor, from a file of polygons or a grid; see `dqcontrol.geometry.load_map`."""
-
-    file: Annotated[str, Meta(min_length=1, description="path, relative to the spec")]
-
-    @property
-    def shapes(self) -> list[Shape]:
-        """Boxes that stand for it."""
-        return [*load_map(self.file).boxes()]
-
-
-AnyObstacle = SphereObstacle | CapsuleObstacle | CylinderObstacle | PlaneObstacle | BoxObstacle | MapObstacle
-
-
-class Zone(Kept, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
-    """A zone that the hand's point, or a ball about it, stays in; subclasses say which.
+class Zone(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A box, sphere, cylinder or free side of a plane that the hand's point, or a ball about it, stays in.
 
     Parameters
     ----------
     margin
         Distance to keep from its boundary, m; 0 if omitted.
+    level
+        As of `Kept`.
     radius_of_hand
         Of the ball about the hand's point, m.
     frame
@@ -168,83 +91,40 @@ class Zone(Kept, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fie
     """
 
     margin: Length = 0.0
+    level: Level = 0
     radius_of_hand: Length = 0.0
     frame: Name | None = None
 
     @property
     def walls(self) -> list[Shape]:
-        """Planes with their free sides inside, or what the ball is inside of."""
-        raise NotImplementedError
+        """Planes with their free sides inside, and what the ball is inside of.
 
-    @property
-    def solids(self) -> list[Shape]:
-        """What is drawn of it."""
-        return self.walls
-
-
-class BoxZone(Zone, frozen=True, kw_only=True, tag="box"):
-    """A room with six walls about its position."""
-
-    position: Place
-    size: Place
-    rpy: Annotated[Number3, Meta(description="rad")] = (0.0, 0.0, 0.0)
-
-    @property
-    def solids(self) -> list[Shape]:
-        """The box."""
-        return [Box(algebra.pose(algebra.rotation_from_rpy(self.rpy), self.position), np.array(self.size))]
-
-    @property
-    def walls(self) -> list[Shape]:
-        """Six planes."""
-        (box,) = self.solids
-        turn = box.row[7:].reshape(3, 3)
-        walls: list[Shape] = []
-        for k in range(3):
-            for sign in (1.0, -1.0):
-                normal = sign * turn[:, k]
-                walls.append(Plane(normal, float(normal @ np.asarray(self.position)) - 0.5 * self.size[k]))
-        return walls
+        Raises
+        ------
+        ShapeError
+            If it has another shape.
+        """
+        (shape,) = self.shapes if self.kind in ("box", "sphere", "cylinder", "plane") else (None,)
+        if isinstance(shape, Box):
+            turn, half = shape.row[7:].reshape(3, 3), shape.row[1:4]
+            return [
+                _wall(sign * turn[:, k], shape.row[4:7], half[k]) for k in range(3) for sign in (1.0, -1.0)
+            ]
+        if isinstance(shape, Cylinder):
+            axis, middle = shape.end - shape.start, 0.5 * (shape.start + shape.end)
+            half = 0.5 * float(np.linalg.norm(axis))
+            ends = [_wall(sign * axis, middle, half) for sign in (1.0, -1.0)]
+            return [InfiniteCylinder(shape.start, axis, shape.radius), *ends]
+        if shape is None:
+            raise ShapeError(f"a zone is a box, sphere, cylinder or plane, got a {self.kind}")
+        return [shape]
 
 
-class SphereZone(Zone, frozen=True, kw_only=True, tag="sphere"):
-    """A ball."""
+def _wall(normal: Array, middle: Array, half: float) -> Plane:
+    """Return the plane that bounds, on one side, what reaches so far from its middle along a normal."""
+    normal = normal / np.linalg.norm(normal)
+    return Plane(normal, float(normal @ middle) - half)
 
-    center: Place
-    radius: Annotated[float, Meta(gt=0, description="m")]
-
-    @property
-    def walls(self) -> list[Shape]:
-        """The ball."""
-        return [Sphere(np.array(self.center), self.radius)]
-
-
-class CylinderZone(Zone, frozen=True, kw_only=True, tag="cylinder"):
-    """An endless cylinder."""
-
-    point: Place
-    direction: Direction = (0.0, 0.0, 1.0)
-    radius: Annotated[float, Meta(gt=0, description="m")]
-
-    @property
-    def walls(self) -> list[Shape]:
-        """The cylinder."""
-        return [InfiniteCylinder(np.array(self.point), np.array(self.direction), self.radius)]
-
-
-class PlaneZone(Zone, frozen=True, kw_only=True, tag="plane"):
-    """The free side of a plane, n·p ≥ offset."""
-
-    normal: Direction
-    offset: Annotated[float, Meta(description="m")]
-
-    @property
-    def walls(self) -> list[Shape]:
-        """The plane."""
-        return [Plane(np.array(self.normal), self.offset)]
-
-
-AnyZone = BoxZone | SphereZone | CylinderZone | PlaneZone
 
 LEAST_CONE = math.radians(2)  # smaller ones are no cone but an axis to align: its gradient vanishes there
 
@@ -302,7 +182,7 @@ class LineOfSight(Kept, frozen=True, kw_only=True, forbid_unknown_fields=True):
     Parameters
     ----------
     target
-        Name of the obstacle that it looks at; or
+        Name of the body that it looks at, one of ``clear_of``; or
     place
         place of the target, m.
     axis, camera
@@ -362,7 +242,7 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     Parameters
     ----------
     margin
-        Distance to keep from obstacles and between links, m, where they name none.
+        Distance to keep from bodies and between links, m, where they name none.
     rate
         η: a distance that is larger than what is kept shrinks by this share a second at most, 1/s. If omitted, the
         least of 10, half a period's inverse, and acceleration/velocity of each input, with which limits of
@@ -375,7 +255,12 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         Whether the pairs of links that the robot's shapes name are kept apart; if omitted, of robots with shapes.
     self_margin
         Distance between links, m; ``margin`` if omitted.
-    obstacles, zones, angles, sights
+    clear_of
+        Bodies of the world to keep away from: ``all`` that stand still or move as they say, a list of names, or names
+        each with links, margin and level.
+    world
+        Whose bodies these are; a spec gives its own.
+    zones, angles, sights
         By name.
     escape
         Where constraints hold the hand against what the law asks for 0.4 s, it goes aside at this speed for 1 s, m/s:
@@ -393,13 +278,14 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     >>> import numpy as np, dqcontrol as dqc
     >>> arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
     >>> hand = dqc.DualQuaternion(arm.fkm(q)).translation
-    >>> ball = dqc.laws.SphereObstacle(center=tuple(hand + [0, 0.2, 0]), radius=0.05, links=["hand"], margin=0.02)
-    >>> keep = dqc.laws.Constraints(obstacles={"ball": ball}, self_collision=False)
+    >>> ball = dqc.world.Body(sphere=0.05, position=tuple(hand + [0, 0.2, 0]))
+    >>> far = {"ball": dqc.laws.ClearOf(links=["hand"], margin=0.02)}
+    >>> keep = dqc.laws.Constraints(world=dqc.World(bodies={"ball": ball}), clear_of=far, self_collision=False)
     >>> law = dqc.laws.Proportional(gain=2.0, constraints=keep)
     >>> target = dqc.references.SetPoint(arm.fkm(q + 0.1))
     >>> record = dqc.simulate(arm, target, law, dqc.plants.Integrator(), q, period=0.01, duration=3.0)
     >>> places = np.array([dqc.DualQuaternion(x).translation for x in record.pose])
-    >>> bool(np.linalg.norm(places - ball.center, axis=1).min() >= 0.07)
+    >>> bool(np.linalg.norm(places - ball.position, axis=1).min() >= 0.07)
     True
     """
 
@@ -411,12 +297,47 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     acceleration: PerInput | None = None
     self_collision: bool | None = None
     self_margin: Length | None = None
-    obstacles: dict[Name, AnyObstacle] = {}
-    zones: dict[Name, AnyZone] = {}
+    clear_of: Literal["all"] | list[Name] | dict[Name, ClearOf] | None = None
+    world: World | None = None
+    zones: dict[Name, Zone] = {}
     angles: dict[Name, Angle] = {}
     sights: dict[Name, LineOfSight] = {}
     escape: Annotated[float, Meta(gt=0, le=2, description="m/s")] | None = None
     recovery: Annotated[float, Meta(gt=0, description="m/s or rad/s")] | None = None
+
+    @property
+    def obstacles(self) -> dict[str, KeptBody]:
+        """The bodies that are kept clear of, by name.
+
+        Raises
+        ------
+        Error
+            If there is no world, it has no such body, or physics alone says where that is.
+        """
+        if self.clear_of is None:
+            return {}
+        field = "constraints.clear_of"
+        if self.world is None:
+            raise ShapeError(f"{field}: names bodies of the world, and there is none; give 'world'")
+        bodies = self.world.bodies
+        if isinstance(self.clear_of, dict):
+            chosen = self.clear_of
+        elif self.clear_of == "all":
+            chosen = {name: ClearOf() for name, body in bodies.items() if not body.is_moved_by_physics}
+        else:
+            chosen = dict.fromkeys(self.clear_of, ClearOf())
+        for name in chosen:
+            if name not in bodies:
+                raise unknown_name(field, name, tuple(bodies))
+            if bodies[name].is_moved_by_physics:
+                raise ValueRangeError(
+                    f"{field}: '{name}' is moved by what touches it, and nothing measures where it is; leave it out, "
+                    "or say how it moves with 'moves'"
+                )
+        return {
+            name: KeptBody(bodies[name].shapes, bodies[name].moves or Motion(), clear)
+            for name, clear in chosen.items()
+        }
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -448,12 +369,3 @@ def unit(field: str, vector: Sequence[float]) -> Array:
     if not size > 1e-12:
         raise ValueRangeError(f"{field}: must not be zero, got {list(vector)}")
     return np.asarray(vector, np.float64) / size
-
-
-def shapes_of(field: str, obstacle: KeepOut) -> list[Shape]:
-    """Return an obstacle's shapes, with its name in messages."""
-    with error_prefix(field):
-        shapes = obstacle.shapes
-        if obstacle.velocity is not None and obstacle.path is not None:
-            raise ShapeError("path: it has a velocity already; give one of them")
-        return shapes

@@ -11,6 +11,7 @@ from dqcontrol.geometry import Shape, distance
 from dqcontrol.laws.constrained.constraints import Constraints
 from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
 from dqcontrol.robots.robot import Robot
+from dqcontrol.world import Motion
 
 NEAR = 0.02  # m beyond what is asked: a pair that has less room is near
 
@@ -69,26 +70,30 @@ class Surroundings:
     Attributes
     ----------
     things
-        Obstacles first, in their order, then zones.
+        What is kept clear of, in its order, then zones, then what else stands around.
     """
 
     def __init__(self, given: Constraints) -> None:
-        walls = [Thing(name, wall, True) for name, zone in given.zones.items() for wall in zone.solids]
+        walls = [Thing(name, wall, True) for name, zone in given.zones.items() for wall in zone.shapes]
         named = list(given.obstacles.items())
-        self._obstacles = [each for _, each in named for _ in each.shapes]
+        self._obstacles = [each.moves for _, each in named for _ in each.shapes]
+        others = [
+            (name, body)
+            for name, body in (given.world.bodies.items() if given.world else ())
+            if name not in given.obstacles and not body.is_moved_by_physics
+        ]
+        self._others = [body.moves or Motion() for _, body in others for _ in body.shapes]
+        further = [Thing(name, shape, False) for name, body in others for shape in body.shapes]
         solids = [Thing(name, shape, False) for name, each in named for shape in each.shapes]
-        self.things: list[Thing] = [*solids, *walls]
+        self.things: list[Thing] = [*solids, *walls, *further]
 
     def shifts(self, times: Array) -> Array:
         """Return how far each thing has moved at times (N,), s: shape (things, N, 3), m."""
         found = np.zeros((len(self.things), len(times), 3))
         for k, each in enumerate(self._obstacles):
-            if each.velocity is not None:
-                found[k] = np.outer(times, each.velocity)
-            elif each.path is not None:
-                path = np.asarray(each.path, np.float64)
-                for i in range(3):
-                    found[k, :, i] = np.interp(times, path[:, 0], path[:, 1 + i])
+            found[k] = each.shifts(times)
+        for k, each in enumerate(self._others, len(self.things) - len(self._others)):
+            found[k] = each.shifts(times)
         return found
 
 

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
-from dqcontrol.geometry import Box, Capsule, Plane, Shape, Sphere
-from dqcontrol.geometry.distance_kernels import KIND, PLANE, RADIUS, ROUND
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, error_prefix, unknown_name
+from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
+from dqcontrol.geometry.shape_rows import KIND, PLANE, RADIUS, ROUND
 from dqcontrol.laws.constrained.constrained_step import constraint_values, keep_constraints
 from dqcontrol.laws.constrained.constraint_layout import (
     APART,
@@ -48,11 +48,12 @@ from dqcontrol.laws.constrained.constraint_layout import (
     way_of,
     work_of,
 )
-from dqcontrol.laws.constrained.constraints import AT_ONCE, HAND, Constraints, KeepOut, Lag, shapes_of, unit
+from dqcontrol.laws.constrained.constraints import AT_ONCE, HAND, Constraints, Lag, unit
 from dqcontrol.laws.constrained.moving_frames import HandFrame, moving_frames
 from dqcontrol.laws.constrained.way_to_targets import WayToTargets, way_to_targets
 from dqcontrol.robots.link_shapes import LinkShape
 from dqcontrol.robots.robot import Robot
+from dqcontrol.world import Motion
 
 if TYPE_CHECKING:
     from dqcontrol.laws.law import CommandMode
@@ -65,6 +66,7 @@ _THINNEST = 1e-3  # m between cores, of which nothing smaller is known
 _MOST_PAIRS = 20_000
 _SAID = 5  # violations in one message
 SELF = "self-collision"
+_STILL = Motion()
 
 
 class _Line(NamedTuple):
@@ -132,7 +134,7 @@ class PreparedConstraints:
         self._bodies: list[LinkShape] = list(robot.shapes.shapes) if robot.shapes else []
         self._first_obstacle: dict[str, int] = {}  # by name
         self._points: list[int] = []  # numbers of bodies that are balls about named frames
-        self._obstacles: list[tuple[Array, KeepOut | None]] = []
+        self._obstacles: list[tuple[Array, Motion]] = []
         self._lines: list[_Line] = []
         self.names: tuple[str, ...] = given.names
         self.rate: float = self._rate()
@@ -315,7 +317,7 @@ class PreparedConstraints:
             found += known
         return found
 
-    def _add_obstacle(self, shape: Shape, moving: KeepOut | None) -> int:
+    def _add_obstacle(self, shape: Shape, moving: Motion = _STILL) -> int:
         numbers = np.zeros(OBSTACLE)
         numbers[: len(shape.row)] = shape.row
         numbers[BALL : BALL + 4] = _ball_around(shape)
@@ -341,21 +343,20 @@ class PreparedConstraints:
 
     def _add_obstacles(self) -> None:
         for name, each in self.given.obstacles.items():
-            field = f"constraints.obstacles.{name}"
-            margin = self.given.margin if each.margin is None else each.margin
-            shapes = shapes_of(field, each)
+            field, clear = f"constraints.clear_of.{name}", each.clear
+            margin = self.given.margin if clear.margin is None else clear.margin
             self._first_obstacle[name] = len(self._obstacles)
-            for k, shape in enumerate(shapes):
-                obstacle = self._add_obstacle(shape, each)
-                part = f" {k + 1}" if len(shapes) > 1 else ""
-                for chosen in self._chosen(field, each.links):
-                    if each.links is None and self._stands_on(shape, self._bodies[chosen]):
+            for k, shape in enumerate(each.shapes):
+                obstacle = self._add_obstacle(shape, each.moves)
+                part = f" {k + 1}" if len(each.shapes) > 1 else ""
+                for chosen in self._chosen(field, clear.links):
+                    if clear.links is None and self._stands_on(shape, self._bodies[chosen]):
                         continue
                     for body in self._end_balls(chosen) if isinstance(shape, Plane) else [chosen]:
                         label = f"{name}{part}: {self._bodies[body].name}"
                         number = self.names.index(name)
                         self._add_distance(
-                            APART, body, obstacle, label, number, each.level, margin, each.speed
+                            APART, body, obstacle, label, number, clear.level, margin, each.moves.speed
                         )
 
     def _stands_on(self, shape: Shape, body: LinkShape) -> bool:
@@ -377,10 +378,12 @@ class PreparedConstraints:
                 self._frames.hands(f"constraints.zones.{name}", each.frame),
                 self.names.index(name),
             )
-            for k, wall in enumerate(each.walls):
+            with error_prefix(f"constraints.zones.{name}"):
+                walls = each.walls
+            for k, wall in enumerate(walls):
                 kind = APART if isinstance(wall, Plane) else INSIDE
-                label = f"{name}: wall {k + 1}" if len(each.walls) > 1 else name
-                obstacle = self._add_obstacle(wall, None)
+                label = f"{name}: wall {k + 1}" if len(walls) > 1 else name
+                obstacle = self._add_obstacle(wall)
                 for hand in hands:
                     own = f"{label}: {hand.name}" if len(hands) > 1 else label
                     body = self._ball_at(hand, each.radius_of_hand)
@@ -414,7 +417,7 @@ class PreparedConstraints:
             field = f"constraints.sights.{name}"
             frame, turn, shift = self._hand(field, each.frame)
             if (each.target is None) == (each.place is None):
-                raise ShapeError(f"{field}: give either 'target', the name of an obstacle, or 'place'")
+                raise ShapeError(f"{field}: give either 'target', the name of a body, or 'place'")
             if each.target is not None:
                 if each.target not in self.given.obstacles:
                     raise unknown_name(f"{field}.target", each.target, tuple(self.given.obstacles))
@@ -422,7 +425,7 @@ class PreparedConstraints:
                 if math.isinf(self._obstacles[target][0][BALL + 3]):
                     raise ValueRangeError(f"{field}.target: '{each.target}' has no middle to look at")
             else:
-                target = self._add_obstacle(Sphere(np.array(each.place), 0.0), None)
+                target = self._add_obstacle(Sphere(np.array(each.place), 0.0))
             camera = shift + turn @ np.asarray(each.camera)
             row = _row(
                 kind=SIGHT,
@@ -490,10 +493,7 @@ class PreparedConstraints:
         obstacle = int(line.row.b) if line.row.kind == SIGHT else -1 - int(line.row.b)
         if obstacle < 0 or AT_MOST <= line.row.kind <= AT_LEAST or len(self.way.shares) == 1:
             return found
-        moving = self._obstacles[obstacle][1]
-        if moving is None:
-            return found
-        moved = 0.0
+        moving, moved = self._obstacles[obstacle][1], 0.0
         if moving.velocity is not None:
             moved = self.way.early * float(np.linalg.norm(moving.velocity))
         elif moving.path is not None:
@@ -617,16 +617,13 @@ class PreparedConstraints:
         """Write how obstacles move into their numbers, and return the table of those that follow a path."""
         paths = []
         for numbers, each in self._obstacles:
-            if each is not None and each.velocity is not None:
+            if each.velocity is not None:
                 numbers[MOTION], numbers[VELOCITY : VELOCITY + 3] = STRAIGHT, each.velocity
-            elif each is not None and each.path is not None:
+            elif each.path is not None:
                 numbers[MOTION], numbers[PLACE] = BY_TABLE, len(paths)
                 paths.append(np.asarray(each.path, np.float64))
         if not paths:
             return np.zeros((1, 1))
-        for path in paths:
-            if (np.diff(path[:, 0]) <= 0).any():
-                raise ValueRangeError("constraints: path: times must increase")
         count = math.ceil(max(path[-1, 0] for path in paths) / self.period) + 2
         times = self.period * np.arange(count + 1)
         table = np.zeros((count, 6 * len(paths) + 1))
@@ -649,6 +646,9 @@ def _ball_around(shape: Shape) -> Array:
     """Return centre and radius of a ball around a shape."""
     if isinstance(shape, Sphere):
         return np.array([*shape.center, shape.radius])
+    if isinstance(shape, Cylinder):
+        half = 0.5 * float(np.linalg.norm(shape.end - shape.start))
+        return np.array([*(0.5 * (shape.start + shape.end)), math.hypot(half, shape.radius)])
     if isinstance(shape, Capsule):
         half = 0.5 * float(np.linalg.norm(shape.end - shape.start))
         return np.array([*(0.5 * (shape.start + shape.end)), half + shape.radius])

@@ -4,12 +4,7 @@ from .interventions import (
     list_interventions as list_interventions,
     stop_category as stop_category,
 )
-from .keep_out_zones import (
-    CircularZone as CircularZone,
-    KeepOutZones as KeepOutZones,
-    MapZone as MapZone,
-    PolygonalZone as PolygonalZone,
-)
+from .keep_out_zones import KeepOutZones as KeepOutZones
 from .prepared_supervisor import PreparedSupervisor as PreparedSupervisor
 from .supervisor import (
     DeclaredPayload as DeclaredPayload,

@@ -1,71 +1,32 @@
-"""Zones on the floor that a mobile base keeps out of, as a supervisor is given them."""
+"""What bodies of the world take of the floor, which a mobile base keeps out of, as a supervisor is given it."""
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from msgspec import Meta
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, error_prefix
-from dqcontrol.geometry import FloorMap, load_map
+from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
+from dqcontrol.geometry import FloorMap
 from dqcontrol.limits.supervisor.supervisor_layout import ZONE_COLUMNS
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.references.ways_around import body_points
 from dqcontrol.robots import Robot, WholeBody
 from dqcontrol.robots.whole_body import Base
-
-Point = tuple[float, float]
-
-
-class KeepOutZone(NamedFields, frozen=True, kw_only=True, tag_field="kind", forbid_unknown_fields=True):
-    """A zone on the floor, inertial frame; subclasses say which."""
-
-    def rows(self) -> Array:
-        """Return it as ``keep_out_step.clearance`` takes it, shape (N, 6)."""
-        raise NotImplementedError
-
-
-class CircularZone(KeepOutZone, frozen=True, kw_only=True, tag="circle"):
-    """A disc about its centre (x, y), m."""
-
-    center: Annotated[Point, Meta(description="m")]
-    radius: Annotated[float, Meta(gt=0, description="m")]
-
-    def rows(self) -> Array:
-        """Return the disc."""
-        x, y = as_array("center", self.center, (2,))
-        return np.array([[x, y, x, y, self.radius, 1.0]])
-
-
-class PolygonalZone(KeepOutZone, frozen=True, kw_only=True, tag="polygon"):
-    """All that is inside of corners (x, y) in order, m."""
-
-    corners: Annotated[list[Point], Meta(min_length=3, description="m")]
-
-    def rows(self) -> Array:
-        """Return its edges."""
-        return _edges(FloorMap((np.array(self.corners),)))
-
-
-class MapZone(KeepOutZone, frozen=True, kw_only=True, tag="map"):
-    """What stands on a floor, from a file of polygons or a grid; see `dqcontrol.geometry.load_map`."""
-
-    file: Annotated[str, Meta(min_length=1, description="path, relative to the spec")]
-
-    def rows(self) -> Array:
-        """Return the edges of its polygons."""
-        return _edges(load_map(self.file))
+from dqcontrol.world import Footprint, World, footprint
 
 
 class KeepOutZones(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Zones on the floor that the footprint of a mobile base keeps out of.
+    """What bodies of the world take of the floor, which the footprint of a mobile base keeps out of.
 
     Parameters
     ----------
-    zones
-        By name.
+    clear_of
+        ``all`` bodies that stand still, but planes, or some by name.
+    world
+        Whose bodies these are; a spec gives its own.
     footprint
         Radius of a disc about the base's (x, y) that holds the base, m; that of its shapes if omitted.
     margin
@@ -77,7 +38,8 @@ class KeepOutZones(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
     A base that is told to drive on stops 5 cm and its radius before a column:
 
     >>> import numpy as np, dqcontrol as dqc
-    >>> zones = KeepOutZones(zones={"column": CircularZone(center=(1, 0), radius=0.2)}, footprint=0.3)
+    >>> column = dqc.world.Body(cylinder=(0.2, 1.0), position=(1, 0, 0.5))
+    >>> zones = KeepOutZones(world=dqc.World(bodies={"column": column}), footprint=0.3)
     >>> cart = dqc.WholeBody([dqc.DifferentialDrive(0.05, 0.15, rim_speed=0.5)])
     >>> given = dqc.limits.Supervisor(keep_out=zones, slow_below=0.0, hold_below=0.0)
     >>> supervisor, q = given.prepare(cart, dt=0.02), np.zeros(3)
@@ -89,22 +51,42 @@ class KeepOutZones(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
     """
 
     spec_key: ClassVar[str] = "supervisor.keep_out"
-    zones: Annotated[
-        dict[
-            Annotated[str, Meta(min_length=1, max_length=60)],
-            CircularZone | PolygonalZone | MapZone,
-        ],
-        Meta(min_length=1),
-    ]
+    clear_of: Literal["all"] | Annotated[list[str], Meta(min_length=1)] = "all"
+    world: World | None = None
     footprint: Annotated[float, Meta(gt=0, description="m")] | None = None
     margin: Annotated[float, Meta(ge=0, description="m")] = 0.05
 
+    @property
+    def footprints(self) -> dict[str, Footprint]:
+        """What each body takes of the floor, by name.
+
+        Raises
+        ------
+        Error
+            If there is no world, it has no such body, or that does not stand still.
+        """
+        field = "supervisor.keep_out.clear_of"
+        if self.world is None:
+            raise ShapeError(f"{field}: names bodies of the world, and there is none; give 'world'")
+        bodies = self.world.bodies
+        stand = [name for name, body in bodies.items() if body.role == "fixed" and body.plane is None]
+        for name in () if self.clear_of == "all" else self.clear_of:
+            if name not in bodies:
+                raise unknown_name(field, name, tuple(bodies))
+            if name not in stand:
+                raise ValueRangeError(
+                    f"{field}: '{name}' takes no place on the floor that is always the same"
+                )
+        chosen = stand if self.clear_of == "all" else self.clear_of
+        return {name: footprint(bodies[name]) for name in chosen}
+
     def rows(self) -> Array:
-        """Return all zones as ``keep_out_step.clearance`` takes them, shape (N, 6)."""
-        found = []
-        for name, each in self.zones.items():
-            with error_prefix(f"supervisor.keep_out.zones.{name}"):
-                found.append(each.rows())
+        """Return all as ``keep_out_step.clearance`` takes it, shape (N, 6)."""
+        found = [np.zeros((0, ZONE_COLUMNS))]
+        for each in self.footprints.values():
+            x, y, radius = each.discs.T
+            found.append(np.column_stack([x, y, x, y, radius, np.ones(len(x))]))
+            found.append(_edges(each.floor))
         return np.vstack(found)
 
     def footprint_of(self, robot: Robot) -> float:

@@ -19,6 +19,7 @@ from dqcontrol.plants.mobile.live_camera import SEEN, FusedSight, Sight
 from dqcontrol.plants.mobile.wheeled_base import yaw_of
 from dqcontrol.plants.mujoco.mujoco_live import LOST, JointEncoders, check_rate
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
+from dqcontrol.plants.mujoco.world_model import WorldBodies
 from dqcontrol.plants.plant import as_command
 from dqcontrol.robots.whole_body import WholeBody
 
@@ -42,8 +43,8 @@ class LiveMobile(LivePlant):
     channels, readings
         What is recorded beside them: angles, torques and slip of the wheels (slip of a drive: speed of each wheel's
         contact along the heading, and of the axle across it; of wheels with rollers: along the axis of the roller),
-        tilt and pose of the base, opening of the gripper, poses of the cubes, and with a camera the age of its last
-        frame and the share of the commands that is obeyed.
+        tilt and pose of the base, opening of the gripper, where bodies of the world are that physics moves,
+        and with a camera the age of its last frame and the share of the commands that is obeyed.
     dofs
         MuJoCo's indices of the arm's joint velocities.
     """
@@ -71,12 +72,12 @@ class LiveMobile(LivePlant):
         self.dofs: NDArray[np.intp] = dofs_of(model, joints)
         self._wheels, self._wheel_dofs = coordinates_of(model, gear.joints), dofs_of(model, gear.joints)
         self._fingers = coordinates_of(model, FINGERS if plant.gripper is not None else ())
-        self._cubes = coordinates_of(model, [f"cube_{i + 1}" for i in range(len(plant.scene.cubes))])
+        self._bodies = WorldBodies(plant.bodies, model, self.data)
         self._encoders = JointEncoders(plant, len(joints), run[2])
         self._slid = 0.0  # s
         inputs = robot.in_form("constrained").acceleration_limits("plant")
         self._acceleration, self._moving = inputs[: gear.inputs], np.zeros(gear.inputs)
-        self.channels: tuple[Channel, ...] = _channels(plant, gear)
+        self.channels: tuple[Channel, ...] = _channels(plant, gear, self._bodies.channels)
         wheels, slips = len(gear.wheels), len(gear.slips)
         self._tilt = 2 * wheels + slips  # among the readings
         self._slip = slice(2 * wheels, self._tilt)
@@ -149,7 +150,7 @@ class LiveMobile(LivePlant):
             rate += (self.measured[3:] - self.data.act[:joints]) / self._run[0]
         rate *= self._share
         check_rate(self.data.ctrl)
-        self._advance(self.model, self.data, self._substeps)
+        self._bodies.advance(self._advance, self.model, self._substeps)
         self._locate()
         if not self.q.dot(self.q) < LOST:
             raise DivergedError(
@@ -235,9 +236,8 @@ class LiveMobile(LivePlant):
         if (gripper := self._plant.gripper) is not None:
             out[at] = gripper.opening - data.qpos[self._fingers].sum()
             at += 1
-        for first in self._cubes:
-            out[at : at + 7] = data.qpos[first : first + 7]
-            at += 7
+        self._bodies.read(out[at : at + self._bodies.size])
+        at += self._bodies.size
         if self._sight is not None:
             out[at : at + 2] = self._sight.age, self._sight.share
 
@@ -268,7 +268,7 @@ def dofs_of(model: Any, joints: Sequence[str]) -> NDArray[np.intp]:
     return np.array([int(model.joint(name).dofadr[0]) for name in joints], dtype=np.intp)
 
 
-def _channels(plant: MobilePlant, gear: RunningGear) -> tuple[Channel, ...]:
+def _channels(plant: MobilePlant, gear: RunningGear, bodies: tuple[Channel, ...]) -> tuple[Channel, ...]:
     """Return what is read, in the order of `LiveMobile.readings`."""
     return (
         Channel("wheel_angle", gear.wheels, "rad"),
@@ -278,13 +278,6 @@ def _channels(plant: MobilePlant, gear: RunningGear) -> tuple[Channel, ...]:
         Channel(BASE_POSITION, ("x", "y", "z"), "m"),
         Channel(BASE_QUATERNION, ("w", "x", "y", "z"), ""),
         *([Channel("gripper_opening", (), "m")] if plant.gripper is not None else []),
-        *(
-            channel
-            for i in range(len(plant.scene.cubes))
-            for channel in (
-                Channel(f"cube_{i + 1}_position", ("x", "y", "z"), "m"),
-                Channel(f"cube_{i + 1}_quaternion", ("w", "x", "y", "z"), ""),
-            )
-        ),
+        *bodies,
         *(CAMERA_CHANNELS if plant.location in SEEN else ()),
     )

@@ -12,6 +12,8 @@ from dqcontrol.errors import ShapeError
 from dqcontrol.plants.channels import BASE_POSITION, BASE_QUATERNION
 from dqcontrol.plants.mobile.gripper import FINGERS, Gripper
 from dqcontrol.plants.mobile.mobile_live import coordinates_of
+from dqcontrol.plants.mujoco.world_model import body_channels, write_coordinates
+from dqcontrol.world import Body
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
@@ -24,7 +26,7 @@ def recorded_coordinates(
     readings: Mapping[str, Array],
     wheels: Sequence[str],
     gripper: Gripper | None,
-    cubes: int,
+    bodies: Mapping[str, Body],
 ) -> Array:
     """Return MuJoCo's coordinates at each sample, shape (N, nq).
 
@@ -40,17 +42,16 @@ def recorded_coordinates(
         By name what the plant sensed, each (N, size).
     wheels
         Names of the wheels' joints.
-    gripper, cubes
-        The plant's, and how many.
+    gripper, bodies
+        The plant's, and what of the world is shown.
 
     Raises
     ------
     ShapeError
         If the recording is not of this robot and plant.
     """
-    names = [f"cube_{i + 1}" for i in range(cubes)]
     needed = ["wheel_angle", *(["gripper_opening"] if gripper else [])]
-    needed += [f"{cube}_{what}" for cube in names for what in ("position", "quaternion")]
+    needed += [channel.name for channel in body_channels(bodies)]
     missing = [name for name in needed if name not in readings]
     if missing or q.shape[1] != robot.configuration_size:
         raise ShapeError(
@@ -69,8 +70,5 @@ def recorded_coordinates(
     if gripper:
         closed = 0.5 * (gripper.opening - readings["gripper_opening"])
         out[:, coordinates_of(model, FINGERS)] = closed
-    for name in names:
-        first = coordinates_of(model, [name])[0]
-        out[:, first : first + 3] = readings[f"{name}_position"]
-        out[:, first + 3 : first + 7] = readings[f"{name}_quaternion"]
+    write_coordinates(bodies, model, readings, out)
     return out

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 from msgspec import Meta
+from msgspec.structs import replace
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each, unknown_name
+from dqcontrol.geometry import Plane
 from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.mobile.gripper import FINGERS, Gripper, add_gripper
 from dqcontrol.plants.mobile.live_camera import SEEN
 from dqcontrol.plants.mobile.mobile_live import LiveMobile, dofs_of
 from dqcontrol.plants.mobile.mobile_picture import recorded_coordinates
 from dqcontrol.plants.mobile.running_gear import RunningGear, running_gear
-from dqcontrol.plants.mobile.scene import Scene, add_scene
 from dqcontrol.plants.mobile.standing import check_standing
 from dqcontrol.plants.mobile.wheeled_base import (
     WheeledBase,
@@ -25,12 +26,14 @@ from dqcontrol.plants.mobile.wheeled_base import (
 )
 from dqcontrol.plants.mujoco.mujoco_model import add_arm, add_inertias, compiled, import_mujoco
 from dqcontrol.plants.mujoco.mujoco_servos import JointServos
+from dqcontrol.plants.mujoco.world_model import add_world
 from dqcontrol.plants.plant import PhysicsPicture, plants_that_drive, start_within_limits
 from dqcontrol.robots.bases import DifferentialDrive
 from dqcontrol.robots.roller_bases import RollerBase
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.two_arms import TwoArms
 from dqcontrol.robots.whole_body import WholeBody
+from dqcontrol.world import Body, World
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
@@ -75,8 +78,8 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         As of `MujocoPlant`.
     gripper
         At the hand of one arm; none if omitted.
-    scene
-        Cubes and baskets.
+    world
+        What chassis and fingers touch; the floor is there anyway. A spec gives its own.
 
     Examples
     --------
@@ -97,7 +100,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
     gravity_compensation: Annotated[float, Meta(ge=0, le=1, description="share of the gravity torque")] = 0.0
     armature: Annotated[float | list[float], Meta(description="kg m² or kg")] = 0.02
     gripper: Gripper | None = None
-    scene: Scene = Scene()
+    world: World | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -105,6 +108,16 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             raise unknown_name("plant.location", str(self.location), LOCATIONS)
         if (as_array("plant.link_mass", self.link_mass) <= 0).any():
             raise ValueRangeError(f"plant.link_mass: must be > 0, got {self.link_mass}")
+
+    def in_world(self, world: World) -> Self:
+        """Return it with what its chassis and fingers touch."""
+        return replace(self, world=world)
+
+    @property
+    def bodies(self) -> dict[str, Body]:
+        """What stands on the floor, by name."""
+        given = {} if self.world is None else self.world.bodies
+        return {name: body for name, body in given.items() if not _is_floor(body)}
 
     def body_of(self, robot: Robot) -> Robot:
         """Return the robot with the chassis of this plant."""
@@ -156,14 +169,16 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         return live
 
     def picture(self, robot: Robot) -> PhysicsPicture:
-        """Return robot, gripper and scene, as they move in physics; see `Plant.picture`."""
+        """Return robot, gripper and what stands around, as they move in physics; see `Plant.picture`."""
         gear, arm = self._parts_of(robot)
-        things = (*self.scene.cubes, *self.scene.baskets, *self.scene.tables)
+        seen = {
+            name: body for name, body in self.bodies.items() if body.role != "moving"
+        }  # drawn where it is
         return PhysicsPicture(
-            self._spec(robot, gear, arm),
-            np.array([[*thing.position, 0.0] for thing in things]).reshape(-1, 3),
+            self._spec(robot, gear, arm, seen),
+            np.array([[*body.position[:2], 0.0] for body in seen.values()]).reshape(-1, 3),
             lambda model, q, readings: recorded_coordinates(
-                model, robot, q, readings, gear.joints, self.gripper, len(self.scene.cubes)
+                model, robot, q, readings, gear.joints, self.gripper, seen
             ),
         )
 
@@ -214,8 +229,8 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             with_assumed_inertia(arm, mass, self.link_radius) for arm, mass in zip(arms, masses, strict=True)
         ]
 
-    def _spec(self, robot: Robot, gear: RunningGear, arm: Robot | None) -> Any:
-        """Return robot, gripper and scene without motors."""
+    def _spec(self, robot: Robot, gear: RunningGear, arm: Robot | None, bodies: dict[str, Body]) -> Any:
+        """Return robot, gripper and what stands around without motors."""
         mujoco = import_mujoco()
         spec = mujoco.MjSpec()
         spec.modelname = robot.name
@@ -234,13 +249,13 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         add_wheel_motors(spec, gear.base, gear.joints, gear.radius, mass)
         if self.gripper is not None:
             add_gripper(spec, self.gripper, body, robot.chain[-1], self.timestep)
-        add_scene(spec, self.scene)
+        add_world(spec, bodies, self.timestep)
         return spec
 
     def _mobile_model(self, robot: Robot, gear: RunningGear, arm: Robot | None) -> Any:
         """Return the model, with contacts that grip: friction is nearly rigid below its limit."""
         mujoco = import_mujoco()
-        spec = self._spec(robot, gear, arm)
+        spec = self._spec(robot, gear, arm, self.bodies)
         option = spec.option
         option.timestep, option.gravity = self.timestep, self.gravity
         option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -254,3 +269,9 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         if self.gripper is not None:
             damping[dofs_of(model, FINGERS)] = self.gripper.force / self.gripper.speed
         return model
+
+
+def _is_floor(body: Body) -> bool:
+    """Return whether a body is the floor z = 0, which a mobile base has anyway."""
+    plane = next(iter(body.shapes)) if body.plane is not None else None
+    return isinstance(plane, Plane) and plane.normal[2] > 1 - 1e-9 and abs(plane.offset) < 1e-9

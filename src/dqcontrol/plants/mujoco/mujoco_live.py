@@ -13,11 +13,13 @@ from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.live_plant import LivePlant
 from dqcontrol.plants.mujoco.carried_box import CHANNELS, BoxSensors
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
+from dqcontrol.plants.mujoco.world_model import WorldContacts
 from dqcontrol.plants.plant import as_command
 
 if TYPE_CHECKING:
     from dqcontrol.plants.mujoco.mujoco_plant import MujocoPlant
     from dqcontrol.plants.mujoco.mujoco_servos import JointServos
+    from dqcontrol.robots.robot import Robot
 
 
 LOST = 1e12  # rad², m²; a configuration beyond it has diverged
@@ -36,7 +38,9 @@ class LiveMujoco(LivePlant):
     model: Any
     data: Any
 
-    def __init__(self, plant: MujocoPlant, model: Any, data: Any, substeps: int, seed: int) -> None:
+    def __init__(
+        self, plant: MujocoPlant, robot: Robot, model: Any, data: Any, substeps: int, seed: int
+    ) -> None:
         n = model.nu
         self.model, self.data = model, data
         self.q: Array = data.qpos[:n]
@@ -46,6 +50,11 @@ class LiveMujoco(LivePlant):
             self.channels: tuple[Channel, ...] = CHANNELS
             self.readings: Array = self._box.readings
             self._box.read()
+        self._world = WorldContacts(plant.world, robot, model, data) if plant.world else None
+        if self._world is not None:
+            self._world.check_start()
+            self._world.read()
+            self.channels, self.readings = self._world.channels, self._world.readings
         self._rate, self._target = data.ctrl, data.act
         self._advance = import_mujoco().mj_step
         self._substeps = substeps
@@ -91,7 +100,10 @@ class LiveMujoco(LivePlant):
         if self._from_measured:  # the rate that ends at measured + T u
             rate += (self.measured - self._target) / self._period
         check_rate(rate)
-        self._advance(self.model, self.data, self._substeps)
+        if self._world is None:
+            self._advance(self.model, self.data, self._substeps)
+        else:
+            self._world.bodies.advance(self._advance, self.model, self._substeps)
         if not self.q.dot(self.q) < LOST:
             raise DivergedError(
                 f"plant: the arm diverged before {self.data.time:g} s, q = {self.q}; "
@@ -100,6 +112,8 @@ class LiveMujoco(LivePlant):
         self._encoders.read(self.q, self.measured)
         if self._box is not None:
             self._box.read()
+        if self._world is not None:
+            self._world.read()
 
 
 def check_rate(rate: Array) -> None:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
+from msgspec.structs import replace
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_each
@@ -14,8 +15,10 @@ from dqcontrol.plants.mujoco.carried_box import BOX_POSITION, BOX_QUATERNION, Ca
 from dqcontrol.plants.mujoco.mujoco_live import LiveMujoco
 from dqcontrol.plants.mujoco.mujoco_model import add_inertias, compiled, import_mujoco, skeleton
 from dqcontrol.plants.mujoco.mujoco_servos import JointServos, mass_matrix
+from dqcontrol.plants.mujoco.world_model import add_links, add_world
 from dqcontrol.plants.plant import MovingBox, plants_that_drive, start_within_limits
 from dqcontrol.robots.robot import base_coordinates
+from dqcontrol.world import World
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
@@ -59,6 +62,8 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         N·m·s/rad and N·m (N·s/m and N): one number, or one a joint.
     box
         What two hands carry between them; nothing if omitted.
+    world
+        What links touch, each other included; nothing if omitted. A spec gives its own.
     position_limit
         True: targets do not leave the position limits either.
     encoder_resolution
@@ -82,6 +87,12 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
     """
 
     box: CarriedBox | None = None
+    world: World | None = None
+    touches_world: ClassVar[bool] = True
+
+    def in_world(self, world: World) -> Self:
+        """Return it with what its links touch."""
+        return replace(self, world=world)
 
     def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> LiveMujoco:
         """Return the arm at rest at q0.
@@ -116,18 +127,25 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
                 f"plant.kind: in physics of {robot.name} {robot.follows[0]} would have to follow another joint "
                 "(mimic), which no servo of it does; take the ideal or the servo plant"
             )
+        if self.box is not None and self.world is not None:
+            raise ValueRangeError("plant.box: is carried in an empty room; take it or the world away")
         start = start_within_limits(robot, q0)
         substeps = self.substeps(dt)
         model = self._model(robot, start)
         data = self._balance(robot, model, start)
         if self.box is not None:
             data.act[:] += self.box.squeezed(robot, start)
-        return LiveMujoco(self, model, data, substeps, seed)
+        return LiveMujoco(self, robot, model, data, substeps, seed)
 
     def boxes(self, robot: Robot, q: Array, readings: Mapping[str, Array]) -> list[MovingBox]:
-        """Return the box that is carried; see `Plant.boxes`."""
+        """Return the box that is carried, and those that are free in the world; see `Plant.boxes`."""
         if self.box is None or BOX_POSITION not in readings:
-            return []
+            bodies = {} if self.world is None else self.world.bodies
+            return [
+                MovingBox(readings[f"{name}_position"], readings[f"{name}_quaternion"], 0.5 * body.size)
+                for name, body in bodies.items()
+                if body.role == "free" and body.box is not None and f"{name}_position" in readings
+            ]
         size = self.box.half_sizes(robot, q[0])
         return [MovingBox(readings[BOX_POSITION], readings[BOX_QUATERNION], size)]
 
@@ -138,9 +156,14 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         spec = skeleton(robot)
         add_inertias(spec, robot)
         self.add_servos(spec, robot)
-        if self.box is None:
+        if self.box is None and self.world is None:
             spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT  # nothing here touches anything
-        else:
+        if self.world is not None:
+            add_links(spec, robot, self.timestep)
+            add_world(spec, self.world.bodies, self.timestep)
+            spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC  # with friction as stiff as pressure allows:
+            spec.option.impratio = 50.0  # no creeping
+        if self.box is not None:
             self.box.add(spec, robot, start, self.timestep)
         for i, name in enumerate(robot.joint_names):
             spec.body(f"link_{i + 1}").gravcomp = self.gravity_compensation

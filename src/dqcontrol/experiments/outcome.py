@@ -1,0 +1,220 @@
+"""What is to be true of a run, as its spec's ``outcome`` says, and whether it was."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from msgspec import Meta, field
+
+from dqcontrol.errors import ShapeError, ValueRangeError, error_prefix, unknown_name
+from dqcontrol.experiments.spec.reference_base import Part
+from dqcontrol.laws.constrained.constraints import Constraints
+from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
+from dqcontrol.loop.record import Record
+from dqcontrol.measures.contact import DEPTH, FORCE, contact_force
+from dqcontrol.robots import Robot
+from dqcontrol.world import World
+
+Name = Annotated[str, Meta(min_length=1, max_length=60)]
+Length = Annotated[float, Meta(ge=0, description="m")]
+_FORMS = {
+    "body": (("inside",), ("opened",)),
+    "clear_of": (("by",), ()),
+    "hand": (("within",),),
+    "contact": ((),),
+    "force": ((),),
+}
+
+
+class ForceBound(Part, frozen=True, kw_only=True):
+    """The largest force that may be felt, N."""
+
+    at_most: Annotated[float, Meta(ge=0, description="N")]
+
+
+class Expectation(Part, frozen=True, kw_only=True):
+    """One thing that is to be true: of a body or the hand at the end, of distances and forces all the time.
+
+    Parameters
+    ----------
+    body, inside, opened
+        A body is in a container (key ``in``) at the end, or its hinge or slide so far open, rad or m.
+    clear_of, by
+        All bodies that stand still or move as they say, or some by name, are never nearer than that, m.
+    hand, within
+        ``at``: the end effector is at its reference at the end, within a length, m, and an angle, rad.
+    contact
+        ``none``: no link touches a body or another link.
+    force
+        Neither does any body feel more than that.
+    """
+
+    body: Name | None = None
+    inside: Name | None = field(default=None, name="in")
+    opened: Annotated[float, Meta(description="rad or m")] | None = None
+    clear_of: Literal["all"] | list[Name] | None = None
+    by: Length | None = None
+    hand: Literal["at"] | None = None
+    within: tuple[Length, Annotated[float, Meta(ge=0, description="rad")]] | None = None
+    contact: Literal["none"] | None = None
+    force: ForceBound | None = None
+
+    def check(self, world: World | None) -> None:
+        """Raise unless it says one thing, of bodies that there are.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError, UnknownNameError
+            With what is wrong.
+        """
+        given = {key for key in self.__struct_fields__ if getattr(self, key) is not None}
+        leads = [key for key in _FORMS if key in given]
+        if len(leads) != 1 or not any(given == {leads[0], *rest} for rest in _FORMS[leads[0]]):
+            raise ShapeError(
+                "expected one of {body, in}, {body, opened}, {clear_of, by}, {hand, within}, {contact}, {force}, got "
+                f"{{{', '.join('in' if key == 'inside' else key for key in sorted(given))}}}"
+            )
+        bodies = {} if world is None else world.bodies
+        named = [self.body, self.inside, *(self.clear_of if isinstance(self.clear_of, list) else ())]
+        for name in named:
+            if name is not None and name not in bodies:
+                raise unknown_name("body", name, tuple(bodies))
+        if self.inside is not None and bodies[self.inside].container is None:
+            raise ValueRangeError(f"in: '{self.inside}' is no container")
+        if self.opened is not None and self.body and bodies[self.body].role not in ("hinge", "slide"):
+            raise ValueRangeError(f"opened: '{self.body}' is on no hinge or slide")
+
+
+class Judged(NamedTuple):
+    """Whether something was true, and what is said of it."""
+
+    holds: bool
+    words: str
+
+
+def check_outcome(outcome: list[Expectation], world: World | None) -> None:
+    """Raise with the number of the first expectation that says nothing; see `Expectation.check`."""
+    for k, each in enumerate(outcome):
+        with error_prefix(f"outcome[{k}]"):
+            each.check(world)
+
+
+def judge_outcome(
+    outcome: list[Expectation],
+    record: Record,
+    robot: Robot,
+    world: World | None,
+    period: float,
+    through: list[str],
+) -> list[Judged]:
+    """Return of each expectation whether a run met it.
+
+    Parameters
+    ----------
+    outcome, world
+        As of the spec.
+    record, robot, period
+        Of the run; s.
+    through
+        What it went through, as nothing stopped it there.
+    """
+    return [_judged(each, record, robot, world, period, through) for each in outcome]
+
+
+def _judged(
+    given: Expectation,
+    record: Record,
+    robot: Robot,
+    world: World | None,
+    period: float,
+    through: list[str],
+) -> Judged:
+    if given.contact is not None:
+        if force := _peak(record):
+            return Judged(False, f"contact: {force_text(force)}{_when(record)}")
+        return Judged(not through, through[0] if through else "no contact")
+    if given.force is not None:
+        if contact_force(record) is None:
+            return Judged(False, "no force is felt: this plant has no physics of contact")
+        force, most = _peak(record), given.force.at_most
+        return Judged(force <= most, f"{force_text(force)} at most felt, {most:g} N allowed")
+    if given.within is not None:
+        near, turned = float(record.position_error[-1]), float(record.orientation_error[-1])
+        holds = near <= given.within[0] and turned <= given.within[1]
+        return Judged(holds, f"hand {length_text(near)} and {math.degrees(turned):.2g}° off at the end")
+    assert world is not None
+    if given.clear_of is not None:
+        return _clear(given, record, robot, world, period)
+    body = world.bodies[str(given.body)]
+    if given.inside is not None:
+        return _inside(str(given.body), given.inside, record, world)
+    turns = body.hinge is not None
+    reading = record.readings.get(f"{given.body}_{'angle' if turns else 'way'}")
+    if reading is None:
+        return Judged(False, f"{given.body} does not move: this plant has no physics of the world")
+    value, asked = float(reading.values[-1, 0]), float(given.opened or 0.0)
+    said = [f"{math.degrees(x):.3g}°" if turns else length_text(x) for x in (value, asked)]
+    opened = value >= asked if asked >= 0 else value <= asked
+    return Judged(opened, f"{given.body} opened {said[0]}, {said[1]} asked")
+
+
+def _inside(name: str, container: str, record: Record, world: World) -> Judged:
+    reading = record.readings.get(f"{name}_position")
+    at = np.array(world.bodies[name].position) if reading is None else reading.values[-1]
+    away = float(world.bodies[container].away(at))
+    words = "in" if away == 0.0 else f"{length_text(away)} from"
+    return Judged(away == 0.0, f"{name} {words} {container}")
+
+
+def _clear(given: Expectation, record: Record, robot: Robot, world: World, period: float) -> Judged:
+    kept = Constraints(world=world, clear_of=given.clear_of, margin=given.by or 0.0, self_collision=False)
+    prepared = PreparedConstraints(kept, robot, period, "measured")
+    values = prepared.values(record.q, record.time)
+    if not values.size:
+        return Judged(True, "nothing to keep clear of")
+    at, row = np.unravel_index(int(values.argmin()), values.shape)
+    words = f"{prepared.labels[row]} {length_text(float(values[at, row]))} at {record.time[at]:.3g} s"
+    return Judged(
+        bool(values[at, row] >= (given.by or 0.0)), f"{words}, {1e3 * (given.by or 0.0):g} mm asked"
+    )
+
+
+def _peak(record: Record) -> float:
+    force = contact_force(record)
+    return 0.0 if force is None else float(force.max(initial=0.0))
+
+
+def _when(record: Record) -> str:
+    force = contact_force(record)
+    return "" if force is None else f" at {record.time[int((force > 0).argmax())]:.3g} s"
+
+
+def felt(record: Record, links: tuple[str, ...]) -> list[str]:
+    """Return what links touched in physics, as ``"hit table: panda_link6 85 N, 1.2 mm deep at 2.1 s"``."""
+    if FORCE not in record.readings:
+        return []
+    force, depth = record.readings[FORCE], record.readings[DEPTH].values
+    link, found = record.readings["contact_link"].values, []
+    for i, name in enumerate(force.parts):
+        if not (force.values[:, i] > 0).any():
+            continue
+        k = int(force.values[:, i].argmax())
+        by = links[int(link[k, i])] if 0 <= link[k, i] < len(links) else "a link"
+        deep = 1e3 * float(depth[:, i].max())
+        found.append(
+            f"hit {name}: {by} {force_text(float(force.values[k, i]))}, {deep:.2g} mm deep at {record.time[k]:.3g} s"
+        )
+    return found
+
+
+def length_text(value: float) -> str:
+    """Return a length in mm, one of a metre and more in m; negative inside of something."""
+    sign, size = "−" if value < 0 else "", abs(value)
+    return f"{sign}{size:.3g} m" if size >= 1 else f"{sign}{1e3 * size:.3g} mm"
+
+
+def force_text(value: float) -> str:
+    """Return a force in N, three digits or all before the point."""
+    return f"{value:.3g} N" if value < 100 else f"{value:.0f} N"

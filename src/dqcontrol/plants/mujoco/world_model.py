@@ -1,0 +1,345 @@
+"""The world in MuJoCo: its bodies as they stand, move and give way, what links touch it with, and what is felt."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from itertools import count
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dqcontrol import algebra
+from dqcontrol.arrays import Array
+from dqcontrol.errors import ValueRangeError
+from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
+from dqcontrol.plants.channels import Channel
+from dqcontrol.robots.mujoco_package import import_mujoco
+from dqcontrol.world import Body, World
+from dqcontrol.world.mesh import convex_parts
+
+if TYPE_CHECKING:
+    from dqcontrol.robots.robot import Robot
+
+FORCE, DEPTH, LINK = "contact_force", "penetration", "contact_link"
+ITSELF = "itself"
+
+# bits of MuJoCo's contacts: links touch bodies, bodies touch both, links each other by pairs
+_LINKS, _BODIES = 1, 2
+_SOLREF = 4.0  # time steps in which a contact comes to rest, as stiff as these allow
+_PLATE = 0.2  # kg of what hangs on a stiffness: it gives way to 0.2 % of N/m (docs/world.md)
+_STEADY = 2.0 / 3.0  # of √(m/K): longer time steps let such a plate ring
+_DEEP = 1e-4  # m that a start may be in something by rounding of robots' files
+_COLOURS = {
+    "fixed": (0.62, 0.47, 0.33, 1.0),
+    "moving": (0.55, 0.35, 0.65, 1.0),
+    "free": (0.90, 0.20, 0.15, 1.0),
+    "hinge": (0.20, 0.45, 0.70, 1.0),
+    "slide": (0.20, 0.45, 0.70, 1.0),
+    "springy": (0.35, 0.60, 0.45, 1.0),
+}
+
+
+def add_links(spec: Any, robot: Robot, timestep: float) -> None:
+    """Give the links of a `skeleton` their collision shapes, and let those touch that the robot's file keeps apart.
+
+    Raises
+    ------
+    ValueRangeError
+        If the robot has no shapes.
+    """
+    if robot.shapes is None:
+        raise ValueRangeError(
+            f"world: {robot.name} has no shapes to touch it with; give it some ('dqcontrol robots shapes' fits them)"
+        )
+    shapes = robot.shapes.shapes
+    for each in shapes:
+        body = spec.body(f"link_{each.frame}") if each.frame else spec.worldbody
+        geom = _add_geom(body, each.shape)
+        geom.name, geom.mass, geom.group = _link_name(each.name), 0.0, 3  # drawn where links have no meshes
+        geom.contype, geom.conaffinity, geom.friction = _LINKS, 0, [0.0, 0.0, 0.0]
+        geom.solref[:2] = _SOLREF * timestep, 1.0
+    for a, b in robot.shapes.pairs:
+        pair = spec.add_pair(geomname1=_link_name(shapes[a].name), geomname2=_link_name(shapes[b].name))
+        pair.solref[:2] = _SOLREF * timestep, 1.0
+
+
+def add_world(spec: Any, bodies: Mapping[str, Body], timestep: float) -> None:
+    """Add bodies of a world, by name, to an ``mjSpec``, after whatever it holds.
+
+    Raises
+    ------
+    ValueRangeError
+        If the time step is too long for a stiffness.
+    """
+    mujoco, meshes = import_mujoco(), count(1)
+    for name, body in bodies.items():
+        role = body.role
+        place = spec.worldbody.add_body(
+            name=_body_name(name), pos=body.position, quat=algebra.rotation(body.pose)
+        )
+        place.mocap = role == "moving"
+        joint = body.hinge or body.slide
+        if role == "free":
+            place.add_freejoint(name=_body_name(name))
+        elif joint is not None:
+            kinds = mujoco.mjtJoint
+            added = place.add_joint(
+                name=_body_name(name),
+                type=kinds.mjJNT_HINGE if body.hinge else kinds.mjJNT_SLIDE,
+                axis=joint.axis,
+            )
+            added.pos = body.hinge.at if body.hinge else np.zeros(3)
+            added.frictionloss, added.damping = joint.friction, _triple(added.damping, joint.damping)
+            if joint.range is not None:
+                added.range, added.limited = joint.range, mujoco.mjtLimited.mjLIMITED_TRUE
+                added.solref_limit = (_SOLREF * timestep, 1.0)
+        elif body.stiffness is not None:
+            _hang(mujoco, place, name, body, timestep)
+        geoms = list(_solid_geoms(spec, place, body, meshes))
+        mass = body.mass or (_PLATE if role == "springy" else 1.0)
+        volume = sum(each for _, each in geoms) or 1.0
+        for geom, share in geoms:
+            geom.mass = mass * share / volume if role not in ("fixed", "moving") else 0.0
+            geom.rgba, geom.contype, geom.conaffinity = _COLOURS[role], _BODIES, _LINKS | _BODIES
+            still = role in ("fixed", "moving")
+            across = 0.0 if still else 0.1 * _width(body) * body.friction  # of turning on a face, m
+            geom.friction, geom.condim = [body.friction, across, 0.0], 3 if still else 4
+            geom.solref[:2] = (2.0 if role == "springy" else _SOLREF) * timestep, 1.0
+            if role == "springy":
+                geom.solimp[:3] = 0.99, 0.999, 1e-4
+
+
+def _width(body: Body) -> float:
+    """Return the least size of a body, m."""
+    if body.box is not None:
+        return float(body.size.min())
+    radius = body.sphere or (body.capsule or body.cylinder or (0.0,))[0]
+    return 2 * radius or (min(body.container) if body.container else 0.02)
+
+
+def _triple(like: Any, value: float) -> Any:
+    """Return a joint's damping as this MuJoCo has it: a number, or a polynomial's coefficients."""
+    return value if np.ndim(like) == 0 else [value, *([0.0] * (np.size(like) - 1))]
+
+
+def _hang(mujoco: Any, place: Any, name: str, body: Body, timestep: float) -> None:
+    """Let a body slide along its axes on springs; gravity does not move it."""
+    assert body.stiffness is not None
+    longest = _STEADY * math.sqrt(_PLATE / body.stiffness)
+    if timestep > longest:
+        raise ValueRangeError(
+            f"world.{name}.stiffness: {body.stiffness:g} N/m needs a 'plant.timestep' of at most "
+            f"{1000 * longest:.2g} ms, got {1000 * timestep:g} ms"
+        )
+    place.gravcomp = 1.0
+    for axis, unit in zip("xyz", np.eye(3), strict=True):
+        joint = place.add_joint(
+            name=f"{_body_name(name)} {axis}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=unit
+        )
+        joint.stiffness = _triple(joint.stiffness, body.stiffness)
+        joint.damping = _triple(joint.damping, body.damping)
+
+
+def _solid_geoms(spec: Any, place: Any, body: Body, meshes: Any) -> Any:
+    """Add the geoms of a body; yield each with its volume, m³."""
+    mujoco = import_mujoco()
+    for solid in body.solids:
+        if solid.kind != "mesh":
+            for shape in solid.shapes:
+                yield _add_geom(place, shape), _volume(shape)
+            continue
+        for part in convex_parts(str(solid.mesh)):
+            name = f"mesh {next(meshes)}"
+            spec.add_mesh(name=name, uservert=np.asarray(part.vertices).ravel())
+            geom = place.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
+            geom.pos, geom.quat = solid.position, algebra.rotation(solid.pose)
+            yield geom, float(part.volume)
+
+
+def _add_geom(body: Any, shape: Shape) -> Any:
+    kinds = import_mujoco().mjtGeom
+    if isinstance(shape, Sphere):
+        return body.add_geom(type=kinds.mjGEOM_SPHERE, size=[shape.radius, 0, 0], pos=shape.center)
+    if isinstance(shape, Capsule | Cylinder):
+        kind = kinds.mjGEOM_CAPSULE if isinstance(shape, Capsule) else kinds.mjGEOM_CYLINDER
+        if np.linalg.norm(shape.end - shape.start) < 1e-9:  # a capsule that is a ball
+            return body.add_geom(type=kinds.mjGEOM_SPHERE, size=[shape.radius, 0, 0], pos=shape.start)
+        return body.add_geom(type=kind, size=[shape.radius, 0, 0], fromto=[*shape.start, *shape.end])
+    if isinstance(shape, Box):
+        quaternion, middle = algebra.rotation(shape.pose), algebra.translation(shape.pose)
+        return body.add_geom(type=kinds.mjGEOM_BOX, size=0.5 * shape.size, pos=middle, quat=quaternion)
+    assert isinstance(shape, Plane)
+    quaternion = algebra.rotation_from_matrix(shape.axes)
+    at = shape.offset * shape.normal
+    return body.add_geom(type=kinds.mjGEOM_PLANE, size=[0, 0, 1], pos=at, quat=quaternion)
+
+
+def _volume(shape: Shape) -> float:
+    if isinstance(shape, Sphere):
+        return 4 / 3 * math.pi * shape.radius**3
+    if isinstance(shape, Capsule):
+        return shape.volume
+    if isinstance(shape, Cylinder):
+        return math.pi * shape.radius**2 * float(np.linalg.norm(shape.end - shape.start))
+    return float(np.prod(shape.size)) if isinstance(shape, Box) else 0.0
+
+
+def _link_name(name: str) -> str:
+    return f"link: {name}"
+
+
+def _body_name(name: str) -> str:
+    """Return what a body is called in MuJoCo, where parts of the robot have names too."""
+    return f"world: {name}"
+
+
+class WorldBodies:
+    """The bodies of a world at work in MuJoCo: those that move as they say, and where physics moves the others.
+
+    Attributes
+    ----------
+    channels
+        What is recorded of them.
+    moves
+        Whether a body moves as it says.
+    """
+
+    def __init__(self, bodies: Mapping[str, Body], model: Any, data: Any) -> None:
+        self._data = data
+        self.channels: tuple[Channel, ...] = tuple(body_channels(bodies))
+        self.size: int = sum(channel.size for channel in self.channels)
+        moving = {name: body for name, body in bodies.items() if body.role == "moving"}
+        self._moving = [(int(model.body(_body_name(name)).mocapid[0]), body) for name, body in moving.items()]
+        self.moves: bool = bool(self._moving)
+        self._at = _coordinates_at(bodies, model)
+
+    def place(self, time: float) -> None:
+        """Put the bodies that move as they say where they are at a time, s."""
+        for row, body in self._moving:
+            assert body.moves is not None
+            self._data.mocap_pos[row] = body.position + body.moves.shifts(np.array([time]))[0]
+
+    def advance(self, step: Any, model: Any, substeps: int) -> None:
+        """Take so many time steps."""
+        if not self.moves:
+            step(model, self._data, substeps)
+            return
+        for _ in range(substeps):
+            self.place(self._data.time + model.opt.timestep)
+            step(model, self._data, 1)
+
+    def read(self, out: Array) -> None:
+        """Write the readings, shape (size,)."""
+        out[:] = self._data.qpos[self._at]
+
+
+def body_channels(bodies: Mapping[str, Body]) -> Iterator[Channel]:
+    """Yield what is recorded of the bodies that physics moves."""
+    for name, body in bodies.items():
+        if body.role == "free":
+            yield Channel(f"{name}_position", ("x", "y", "z"), "m")
+            yield Channel(f"{name}_quaternion", ("w", "x", "y", "z"), "")
+        elif body.role == "springy":
+            yield Channel(f"{name}_displacement", ("x", "y", "z"), "m")
+        elif body.is_moved_by_physics:
+            what, unit = ("angle", "rad") if body.hinge else ("way", "m")
+            yield Channel(f"{name}_{what}", (), unit)
+
+
+def _joints_of(name: str, body: Body) -> list[tuple[str, int]]:
+    """Return the joints of a body in MuJoCo, each with how many coordinates it has."""
+    if body.role == "springy":
+        return [(f"{_body_name(name)} {axis}", 1) for axis in "xyz"]
+    return [(_body_name(name), 7 if body.role == "free" else 1)] if body.is_moved_by_physics else []
+
+
+def _coordinates_at(bodies: Mapping[str, Body], model: Any) -> NDArray[np.intp]:
+    """Return where MuJoCo's coordinates of the bodies that physics moves are, in the order of `body_channels`."""
+    joints = [joint for name, body in bodies.items() for joint in _joints_of(name, body)]
+    at = [int(model.joint(name).qposadr[0]) + k for name, size in joints for k in range(size)]
+    return np.array(at, dtype=np.intp)
+
+
+def write_coordinates(
+    bodies: Mapping[str, Body], model: Any, readings: Mapping[str, Array], out: Array
+) -> None:
+    """Write MuJoCo's coordinates (N, nq) of bodies that physics moves, from what was recorded of them."""
+    recorded = [readings[channel.name] for channel in body_channels(bodies)]
+    if recorded:
+        out[:, _coordinates_at(bodies, model)] = np.hstack([each.reshape(len(out), -1) for each in recorded])
+
+
+class WorldContacts:
+    """What links touch, how hard and how deep, and the bodies of the world.
+
+    Attributes
+    ----------
+    bodies
+        Of the world.
+    channels, readings
+        Of contacts and bodies.
+    """
+
+    def __init__(self, world: World, robot: Robot, model: Any, data: Any) -> None:
+        mujoco = import_mujoco()
+        assert robot.shapes is not None
+        self.bodies: WorldBodies = WorldBodies(world.bodies, model, data)
+        self._model, self._data, self._force = model, data, mujoco.mj_contactForce
+        self._names, self._links = list(world.bodies), robot.shapes.names
+        number = {model.body(_body_name(name)).id: i for i, name in enumerate(self._names)}
+        # of each geom
+        self._body_of: NDArray[np.intp] = np.array([number.get(int(each), -1) for each in model.geom_bodyid])
+        links = {model.geom(_link_name(name)).id: i for i, name in enumerate(self._links)}
+        self._link_of: NDArray[np.intp] = np.array([links.get(i, -1) for i in range(model.ngeom)])
+        self._wrench = np.zeros(6)
+        parts = (*self._names, ITSELF)
+        self.channels: tuple[Channel, ...] = (
+            Channel(FORCE, parts, "N"),
+            Channel(DEPTH, parts, "m"),
+            Channel(LINK, parts, ""),
+            *self.bodies.channels,
+        )
+        self.readings: Array = np.zeros(3 * len(parts) + self.bodies.size)
+
+    def read(self) -> None:
+        """Update the readings."""
+        out, parts = self.readings, len(self._names) + 1
+        force, depth, link = out[:parts], out[parts : 2 * parts], out[2 * parts : 3 * parts]
+        force[:], depth[:], link[:] = 0.0, 0.0, -1.0
+        hardest = np.full(parts, -1.0)
+        for thing, which, deep, pressed in self.contacts():
+            force[thing] += pressed
+            depth[thing] = max(depth[thing], deep)
+            if pressed > hardest[thing]:
+                hardest[thing], link[thing] = pressed, which
+        self.bodies.read(out[3 * parts :])
+
+    def contacts(self) -> list[tuple[int, int, float, float]]:
+        """Return of each contact of a link the number of the body, of the link, depth (m) and normal force (N)."""
+        if not self._data.ncon:
+            return []
+        pairs, apart, found = self._data.contact.geom, self._data.contact.dist, []
+        for i in np.flatnonzero((self._link_of[pairs] >= 0).any(axis=1)):
+            a, b = pairs[i] if self._link_of[pairs[i, 0]] >= 0 else pairs[i, ::-1]
+            thing = len(self._names) if self._link_of[b] >= 0 else int(self._body_of[b])
+            self._force(self._model, self._data, int(i), self._wrench)
+            found.append((thing, int(self._link_of[a]), max(-float(apart[i]), 0.0), float(self._wrench[0])))
+        return found
+
+    def check_start(self) -> None:
+        """Raise if a link starts in a body, or in another link.
+
+        Raises
+        ------
+        ValueRangeError
+            With the worst: which link, how deep, in what.
+        """
+        deep = sorted(((depth, thing, link) for thing, link, depth, _ in self.contacts()), reverse=True)
+        if deep and deep[0][0] > _DEEP:
+            depth, thing, link = deep[0]
+            what = (*self._names, "another link")[thing]
+            raise ValueRangeError(
+                f"start: {self._links[link]} is {1000 * depth:.3g} mm deep in {what}; start elsewhere, or move that"
+            )

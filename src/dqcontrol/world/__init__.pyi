@@ -1,0 +1,12 @@
+from .body import (
+    Body as Body,
+    Hinge as Hinge,
+    Motion as Motion,
+    Slide as Slide,
+    Solid as Solid,
+)
+from .footprint import (
+    Footprint as Footprint,
+    footprint as footprint,
+)
+from .world import World as World

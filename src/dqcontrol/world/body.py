@@ -1,0 +1,344 @@
+"""A body of the world: its shapes, where it is, and whether it stands, moves as said, moves freely, or gives way."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Annotated, ClassVar
+
+import numpy as np
+from msgspec import Meta
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol import algebra
+from dqcontrol.arrays import Array
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, error_prefix
+from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere, load_map
+from dqcontrol.named_fields import NamedFields
+from dqcontrol.world.mesh import box_around, convex_parts
+
+Number3 = tuple[float, float, float]
+Place = Annotated[Number3, Meta(description="m")]
+Direction = Annotated[Number3, Meta(description="not zero")]
+Angles = Annotated[Number3, Meta(description="rad")]
+Size = Annotated[float, Meta(gt=0, description="m")]
+FileName = Annotated[str, Meta(min_length=1, description="path, relative to the file that names it")]
+
+SHAPES = ("box", "sphere", "capsule", "cylinder", "plane", "container", "mesh", "map")
+_WALL = 6e-3  # m: of a container, as of a wicker basket
+_FLOOR = 3e-3  # m
+_FASTEST = 20.0  # m/s: nothing that a robot works beside moves faster; a path that does has a jump
+
+
+class Solid(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One shape, given by the key that says its kind, and where it is.
+
+    Parameters
+    ----------
+    box
+        Its edges along the axes of the pose, m; one number is a cube's.
+    sphere
+        Its radius, m.
+    capsule, cylinder
+        Radius and length along the z axis, m; a capsule's without its half spheres.
+    plane
+        Its normal, towards the free side; ``position`` is a point of it. What is behind it is solid.
+    container
+        Inside of an open box, m, whose ``position`` is the middle of its bottom's underside.
+    mesh
+        STL, OBJ or PLY file in m. It is taken for convex parts, in physics, and for the boxes around them elsewhere.
+    map
+        Map of a floor, see `geometry.load_map`.
+    height
+        Of a map's walls, m; as its file says if omitted.
+    position, rpy
+        Where it is: of its middle, m, and roll, pitch, yaw, Rz(y) Ry(p) Rx(r), rad.
+    """
+
+    spec_key: ClassVar[str] = "world"
+    box: Size | Annotated[list[Size], Meta(min_length=3, max_length=3)] | None = None
+    sphere: Size | None = None
+    capsule: tuple[Size, Size] | None = None
+    cylinder: tuple[Size, Size] | None = None
+    plane: Direction | None = None
+    container: tuple[Size, Size, Size] | None = None
+    mesh: FileName | None = None
+    map: FileName | None = None
+    height: Size | None = None
+    position: Place = (0.0, 0.0, 0.0)
+    rpy: Angles = (0.0, 0.0, 0.0)
+
+    @property
+    def kind(self) -> str:
+        """Which shape it has.
+
+        Raises
+        ------
+        ShapeError
+            If it has none or several.
+        """
+        given = [key for key in SHAPES if getattr(self, key) is not None]
+        if len(given) != 1:
+            raise ShapeError(f"give one shape of {', '.join(SHAPES)}, got {' and '.join(given) or 'none'}")
+        if self.height is not None and given != ["map"]:
+            raise ShapeError(f"height: is that of a map, and this is a {given[0]}")
+        return given[0]
+
+    @property
+    def pose(self) -> Array:
+        """Where it is, unit dual quaternion (8,)."""
+        return algebra.pose(algebra.rotation_from_rpy(self.rpy), self.position)
+
+    @property
+    def size(self) -> Array:
+        """Edges of a box, shape (3,), m."""
+        assert self.box is not None
+        return np.full(3, self.box) if isinstance(self.box, float | int) else np.array(self.box)
+
+    @property
+    def shapes(self) -> list[Shape]:
+        """All that it consists of, in the inertial frame.
+
+        Raises
+        ------
+        Error
+            If it has no shape, or its file cannot be read.
+        """
+        kind = self.kind
+        if kind == "map":
+            return [each.moved(self.pose) for each in _boxes_of_map(str(self.map), self.height)]
+        if kind == "mesh":
+            return [box_around(part).moved(self.pose) for part in convex_parts(str(self.mesh))]
+        if kind == "container":
+            return [each.moved(self.pose) for each in self._walls()]
+        return [self._convex().moved(self.pose)]
+
+    def _convex(self) -> Shape:
+        if self.sphere is not None:
+            return Sphere(np.zeros(3), self.sphere)
+        if self.plane is not None:
+            return Plane(np.array(self.plane), 0.0)
+        if self.box is not None:
+            return Box(np.array([1.0, 0, 0, 0, 0, 0, 0, 0]), self.size)
+        radius, length = self.capsule or self.cylinder or (0.0, 0.0)
+        half = np.array([0.0, 0.0, 0.5 * length])
+        return Cylinder(-half, half, radius) if self.cylinder is not None else Capsule(-half, half, radius)
+
+    def _walls(self) -> list[Box]:
+        """Return four walls and a bottom around the inside of a container."""
+        assert self.container is not None
+        x, y, z = self.container
+        sizes = [(_WALL, y + 2 * _WALL, z), (x + 2 * _WALL, _WALL, z)]
+        found = []
+        for axis, extent in enumerate((x, y)):
+            for side in (-1.0, 1.0):
+                middle = np.array([0.0, 0.0, 0.5 * z])
+                middle[axis] = 0.5 * side * (extent + _WALL)
+                found.append(Box(algebra.pose([1, 0, 0, 0], middle), np.array(sizes[axis])))
+        found.append(Box(algebra.pose([1, 0, 0, 0], [0, 0, 0.5 * _FLOOR]), np.array([x, y, _FLOOR])))
+        return found
+
+
+@lru_cache(maxsize=32)
+def _boxes_of_map(file: str, height: float | None) -> tuple[Box, ...]:
+    return tuple(load_map(file, height).boxes())
+
+
+class Motion(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How a body moves by itself, whatever touches it.
+
+    Parameters
+    ----------
+    velocity
+        It moves on from its place with that, m/s; or
+    path
+        by these rows [t, x, y, z] (s, m): shifts from its place, straight between them, resting at both ends.
+    speed
+        At most this fast it may also come nearer than that, m/s.
+    """
+
+    spec_key: ClassVar[str] = "world.moves"
+    velocity: Annotated[Number3, Meta(description="m/s")] | None = None
+    path: Annotated[list[tuple[float, float, float, float]], Meta(min_length=2)] | None = None
+    speed: Annotated[float, Meta(ge=0, description="m/s")] = 0.0
+
+    def __post_init__(self) -> None:
+        if self.velocity is not None and self.path is not None:
+            raise ShapeError("moves.path: it has a velocity already; give one of them")
+        if self.path is None:
+            return
+        rows = np.asarray(self.path, np.float64)
+        steps = np.diff(rows[:, 0])
+        if (steps <= 0).any():
+            raise ValueRangeError("moves.path: times must increase")
+        speeds = np.linalg.norm(np.diff(rows[:, 1:], axis=0), axis=1) / steps
+        if speeds.max() > _FASTEST:
+            k = int(speeds.argmax())
+            raise ValueRangeError(
+                f"moves.path: has a jump: from {rows[k, 0]:g} s to {rows[k + 1, 0]:g} s it moves at "
+                f"{speeds[k]:.3g} m/s, at most {_FASTEST:g} m/s"
+            )
+
+    def shifts(self, times: Array) -> Array:
+        """Return how far it has moved at times (N,), s: shape (N, 3), m."""
+        if self.velocity is not None:
+            return np.outer(times, self.velocity)
+        if self.path is None:
+            return np.zeros((len(times), 3))
+        rows = np.asarray(self.path, np.float64)
+        return np.column_stack([np.interp(times, rows[:, 0], rows[:, i]) for i in (1, 2, 3)])
+
+
+class Hinge(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """An axis about which a body turns.
+
+    Parameters
+    ----------
+    axis
+        In the body's axes.
+    at
+        A point of it, seen from the body's position in its axes, m.
+    range
+        Least and most angle, rad; 0 is where the body is at the start. None: it turns on and on.
+    damping
+        N·m·s/rad.
+    friction
+        N·m, that a torque has to overcome.
+    """
+
+    spec_key: ClassVar[str] = "world.hinge"
+    axis: Direction
+    at: Place = (0.0, 0.0, 0.0)
+    range: Annotated[tuple[float, float], Meta(description="rad")] | None = None
+    damping: Annotated[float, Meta(ge=0, description="N·m·s/rad")] = 0.0
+    friction: Annotated[float, Meta(ge=0, description="N·m")] = 0.0
+
+    def __post_init__(self) -> None:
+        _check_joint(self.axis, self.range, "hinge", "turn about")
+
+
+class Slide(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """An axis along which a body slides.
+
+    Parameters
+    ----------
+    axis
+        In the body's axes.
+    range
+        Least and most way, m; 0 is where the body is at the start. None: without end.
+    damping
+        N·s/m.
+    friction
+        N, that a force has to overcome.
+    """
+
+    spec_key: ClassVar[str] = "world.slide"
+    axis: Direction
+    range: Annotated[tuple[float, float], Meta(description="m")] | None = None
+    damping: Annotated[float, Meta(ge=0, description="N·s/m")] = 0.0
+    friction: Annotated[float, Meta(ge=0, description="N")] = 0.0
+
+    def __post_init__(self) -> None:
+        _check_joint(self.axis, self.range, "slide", "move along")
+
+
+def _check_joint(axis: Number3, limits: tuple[float, float] | None, key: str, does: str) -> None:
+    if not any(axis):
+        raise ValueRangeError(f"{key}.axis: must not be zero, there is nothing to {does}, got {list(axis)}")
+    if (limits is not None and not limits[0] <= 0.0 <= limits[1]) or limits == (0.0, 0.0):
+        raise ValueRangeError(
+            f"{key}.range: must hold 0, where the body starts, and more, got {list(limits or ())}"
+        )
+
+
+class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Something in the world: without further keys it stands still.
+
+    Parameters
+    ----------
+    parts
+        Further shapes, each as seen from the pose of this one.
+    moves
+        How it moves by itself; what touches it does not stop it.
+    mass
+        kg: physics moves it. Of a body on a hinge or slide too, 1 kg if omitted there.
+    friction
+        Coulomb's coefficient.
+    hinge, slide
+        The axis on which physics moves it.
+    stiffness, damping
+        It gives way by that, N/m and N·s/m, along the face that is pressed, and comes back.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> table = dqc.world.Body(box=(1.2, 0.8, 0.04), position=(0.6, 0, 0.38))
+    >>> table.role
+    'fixed'
+    """
+
+    parts: Annotated[list[Solid], Meta(max_length=100)] = []
+    moves: Motion | None = None
+    mass: Annotated[float, Meta(gt=0, le=1e4, description="kg")] | None = None
+    friction: Annotated[float, Meta(ge=0, le=10)] = 0.8
+    hinge: Hinge | None = None
+    slide: Slide | None = None
+    stiffness: Annotated[float, Meta(gt=0, description="N/m")] | None = None
+    damping: Annotated[float, Meta(ge=0, description="N·s/m")] = 0.0
+
+    @property
+    def role(self) -> str:
+        """``fixed``, ``moving`` as it says, ``free``, on a ``hinge`` or ``slide``, or ``springy``.
+
+        Raises
+        ------
+        ShapeError
+            If it says two of them.
+        """
+        said = {
+            "moving": self.moves is not None,
+            "hinge": self.hinge is not None,
+            "slide": self.slide is not None,
+            "springy": self.stiffness is not None,
+        }
+        found = [role for role, given in said.items() if given]
+        keys = {"moving": "moves", "springy": "stiffness"}
+        if len(found) > 1 or (self.mass is not None and found and found[0] in keys):
+            names = [keys.get(role, role) for role in found] + (["mass"] if self.mass is not None else [])
+            raise ShapeError(f"a body is moved in one way, got {' and '.join(names)}")
+        if self.kind in ("plane", "map") and (found or self.mass is not None) and found != ["moving"]:
+            raise ShapeError(f"{self.kind}: stands still, and this is to be {(found or ['free'])[0]}")
+        return found[0] if found else "free" if self.mass is not None else "fixed"
+
+    @property
+    def is_moved_by_physics(self) -> bool:
+        """Whether nobody says where it is but a simulation, or what measures it."""
+        return self.role in ("free", "hinge", "slide")
+
+    def holds(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Return which points, shape (…, 3), m, lie inside a container that stands where it started."""
+        return self.away(points) == 0.0
+
+    def away(self, points: ArrayLike) -> Array:
+        """Return how far points, shape (…, 3), m, are from the inside of a container, shape (…), m."""
+        if self.container is None:
+            raise ShapeError(f"a {self.kind} holds nothing; a container does")
+        matrix, inside = algebra.matrix_from_pose(self.pose), np.array(self.container)
+        seen = (as_array("points", points, (3,)) - matrix[:3, 3]) @ matrix[:3, :3]
+        outside = np.abs(seen - [0.0, 0.0, 0.5 * inside[2]]) - 0.5 * inside
+        return np.linalg.norm(np.maximum(outside, 0.0), axis=-1)
+
+    @property
+    def solids(self) -> list[Solid]:
+        """Its own shape and its further ones, as seen from its pose."""
+        own = {key: getattr(self, key) for key in (*SHAPES, "height")}
+        return [Solid(**own), *self.parts]
+
+    @property
+    def shapes(self) -> list[Shape]:
+        """All that it consists of at the start, in the inertial frame."""
+        own, *parts = self.solids
+        found = list(own.shapes)
+        for k, part in enumerate(parts):
+            with error_prefix(f"parts[{k}]"):
+                found += part.shapes
+        return [each.moved(self.pose) for each in found]
