@@ -95,11 +95,6 @@ SPECS = (
         f"{name}, far away": SPEC | {"law": LAWS[name], "reference": FAR, "supervisor": False}
         for name in ("proportional-feedforward", "h-infinity-tracking", "feedback-linearization")
     }
-    | {
-        "a base, far away": SPEC
-        | MOBILE
-        | {"law": K, "reference": DRIVE_TO | {"kind": "set-point"}, "duration": 4}
-    }
     | {"constraints": KEEP_OUT}
     | {"integrated clamping": SPEC | {"law": K, "limits": LIMITS["modified-clamping"]}}
 )

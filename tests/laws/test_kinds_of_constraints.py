@@ -152,6 +152,7 @@ def test_bases_touch_nothing_in_many_runs(number):
     assert sum(check_base(rng, robot, 3.0) for _ in range(100)) >= 50
 
 
+@pytest.mark.usefixtures("without_growth")
 def test_an_arm_keeps_away_from_the_base_that_carries_it():
     robot = bodies()[1]
     q = np.array([0.0, 0, 0, *HOME])
@@ -175,6 +176,7 @@ def ball_before(robot, q, ahead, radius):
     return dqc.laws.SphereObstacle(center=tuple(hand + ahead), radius=radius, links=["hand"])
 
 
+@pytest.mark.usefixtures("without_growth")
 @pytest.mark.parametrize("kind", ["ball", "board"])
 def test_a_hand_that_is_held_goes_aside_if_asked_and_comes_to_its_goal(kind):
     way = np.array([0.0, 0.15, 0.0])
