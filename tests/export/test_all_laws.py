@@ -42,6 +42,7 @@ MOBILE = {
     "supervisor": {"tracking_error": 3.0},
 }
 SET_POINT = {"kind": "set-point", "offset": {"translation": [0.1, 0.05, 0.0]}}
+FAR = {"kind": "set-point", "offset": {"translation": [0, 0, -0.1], "rotation": [0, 0, 2.0]}}
 DRIVE_TO = {"kind": "drive-to", "offset": {"translation": [0.5, 0.2, 0], "rotation": [0, 0, 0.5]}}
 LAWS = {
     "proportional": K,
@@ -90,6 +91,10 @@ SPECS = (
     }
     | {name: SPEC | {"law": K, "limits": one, "supervisor": False} for name, one in LIMITS.items()}
     | {name: SPEC | MOBILE | {"duration": 4} | one for name, one in OF_BODIES.items()}
+    | {
+        f"{name}, far away": SPEC | {"law": LAWS[name], "reference": FAR, "supervisor": False}
+        for name in ("proportional-feedforward", "h-infinity-tracking", "feedback-linearization")
+    }
     | {"constraints": KEEP_OUT}
     | {"integrated clamping": SPEC | {"law": K, "limits": LIMITS["modified-clamping"]}}
 )

@@ -9,7 +9,7 @@ from numba import njit
 import dqcontrol as dqc
 from dqcontrol import algebra, laws
 from dqcontrol.laws.constrained.constraints import Lag
-from dqcontrol.laws.growth import beyond_driving, curvature, growth_for, is_driven, pose_error, square_bound
+from dqcontrol.laws.growth import counted, curvature, driving_speed, growth_for, pose_error, square_bound
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol_theses import variants
 
@@ -107,16 +107,33 @@ def test_the_curvature_is_what_the_jacobian_leaves_out_of_the_hessian(make_arm, 
 
 
 def test_growth_is_half_the_gain_times_period_and_lag_but_not_too_small():
-    rates = LoopRates(np.array([10.0, 100.0]), np.array([4.0, 4.0]))
-    np.testing.assert_allclose(growth_for(rates, 0.0, 0.01), [0.1, 0.5])
-    np.testing.assert_allclose(growth_for(rates, 0.07, 0.01), [0.4, 4.0])
-    np.testing.assert_allclose(growth_for(LoopRates(np.array([10.0]), None, lag=40.0), 0.0, 0.01), [0.175])
     arm = dqc.load_robot("ur5")
+    rates = LoopRates(np.array([10.0, 100.0]), np.array([4.0, 4.0]))
+    slow = LoopRates(np.array([10.0]), None, lag=40.0)
+    for given, late, expected in ((rates, 0.0, [0.1, 0.5]), (rates, 0.07, [0.4, 4.0]), (slow, 0.0, [0.175])):
+        found = growth_for(arm, given, late, 0.01)
+        np.testing.assert_allclose(found.growth, expected)
+        assert found.share == 1.0
+        assert found.farthest == np.inf
     law = laws.Proportional(gain=10.0)
     lag = Lag((0.05,) * 6, (0.02,) * 6)
     assert law.prepare(arm, None, 0.01, lag=lag).parameters[0, 4] == pytest.approx(0.4)
     assert law.prepare(arm, None, 0.01).in_mode("integrated", lag).parameters[0, 4] == pytest.approx(0.4)
     assert with_growth(law, 0.3).prepare(arm, None, 0.01).parameters[0, 4] == 0.3
+    changing = laws.Proportional(gain=laws.Schedule([0.0, 0.02], [10.0, 100.0])).prepare(arm, None, 0.01)
+    np.testing.assert_allclose(changing.parameters[:, 4], [0.1, 0.275, 0.5])
+
+
+def test_of_what_a_base_drives_away_a_share_counts_and_no_further_than_its_speed_takes_it_in_1_over_k():
+    robot = dqc.load_robot("little-john")
+    found = growth_for(robot, LoopRates(np.array([2.0, 20.0]), None), 0.01, 0.04)
+    np.testing.assert_allclose(found.growth, [0.1, 0.5])
+    np.testing.assert_allclose(found.share, [0.5, 1.0])
+    np.testing.assert_allclose(found.farthest, [0.25, 0.025])  # of 0.5 m/s
+    error = (0.1, 0.2, 0.3, 0.3, 0.4, 0.6)
+    assert counted(error, 1.0, np.inf) == error
+    np.testing.assert_allclose(counted(error, 0.5, 1.0), [0.05, 0.1, 0.15, 0.15, 0.2, 0.6])
+    np.testing.assert_allclose(counted(error, 0.5, 0.1), [0.05, 0.1, 0.15, 0.03, 0.04, 0.6])
 
 
 def follow(law, robot, q, target, period, steps, limits=None, start=None):
@@ -155,8 +172,40 @@ def test_joints_come_to_rest_at_targets_out_of_reach(name, law):
     steps = 600 if name == "little-john" else 400  # a base takes longer
     for target in unreachable(robot, q):
         sent, _ = follow(all_laws(10.0)[law], robot, q, target, 0.033, steps)
-        # On a base that drives, damping grows with the height alone: one or two joints turn back once in a hundred.
-        assert turning_back(sent[-100:]) <= (0.025 if name == "little-john" else 0)
+        assert turning_back(sent[-100:]) == 0
+
+
+DRIVING = {
+    "little-john": lambda: (dqc.load_robot("little-john"), STARTS["little-john"]),
+    "drive and panda": lambda: (
+        dqc.WholeBody([dqc.DifferentialDrive(wheel_radius=0.04, half_track=0.13), dqc.load_robot("panda")]),
+        [0, 0, 0, *STARTS["panda"]],
+    ),
+    "holonomic and ur5": lambda: (
+        dqc.WholeBody([dqc.HolonomicBase(), dqc.load_robot("ur5")]),
+        [0, 0, 0, *STARTS["ur5"]],
+    ),
+}
+
+
+@pytest.mark.parametrize("law", ["K", "decoupled", "feedback linearisation"])
+@pytest.mark.parametrize("name", DRIVING)
+def test_driving_bases_come_to_rest_too(name, law):
+    """Also on the way to targets beside and behind the robot, which a base without sideways motion takes long to."""
+    robot, q = DRIVING[name]()
+    q = np.array(q, dtype=float)
+    pose = robot.fkm(q)
+    here = algebra.translation(pose)
+    tilted = algebra.multiply(pose, algebra.exp_screw(np.array([0, 0.9, 0.3, 0, 0, 0])))
+    for target in (
+        placed(pose, [0.2, -4, 0.3]),
+        placed(pose, [-3, 0.5, here[2] + 0.1]),
+        placed(pose, 10.0 * here / np.linalg.norm(here)),
+        placed(tilted, here + np.array([-0.3, 0.5, 1.2])),
+        placed(tilted, here + np.array([0.3, 0.5, -2.0])),
+    ):
+        sent, _ = follow(all_laws(10.0)[law], robot, q, target, 0.033, 600)
+        assert turning_back(sent[-100:]) == 0
 
 
 @pytest.mark.parametrize("law", ["HIR, right", "LQR-DQ"])
@@ -234,14 +283,9 @@ DRIVEN = {
 
 @pytest.mark.parametrize("name", DRIVEN)
 def test_bases_that_drive_are_recognised(name):
-    assert is_driven(DRIVEN[name]())
-    assert not is_driven(dqc.load_robot("ur5"))
-
-
-def test_of_a_driven_hand_s_error_height_is_left():
-    error = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
-    assert beyond_driving(error, 0.0) == error
-    assert beyond_driving(error, 1.0) == (0.0, 0.0, 0.0, 0.0, 0.0, 0.6)
+    robot = DRIVEN[name]()
+    assert driving_speed(robot) == robot.limits.velocity[0]
+    assert driving_speed(dqc.load_robot("ur5")) is None
 
 
 @pytest.mark.parametrize("law", ["K", "decoupled", "feedback linearisation"])
@@ -250,7 +294,7 @@ def test_growth_does_not_slow_a_robot_that_drives_to_far_goals(law):
     robot, rng, ratios = dqc.load_robot("little-john"), np.random.default_rng(SEED), []
     home = np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0])
     limits = dqc.limits.CommandLimits(position=dqc.limits.ModifiedClamping())
-    for _ in range(20):
+    for _ in range(40):
         away = np.r_[rng.uniform(-3, 3, 3), rng.uniform(-0.5, 0.5, 5)]
         goal = dqc.references.SetPoint(robot.fkm(home + away))
         times = []

@@ -121,6 +121,14 @@ def test_a_goal_at_rest_is_reached_by_the_same_bits(law):
     assert np.array_equal(*commands)
 
 
+def test_where_a_path_turns_back_the_rate_counts():
+    """There ξ_d is 0 for a sample: fed forward without its rate it left 9 µm and a jerk 30 times the path's."""
+    robot, rate = dqc.load_robot("panda"), np.array([0.0, 0.0, 0.0, -0.3, 0.0, 0.0])
+    prepared, state = as_prepared(ProportionalFeedforward(gain=10.0), robot, 0.01, PANDA, np.zeros(7))
+    u = prepared.command(PANDA, dqc.Sample(robot.fkm(PANDA), np.zeros(6), rate), state)
+    assert np.abs(robot.twist_jacobian(PANDA) @ u - 0.005 * rate).max() < 1e-12
+
+
 def test_what_is_added_is_at_most_half_of_the_desired_twist():
     robot, last = dqc.load_robot("panda"), np.full(7, 40.0)
     sample = dqc.Sample(robot.fkm(PANDA), [0.0, 0.0, 0.0, 0.1, 0.0, 0.0])

@@ -65,6 +65,18 @@ def test_corners_come_early_and_the_end_is_one():
     assert np.abs(Previewed(square, delay=0.5).at(7.8).twist).max() == 0
 
 
+def test_a_jump_is_led_by_as_much_for_the_lag_not_by_a_pulse():
+    square = Square([1, 0, 0, 0, 0, 0, 0, 0], side=0.1, duration=8.0)  # 0.05 m/s along each side
+    times = 0.01 * np.arange(800)
+    led = Previewed(square, delay=0.02, lag=0.05, step=0.01)
+    given, plain = led.samples(times)[:, 8:14], square.samples(times + 0.02)[:, 8:14]
+    assert np.abs(given).max() < 0.1 + 1e-9
+    late = (times + 0.02) % 2.0 > 0.05 + 1e-6
+    assert np.abs(given - plain)[late & (times < 7.9)].max() < 1e-12
+    made_up = 0.01 * (given - plain)[:150].sum(axis=0)  # of the first side, from a start at speed
+    assert np.allclose(made_up, 0.05 * plain[50] * 3 / 5)  # all but the delay that cannot be made up for
+
+
 def test_a_time_below_zero_is_refused():
     with pytest.raises(Error, match="delay: must be ≥ 0"):
         Previewed(Square([1, 0, 0, 0, 0, 0, 0, 0], side=0.1, duration=8.0), delay=-1)

@@ -16,7 +16,7 @@ from dqcontrol.compiled.compile import Kernel, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ValueRangeError, as_array, unknown_name
 from dqcontrol.laws.gains import Gain, Schedule, gain_rows
-from dqcontrol.laws.growth import beyond_driving, curvature, pose_error
+from dqcontrol.laws.growth import counted, curvature, pose_error
 from dqcontrol.laws.integral import IntegralPoseLaw, integral_work, solve_with_integral
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters, solve, solver_work
 from dqcontrol.laws.law import LAW, Law
@@ -187,10 +187,8 @@ def position_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parame
     translation(sample, there)
     for i in range(3):
         target[i] = given.gain * (there[i] - here[i])
-    error = pose_error(pose, sample)
-    error = beyond_driving(
-        (0.0, 0.0, 0.0, error[3], error[4], error[5]), inverse_parameters(given.inverse).driven
-    )
+    error, inverse = pose_error(pose, sample), inverse_parameters(given.inverse)
+    error = counted((0.0, 0.0, 0.0, error[3], error[4], error[5]), inverse.share, inverse.farthest)
     curved = curvature(twist_jacobian, here[0], here[1], here[2], error, 1.0)
     _velocity_rows(here, twist_jacobian, own.matrix)
     return solve(own.matrix, target, own.preferred, curved, given.inverse, own.solver, out)
@@ -213,10 +211,8 @@ def rotation_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parame
             matrix[i, c] = length * twist_jacobian[i, c]
     for i in range(3):
         omega[i] *= length
-    error = pose_error(pose, sample)
-    error = beyond_driving(
-        (error[0], error[1], error[2], 0.0, 0.0, 0.0), inverse_parameters(given.inverse).driven
-    )
+    error, inverse = pose_error(pose, sample), inverse_parameters(given.inverse)
+    error = counted((error[0], error[1], error[2], 0.0, 0.0, 0.0), inverse.share, inverse.farthest)
     curved = curvature(twist_jacobian, 0.0, 0.0, 0.0, error, length * length)
     return solve(matrix, omega, own.preferred, curved, given.inverse, own.solver, out)
 

@@ -12,7 +12,7 @@ then only the Jacobian is led, by its delay and lag.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, TypeAlias, get_args
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
@@ -21,9 +21,11 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline, shared
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import unknown_name
+from dqcontrol.laws.law import Law
 from dqcontrol.references.previewed import Previewed
 
 if TYPE_CHECKING:
+    from dqcontrol.laws.inverses import Inverse
     from dqcontrol.references import Reference
     from dqcontrol.robots import Robot
 
@@ -73,10 +75,8 @@ class SignedState(NamedTuple):
 
 signed_state: MemoryLayout[SignedState] = MemoryLayout(SignedState, "m", unchecked=True)
 
-LAG = second_order.place("lag", 0)
 
-
-def second_order_numbers(
+def _numbers(
     feedforward: Feedforward, robot: Robot, reference: Reference | None, dt: float, length: float
 ) -> Array:
     """Return `SecondOrder` for a law, a row of numbers; none if it feeds forward as printed."""
@@ -98,9 +98,40 @@ def second_order_numbers(
     )
 
 
-def last_at(feedforward: Feedforward) -> int:
-    """Return where the state of a law with a sign alone takes the last command; 0 if it does not ask."""
-    return 0 if feedforward == "printed" else signed_state.place("last", 0)
+class FeedforwardLaw(Law, frozen=True, kw_only=True):
+    """A law that feeds the desired twist forward: its parameters end with `SecondOrder`, its state with u⁻.
+
+    Attributes
+    ----------
+    parameters_before, state_before
+        How many numbers come before these.
+    """
+
+    parameters_before: ClassVar[int]
+    state_before: ClassVar[int] = signed_state.place("last", 0)
+    if TYPE_CHECKING:  # of the law itself
+        feedforward: Feedforward
+        inverse: Inverse
+
+    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> Array:
+        """Return the rows of the law itself, and what feed-forward of second order needs."""
+        rows = super().rows(robot, reference, dt)
+        numbers = _numbers(self.feedforward, robot, reference, dt, self.inverse.characteristic_length)
+        return np.hstack([rows, np.tile(numbers, (len(rows), 1))])
+
+    def state_size(self, robot: Robot) -> int:
+        """Return room for the state of the law itself, and the last command."""
+        return self.last_at + robot.input_size if self.last_at else super().state_size(robot)
+
+    @property
+    def last_at(self) -> int:
+        """Where the state takes the last command."""
+        return 0 if self.feedforward == "printed" else self.state_before
+
+    @property
+    def lag_at(self) -> int:
+        """Where the parameters take the joints' lag."""
+        return self.parameters_before + second_order.place("lag", 0) if self.last_at else 0
 
 
 def drive_table(robot: Robot) -> Array:
@@ -114,7 +145,7 @@ def desired_twist(sample, pose, twist_jacobian, numbers, last, out):
     """Write ξ_d, or the t that second order makes of it with the last command that left.
 
     h J̇u⁻ is at most half of |ξ_d + h ξ̇_d| in the measure [ℓω ; v of the hand]: near singularities u⁻ grows without
-    bounds. Where ξ_d is 0 nothing is added.
+    bounds. At goals at rest nothing is added; where a path turns back ξ_d is 0 for a moment, but ξ̇_d is not.
     """
     for i in range(6):
         out[i] = sample[8 + i]
@@ -127,12 +158,12 @@ def _add_second_order(sample, pose, twist_jacobian, numbers, last, out):
     m = twist_jacobian.shape[1]
     given = second_order(numbers, m)
     px, py, pz = position(pose)
-    if _square(given.length, px, py, pz, out) > 0.0:
-        lead = given.preview if given.preview >= 0.0 else given.half_period + given.lag
-        if given.preview < 0.0:
-            for i in range(6):
-                out[i] += lead * sample[14 + i]
-        size = _square(given.length, px, py, pz, out)
+    lead = given.preview if given.preview >= 0.0 else given.half_period + given.lag
+    if given.preview < 0.0:
+        for i in range(6):
+            out[i] += lead * sample[14 + i]
+    size = _square(given.length, px, py, pz, out)
+    if size > 0.0:
         wx, wy, wz, vx, vy, vz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0  # what moves a column: the inputs before it
         ax, ay, az, bx, by, bz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0  # J̇u
         for k in range(m):

@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, NamedTuple
-
-import numpy as np
+from typing import Annotated, NamedTuple
 
 from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, multiply
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.laws.desired_twist import (
-    LAG,
-    Feedforward,
-    desired_twist,
-    second_order_numbers,
-)
+from dqcontrol.laws.desired_twist import Feedforward, FeedforwardLaw, desired_twist
 from dqcontrol.laws.integral import (
     IntegralPoseLaw,
     integral_parameters,
@@ -26,10 +19,6 @@ from dqcontrol.laws.integral import (
 from dqcontrol.laws.law import LAW
 from dqcontrol.laws.pose_error import left_error, left_error_twist
 from dqcontrol.laws.pose_law import pose_parameters
-
-if TYPE_CHECKING:
-    from dqcontrol.references import Reference
-    from dqcontrol.robots import Robot
 
 
 class FeedforwardParameters(NamedTuple):
@@ -80,13 +69,15 @@ def proportional_feedforward(q, pose, pose_jacobian, twist_jacobian, sample, par
     conjugate_multiply(pose, own.velocity, target)
     for i in range(8):
         target[i] = given.gain[i] * error[i] - target[i]
-    twist = left_error_twist(target, error, pose)
+    twist = left_error_twist(target, error, pose, pose_parameters(parameters).inverse)
     return solve_with_integral(
         pose, twist_jacobian, twist, sample, parameters, state, own.preferred, own.solver, out
     )
 
 
-class ProportionalFeedforward(IntegralPoseLaw, frozen=True, kw_only=True, tag="proportional-feedforward"):
+class ProportionalFeedforward(
+    FeedforwardLaw, IntegralPoseLaw, frozen=True, kw_only=True, tag="proportional-feedforward"
+):
     """K+FF: q̇ = N⁺ (K vec8(1 − x*x_d) − vec8(x*ẋ_d)). [P16 3.12]
 
     Like `Proportional`, with the desired velocity added, so that ė = −Ke (projected) also for a moving target. A
@@ -119,31 +110,6 @@ class ProportionalFeedforward(IntegralPoseLaw, frozen=True, kw_only=True, tag="p
 
     kernel = proportional_feedforward
     work = feedforward_work
+    parameters_before = integral_parameters.size()
+    state_before = integral_state.size()
     feedforward: Feedforward = "second-order"
-
-    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> np.ndarray:
-        """Return the rows of ``IntegralPoseLaw``, and what feed-forward of second order needs."""
-        return feedforward_parameters.pack(
-            integral=super().rows(robot, reference, dt),
-            second_order=second_order_numbers(
-                self.feedforward, robot, reference, dt, self.inverse.characteristic_length
-            ),
-        )
-
-    def state_size(self, robot: Robot) -> int:
-        """Return room for the state of ``IntegralPoseLaw``, and the last command."""
-        if self.feedforward == "printed":
-            return super().state_size(robot)
-        return feedforward_state.size(robot.input_size)
-
-    @property
-    def last_at(self) -> int:
-        """Where the state takes the last command."""
-        return 0 if self.feedforward == "printed" else integral_state.size()
-
-    @property
-    def lag_at(self) -> int:
-        """Where the parameters take the joints' lag."""
-        if self.feedforward == "printed":
-            return 0
-        return integral_parameters.size() + LAG

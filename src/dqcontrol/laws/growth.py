@@ -7,14 +7,16 @@ every period. With λ² ≥ c‖C‖ it is k/c at most. In chain order, with ω 
 
 C_ij = e_p · (ω_i × a_j) + ½ℓ² θ · (ω_i × ω_j) = ω_i · b_j, i ≤ j, b_j = a_j × e_p + ½ℓ² ω_j × θ.
 
-On a base that drives, no x, y or heading is out of reach: where it rests these errors have been driven away. Tilt costs
-a wrist no reach. C is then formed with the error of height alone, so that distant targets do not slow the robot.
+On a base that drives, height alone is out of reach: what else is missing is driven away, so that distant targets would
+slow the robot for nothing. Turns, x and y then count by the share ½k (T + delay + lag)/c, which leaves out what c has
+in excess for rests 10 m away; and x and y no further than v/k, v the speed of the base: its commands are scaled to v,
+and the gain k of all joints with them.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -51,10 +53,13 @@ def pose_error(pose, desired):
 
 
 @inline
-def beyond_driving(error, driven):
-    """Return what of [θ ; p_d − p] may be out of reach: with a base that drives, height; without, all of it."""
-    kept = 1.0 - driven
-    return kept * error[0], kept * error[1], kept * error[2], kept * error[3], kept * error[4], error[5]
+def counted(error, share, farthest):
+    """Return what of [θ ; p_d − p] damping grows with: all, but of turns, x and y a share, and x, y not far away."""
+    x, y = error[3], error[4]
+    part = share
+    if x * x + y * y > farthest * farthest:
+        part *= farthest / math.sqrt(x * x + y * y)
+    return share * error[0], share * error[1], share * error[2], part * x, part * y, error[5]
 
 
 @inline
@@ -93,23 +98,37 @@ def curvature(twist_jacobian, px, py, pz, error, square_length):
     return math.sqrt(max(2.0 * total, 0.0))
 
 
-def is_driven(robot: Robot) -> bool:
-    """Return whether a base takes the hand to every x, y and heading: it turns about z in all configurations."""
+def driving_speed(robot: Robot) -> float | None:
+    """Return the speed (m/s) of a base that takes the hand to every x, y and heading; None without one.
+
+    Such a base turns about z in all configurations.
+    """
     for first, _ in robot.bases:
         turn = np.searchsorted(robot.input_coordinates, first + 2)
         axes = [
             robot.twist_jacobian(np.full(robot.configuration_size, each))[:3, turn] for each in (0.0, 1.0)
         ]
         if np.isinf(robot.limits.upper[first : first + 2]).all() and np.allclose(axes, [0.0, 0.0, 1.0]):
-            return True
-    return False
+            drives = np.isin(robot.input_coordinates, (first, first + 1))
+            return float(robot.limits.velocity[drives].min())
+    return None
 
 
-def growth_for(rates: LoopRates | None, late: float, period: float) -> Array:
-    """Return c at each row of a law's parameters, shape (K,): k (T + delay + lag)/2, and not less than 0.1.
+class Growth(NamedTuple):
+    """How damping grows: c of `FilteredInverse`, and what of an error counts, see `counted`; each of shape (K,)."""
+
+    growth: Array
+    share: Array
+    farthest: Array
+
+
+def growth_for(robot: Robot, rates: LoopRates | None, late: float, period: float) -> Growth:
+    """Return c at each row of a law's parameters, k (T + delay + lag)/2 and not less than 0.1, and what counts.
 
     Parameters
     ----------
+    robot
+        Where a base drives, not all of an error counts.
     rates
         Of the law; None if they are not known.
     late
@@ -119,13 +138,16 @@ def growth_for(rates: LoopRates | None, late: float, period: float) -> Array:
 
     Returns
     -------
-    c : ndarray, shape (K,)
+    Growth
         So that c‖C‖ of damping keeps the gain of the loop, k/c, within what period and lag bear.
     """
-    if rates is None:
-        return np.array([_RATE_UNKNOWN])
-    late += 1.0 / rates.lag if rates.lag else 0.0
-    parts = [np.abs(each) for each in (rates.position, rates.orientation) if each is not None]
-    if not parts:
-        return np.array([LEAST])
-    return np.maximum(LEAST, 0.5 * (period + late) * np.max(parts, axis=0))
+    one, speed = np.ones(1), driving_speed(robot)
+    parts = [] if rates is None else [np.abs(x) for x in (rates.position, rates.orientation) if x is not None]
+    if rates is None or not parts:
+        return Growth((_RATE_UNKNOWN if rates is None else LEAST) * one, one, np.inf * one)
+    gain = np.max(parts, axis=0)
+    needed = 0.5 * gain * (period + late)
+    growth = np.maximum(LEAST, needed + (0.5 * gain / rates.lag if rates.lag else 0.0))
+    if speed is None:
+        return Growth(growth, one, np.inf * one)
+    return Growth(growth, needed / growth, speed / np.maximum(gain, 1e-9))

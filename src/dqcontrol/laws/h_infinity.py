@@ -21,14 +21,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import Kernel, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ShapeError, as_positive, unknown_name
-from dqcontrol.laws.desired_twist import (
-    LAG,
-    Feedforward,
-    desired_twist,
-    last_at,
-    second_order_numbers,
-    signed_state,
-)
+from dqcontrol.laws.desired_twist import Feedforward, FeedforwardLaw, desired_twist, signed_state
 from dqcontrol.laws.gains import Gain, Positive, Schedule, gain_rows
 from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twist, twist_work
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
@@ -234,7 +227,7 @@ class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
         return max([gain.end for gain in gains if isinstance(gain, Schedule)], default=0.0)
 
 
-class HInfinityTracking(HInfinity, frozen=True, kw_only=True, tag="h-infinity-tracking"):
+class HInfinityTracking(FeedforwardLaw, HInfinity, frozen=True, kw_only=True, tag="h-infinity-tracking"):
     """HIRT: `HInfinity` with the desired twist added: q̇ = J_w⁺ ([−k_O Im r_e ; −k_T p_e] + Ad(x_e) ξ_d). [P16 3.33]
 
     Rates and bounds of `HInfinity` hold for a moving target; sampling limits, choice and parameters are those there;
@@ -251,28 +244,8 @@ class HInfinityTracking(HInfinity, frozen=True, kw_only=True, tag="h-infinity-tr
     True
     """
 
+    parameters_before = h_infinity_parameters.place("second_order")
     feedforward: Feedforward = "second-order"
-
-    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> np.ndarray:
-        """Return the rows of `HInfinity`, and what feed-forward of second order needs."""
-        given = h_infinity_parameters(super().rows(robot, reference, dt))
-        length = self.inverse.characteristic_length
-        numbers = second_order_numbers(self.feedforward, robot, reference, dt, length)
-        return h_infinity_parameters.pack(**given._replace(second_order=numbers)._asdict())
-
-    def state_size(self, robot: Robot) -> int:
-        """Return room for the sign of x_e, and the last command."""
-        return signed_state.size(robot.input_size) if self.last_at else 1
-
-    @property
-    def last_at(self) -> int:
-        """Where the state takes the last command."""
-        return last_at(self.feedforward)
-
-    @property
-    def lag_at(self) -> int:
-        """Where the parameters take the joints' lag."""
-        return h_infinity_parameters.place("second_order") + LAG if self.last_at else 0
 
     def _tracks(self) -> bool:
         return True

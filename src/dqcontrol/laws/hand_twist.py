@@ -11,7 +11,7 @@ from dqcontrol.algebra.dual_quaternion_kernels import position, rotated
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.laws.growth import beyond_driving, curvature, pose_error
+from dqcontrol.laws.growth import counted, curvature, pose_error
 from dqcontrol.laws.inverses import (
     BY_MANIPULABILITY,
     DAMPED,
@@ -54,7 +54,7 @@ def solve_hand_twist(pose, twist_jacobian, hand_twist, error, preferred, inverse
     n = twist_jacobian.shape[1]
     p = position(pose)
     px, py, pz = p
-    missing = beyond_driving(error, inverse.driven)
+    missing = counted(error, inverse.share, inverse.farthest)
     square_length = inverse.length * inverse.length
     if n >= 6 and inverse.kind != BY_MANIPULABILITY:
         square_level, vanishing = inverse.level * inverse.level, inverse.damping * inverse.damping

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, ClassVar, NamedTuple
 
 from msgspec import Meta
@@ -34,8 +35,8 @@ class InverseParameters(NamedTuple):
         ℓ, m.
     growth
         c of the filtered inverse.
-    driven
-        1 where a base takes the hand to every x, y and heading: damping grows with the error of height alone; else 0.
+    share, farthest
+        Of the error's turns, x and y what damping grows with, and how far x, y count, m; see `growth.counted`.
     """
 
     kind: float
@@ -43,7 +44,8 @@ class InverseParameters(NamedTuple):
     damping: float
     length: float
     growth: float
-    driven: float
+    share: float = 1.0
+    farthest: float = math.inf
 
 
 inverse_parameters: MemoryLayout[InverseParameters] = MemoryLayout(InverseParameters)
@@ -77,7 +79,7 @@ class DampedInverse(CheckedFields, frozen=True, tag="damped", tag_field="kind", 
 
     def parameters(self) -> InverseParameters:
         """Return kind and numbers as compiled code reads them."""
-        return InverseParameters(DAMPED, self.damping, 0.0, _length(self), 0.0, 0.0)
+        return InverseParameters(DAMPED, self.damping, 0.0, _length(self), 0.0)
 
 
 class FilteredInverse(
@@ -98,8 +100,8 @@ class FilteredInverse(
     Where the target is out of reach, damping grows with the curvature C of the task that J leaves out
     (`laws/growth.py`): g = (c‖C‖ − 1/tr G⁻¹)₊ is added to all σ², G = JJᵀ, and λ² − g takes the place of λ², not less
     than 0. C vanishes with the error, so where that is small or σ large nothing is added, to the last bit; elsewhere
-    the loop gain stays below k/c, and the robot comes to rest. On a base that drives, C is formed with
-    the error of height alone: no x, y or heading is out of reach there.
+    the loop gain stays below k/c, and the robot comes to rest. On a base that drives, C is formed with a share of the
+    errors that it drives away.
     """
 
     spec_key: ClassVar[str] = "inverse"
@@ -121,7 +123,6 @@ class FilteredInverse(
             self.damping,
             _length(self),
             self.growth if self.growth is not None else 0.0,
-            0.0,
         )
 
 
@@ -147,7 +148,6 @@ class ManipulabilityInverse(
             self.threshold,
             self.damping,
             _length(self),
-            0.0,
             0.0,
         )
 

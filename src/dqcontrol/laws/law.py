@@ -27,7 +27,7 @@ from dqcontrol.laws.command_kernel import (
     step,
 )
 from dqcontrol.laws.constrained.constraints import AT_ONCE, Constraints, Lag
-from dqcontrol.laws.growth import growth_for, is_driven
+from dqcontrol.laws.growth import growth_for
 from dqcontrol.laws.hand_twist import twist_work
 from dqcontrol.laws.inverses import FilteredInverse, inverse_parameters
 from dqcontrol.laws.loop_rates import LoopRates
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 CommandMode = Literal["integrated", "measured"]
 
-_GROWTH, _DRIVEN = inverse_parameters.place("growth"), inverse_parameters.place("driven")
+_GROWTH = inverse_parameters.place("growth")  # share and farthest follow
 _MOST_STEPS = 10_000_000
 
 
@@ -251,13 +251,11 @@ class PreparedLaw:
                 )
             self.constraints = law.constraints.prepare(robot, dt, command_mode, lag)
         inverse = getattr(law, "inverse", None)
-        filtered = isinstance(inverse, FilteredInverse)
-        self._grows = filtered and inverse.growth is None
-        if filtered:  # with whose parameters those of the law begin
+        self._grows = isinstance(inverse, FilteredInverse) and inverse.growth is None
+        if self._grows:  # with the parameters of its inverse those of the law begin
             parameters = parameters.copy()
-            parameters[:, _DRIVEN] = is_driven(robot)
-        if self._grows:
-            parameters[:, _GROWTH] = growth_for(law.loop_rates(parameters), lag.late, dt)
+            for i, each in enumerate(growth_for(robot, law.loop_rates(parameters), lag.late, dt)):
+                parameters[:, _GROWTH + i] = each
         law_memory = law.state_size(robot)
         memory = position.memory(robot, command_mode, dt) if position else 0
         if self.constraints:
@@ -308,11 +306,8 @@ class PreparedLaw:
         self._parts = prepared_memory(self.memory, *(self._sizes[name] for name in prepared_memory.sizes))
         if tasks and self._grows:
             at = task_levels.place("growth")
-            self._parts.tasking[at : at + 3] = (
-                parameters[:, _GROWTH].max(),
-                0.5 * (dt + lag.late),
-                parameters[0, _DRIVEN],
-            )
+            growth, share, farthest = parameters[:, _GROWTH : _GROWTH + 3].max(axis=0)
+            self._parts.tasking[at : at + 4] = growth, 0.5 * (dt + lag.late), share, farthest
         self.parameters: Array = self._parts.parameters
         if law.lag_at:
             self.parameters[:, law.lag_at] = sum(lag.mean)

@@ -24,14 +24,7 @@ from dqcontrol.compiled.compile import Kernel, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ShapeError, ValueRangeError, as_positive, unknown_name
 from dqcontrol.laws import riccati
-from dqcontrol.laws.desired_twist import (
-    LAG,
-    Feedforward,
-    desired_twist,
-    last_at,
-    second_order_numbers,
-    signed_state,
-)
+from dqcontrol.laws.desired_twist import Feedforward, FeedforwardLaw, desired_twist, signed_state
 from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twist, twist_work
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
 from dqcontrol.laws.law import LAW, Law, check_steps
@@ -374,7 +367,9 @@ def linear_quadratic_dq_left(q, pose, pose_jacobian, twist_jacobian, sample, par
 _DQ_KERNELS = {"right": linear_quadratic_dq, "left": linear_quadratic_dq_left}
 
 
-class LinearQuadraticDQ(LinearQuadratic, frozen=True, kw_only=True, tag="linear-quadratic-dq"):
+class LinearQuadraticDQ(
+    FeedforwardLaw, LinearQuadratic, frozen=True, kw_only=True, tag="linear-quadratic-dq"
+):
     """LQR in dual quaternion space: q̇ = J_w⁺ (−R⁻¹P(t) y + Ad(x_e) ξ_d), x_e = x x_d*. [P16 3.49, 3.57–3.61]
 
     y = [θ_e n ; p_e], the error's rotation vector and position. Ṗ = P R⁻¹P − Q, P(t_f) = S, in closed form, for
@@ -426,29 +421,9 @@ class LinearQuadraticDQ(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
 
     form: Literal["log", "sin"] = "log"
     error: Literal["right", "left"] = "right"
+    parameters_before = twist_feedback.place("second_order")
     feedforward: Feedforward = "second-order"
     feedback = twist_feedback
-
-    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> Array:
-        """Return the rows of ``LinearQuadratic``, and what feed-forward of second order needs."""
-        given = twist_feedback(super().rows(robot, reference, dt))
-        length = self.inverse.characteristic_length
-        numbers = second_order_numbers(self.feedforward, robot, reference, dt, length)
-        return twist_feedback.pack(**given._replace(second_order=numbers)._asdict())
-
-    def state_size(self, robot: Robot) -> int:
-        """Return room for the sign of the error, and the last command."""
-        return signed_state.size(robot.input_size) if self.last_at else 1
-
-    @property
-    def last_at(self) -> int:
-        """Where the state takes the last command."""
-        return last_at(self.feedforward)
-
-    @property
-    def lag_at(self) -> int:
-        """Where the parameters take the joints' lag."""
-        return twist_feedback.place("second_order") + LAG if self.last_at else 0
 
     @property
     def kernel(self) -> Kernel:  # type: ignore[override]

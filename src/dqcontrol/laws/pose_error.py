@@ -16,6 +16,8 @@ _LONGEST_LEVER = (
     3.0  # ℓ: so long only half a metre away and turned by far; `python benchmarks/out_of_reach.py`
 )
 
+_LEFT_LEVER = 0.33  # ℓ, of left errors, whose x and y a base would drive after: longer, whole bodies circle
+
 
 @inline
 def short_sign(real_part, hysteresis, sign):
@@ -60,11 +62,32 @@ def left_error(pose, desired, hysteresis, sign, error):
 
 
 @inline
-def left_error_twist(target, error, pose):
-    """Return the hand's [ω ; ṗ] that comes nearest to N u = target, N u = −½ξ_b x_e, x_e = 1 − e; inertial axes."""
+def _with_short_lever(angular, linear, away, length):
+    """Return the velocity b − ω × d with ω × d no larger than that of ℓ at the rate |b|/|d|."""
+    a, b, c = angular
+    u, v, w = linear
+    x, y, z = away
+    i, j, k = b * z - c * y, c * x - a * z, a * y - b * x
+    lever = (i * i + j * j + k * k) * (x * x + y * y + z * z)
+    asked = length * length * ((u + i) * (u + i) + (v + j) * (v + j) + (w + k) * (w + k))
+    if lever > asked:
+        beyond = 1.0 - math.sqrt(asked / lever)
+        u, v, w = u + beyond * i, v + beyond * j, w + beyond * k
+    return u, v, w
+
+
+@inline
+def left_error_twist(target, error, pose, inverse_numbers):
+    """Return the hand's [ω ; ṗ] that comes nearest to N u = target, N u = −½ξ_b x_e, x_e = 1 − e; inertial axes.
+
+    Its velocity is k d − ω × d, d = p_d − p, ω ≈ ½kθ: if damping grows, the lever ω × d is bounded as in right errors.
+    """
     e = error
     relative = 1.0 - e[0], -e[1], -e[2], -e[3], -e[4], -e[5], -e[6], -e[7]
-    angular, linear, _ = nearest_twist(target, relative)
+    angular, linear, away = nearest_twist(target, relative)
+    inverse = inverse_parameters(inverse_numbers)
+    if inverse.growth != 0.0:
+        linear = _with_short_lever(angular, linear, away, _LEFT_LEVER * inverse.length)
     ax, ay, az = rotated(pose, angular)
     bx, by, bz = rotated(pose, linear)
     return -ax, -ay, -az, -bx, -by, -bz
@@ -73,6 +96,6 @@ def left_error_twist(target, error, pose):
 @inline
 def solve_left_error(target, error, pose, twist_jacobian, sample, preferred, inverse, work, out):
     """Write out = z + N⁺ (target − N z) with the preferred motion z."""
-    twist = left_error_twist(target, error, pose)
+    twist = left_error_twist(target, error, pose, inverse)
     missing = pose_error(pose, sample)
     return solve_hand_twist(pose, twist_jacobian, twist, missing, preferred, inverse, work, out)

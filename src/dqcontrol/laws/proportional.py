@@ -32,7 +32,7 @@ def proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, sta
     left_error(pose, sample, given.hysteresis, state, own.error)
     for i in range(8):
         own.target[i] = given.gain[i] * own.error[i]
-    twist = left_error_twist(own.target, own.error, pose)
+    twist = left_error_twist(own.target, own.error, pose, given.inverse)
     return solve_with_integral(
         pose, twist_jacobian, twist, sample, parameters, state, own.preferred, own.solver, out
     )

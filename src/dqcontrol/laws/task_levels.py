@@ -48,7 +48,7 @@ from dqcontrol.errors import (
     error_prefix,
     unknown_name,
 )
-from dqcontrol.laws.growth import LEAST, beyond_driving, curvature, pose_error
+from dqcontrol.laws.growth import LEAST, counted, curvature, pose_error
 from dqcontrol.references import Reference
 from dqcontrol.references.sample import SAMPLE_SIZE
 from dqcontrol.robots.kinematics_kernels import hand_jacobian
@@ -135,7 +135,7 @@ class TaskLevels(NamedTuple):
         Levels.
     growth, late
         How far the law's damping grows, and half of period and lag together, s; 0 where it does not.
-    driven
+    share, farthest
         Of the law's inverse.
     data
         A `TaskRow` for each, then their tables and samples.
@@ -147,7 +147,8 @@ class TaskLevels(NamedTuple):
     last: float
     growth: float
     late: float
-    driven: float
+    share: float
+    farthest: float
     data: Annotated[Array, ...]
 
 
@@ -276,11 +277,11 @@ def _add_posture(count, task, q, given, out, own):
 
 
 @inline
-def _curvature(pose, twist_jacobian, desired, turns, moves, growth, driven):
+def _curvature(pose, twist_jacobian, desired, turns, moves, growth, given):
     """Return c‖C‖ of a task whose rows of ω and ṗ are weighed."""
     if growth == 0.0:
         return 0.0
-    a, b, c, d, e, f = beyond_driving(pose_error(pose, desired), driven)
+    a, b, c, d, e, f = counted(pose_error(pose, desired), given.share, given.farthest)
     if turns == 0.0:
         a, b, c = 0.0, 0.0, 0.0
     square = moves * moves
@@ -353,7 +354,7 @@ def do_tasks(q, pose, twist_jacobian, sample, k, parameters, work, out):
     for level in range(int(given.first), int(given.last) + 1):
         count, grown = 0, 0.0
         if level == 1:
-            grown += _curvature(pose, twist_jacobian, sample, _LENGTH, 1.0, given.growth, given.driven)
+            grown += _curvature(pose, twist_jacobian, sample, _LENGTH, 1.0, given.growth, given)
             hand_jacobian(position(pose), twist_jacobian, own.hand)
             for i in range(6):
                 own.error[i] = 0.0
@@ -378,7 +379,7 @@ def do_tasks(q, pose, twist_jacobian, sample, k, parameters, work, out):
             wanted = data[at : at + SAMPLE_SIZE]
             if level == int(given.first) and given.growth > 0.0:  # later ones have what those before leave
                 growth = max(LEAST, task.gain * given.late)
-                grown += _curvature(own.pose, own.twist, wanted, task.turns, task.moves, growth, given.driven)
+                grown += _curvature(own.pose, own.twist, wanted, task.turns, task.moves, growth, given)
             _asked(task, wanted, own)
             hand_jacobian(position(own.pose), own.twist, own.hand)
             if task.along != 0.0:
@@ -451,7 +452,8 @@ class PreparedTasks:
             last=max(*self.levels, 1),
             growth=0.0,
             late=0.0,
-            driven=0.0,
+            share=1.0,
+            farthest=np.inf,
             data=np.concatenate([*(np.array(row) for row in rows), *blocks]),
         )
         self.work_size: int = level_work.size(robot.input_size, most)

@@ -10,7 +10,7 @@ import numpy as np
 from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import as_positive
-from dqcontrol.references.reference import Reference
+from dqcontrol.references.reference import SNAP, Reference
 from dqcontrol.references.sample import POSE, TWIST, TWIST_RATE
 
 _STEP = 0.2  # of the lag, between the twists whose difference leads
@@ -23,8 +23,10 @@ class Previewed(Reference):
 
     A joint with delay D and lag τ that is told the velocity u answers y with τÿ + ẏ = u(t − D). So laws with
     feed-forward are given (ξ(t + D) − a ξ(t + D − h))/(1 − a) with a = exp(−h/τ), which for short h is
-    ξ(t + D) + τ ξ̇(t + D) and is also defined at corners, as twist of the pose at t. Errors are corrected as before, so
-    no loop's stability changes. What cannot be done in advance is not: the first D seconds.
+    ξ(t + D) + τ ξ̇(t + D), as twist of the pose at t. Where a twist jumps by Δ, at corners and at a start at speed, that
+    would be a pulse of about Δ τ/h for h: no joint follows it. Jumps are led by Δ for τ instead, which makes up for the
+    same way that the lag costs. Errors are corrected as before, so no loop's stability changes. What cannot be done in
+    advance is not: the first D seconds.
 
     Parameters
     ----------
@@ -60,8 +62,11 @@ class Previewed(Reference):
         delay = as_positive("delay", self.delay, zero_allowed=True)
         lag = as_positive("lag", self.lag, zero_allowed=True)
         step = max(_STEP * lag, _LEAST_STEP) if self.step is None else as_positive("step", self.step)
-        corners = self.reference.corners - delay
-        moved = np.unique(np.concatenate([corners, corners + step])) if lag else corners
+        starts = np.concatenate([[0.0], self.reference.corners])
+        jumps = self._moving(starts)[:, :6]
+        jumps[1:] -= self._moving(starts[1:] - 2 * SNAP)[:, :6]
+        ends = starts[1:] - delay
+        moved = np.unique(np.concatenate([ends, starts - delay + lag])) if lag else ends
         moved = moved[(moved > 0) & (moved < self.reference.duration)]
         moved.flags.writeable = False
         values = {
@@ -70,6 +75,8 @@ class Previewed(Reference):
             "_share": math.exp(-step / lag) if lag else 0.0,
             "_ahead": delay,
             "_behind": step,
+            "_starts": starts - SNAP,
+            "_jumped": np.vstack([np.zeros(6), np.cumsum(jumps, axis=0)]),
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -83,6 +90,9 @@ class Previewed(Reference):
         if share:
             before = ahead - self._behind  # type: ignore[attr-defined]
             moving = (moving - share * self._moving(before) * (before >= 0)[:, None]) / (1 - share)
+            jumped = self._jumps(ahead)
+            moving[:, :6] += jumped - self._jumps(ahead - self.lag)
+            moving[:, :6] -= share / (1 - share) * (jumped - self._jumps(before))
         turning, speed, turning_rate, speed_rate = moving.reshape(-1, 4, 3).swapaxes(0, 1)
         position = translation(out[:, POSE])
         present = out[:, TWIST][:, 3:] - np.cross(position, out[:, TWIST][:, :3])
@@ -90,6 +100,10 @@ class Previewed(Reference):
         out[:, TWIST] = np.hstack([turning, speed + np.cross(position, turning)])
         out[:, TWIST_RATE] = np.hstack([turning_rate, speed_rate + carried])
         return out
+
+    def _jumps(self, times: Array) -> Array:
+        """Return the sum of the jumps of [ω; ṗ] until each time, shape (N, 6)."""
+        return self._jumped[np.searchsorted(self._starts, times, side="right")]  # type: ignore[attr-defined]
 
     def _moving(self, times: Array) -> Array:
         """Return [ω; ṗ] of the reference and its rate, shape (N, 12), at rest before and after it."""

@@ -73,7 +73,7 @@ def classic_whole_body(q, pose, pose_jacobian, twist_jacobian, sample, parameter
     for i in range(8):
         own.target[i] = given.gain[i] * own.error[i]
     if inverse_parameters(given.inverse).kind == DAMPED_POSE:
-        twist = left_error_twist(own.target, own.error, pose)
+        twist = left_error_twist(own.target, own.error, pose, given.inverse)
         lever = from_goal(pose, sample)
         status = solve_pose_rows(
             pose, lever, own.jacobian, twist, own.preferred_rates, given.inverse, own.solver, own.rates

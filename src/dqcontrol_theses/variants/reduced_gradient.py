@@ -89,7 +89,7 @@ def reduced_gradient(q, pose, pose_jacobian, twist_jacobian, sample, parameters,
     left_error(pose, sample, given.hysteresis, kept.sign, own.error)
     for i in range(8):
         own.target[i] = given.gain[i] * own.error[i]
-    twist = left_error_twist(own.target, own.error, pose)
+    twist = left_error_twist(own.target, own.error, pose, given.inverse)
     choose_inputs(twist_jacobian, pose, inverse_parameters(given.inverse).length, own, kept.in_use)
     used = 0
     for j in range(m):
