@@ -16,7 +16,7 @@ import numpy as np
 from msgspec import UNSET
 
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.kernel_cache import source_hash
+from dqcontrol.compiled.kernel_cache import has_source, source_hash
 from dqcontrol.errors import ReachError, ShapeError, ValueRangeError, error_prefix
 from dqcontrol.experiments.contacts import check_floor
 from dqcontrol.experiments.reach import check_reach
@@ -194,6 +194,10 @@ class PreparedExperiment:
             digest.update(repr((robot.joint_names, _bases(robot))).encode())
         for content in user_code.sources(msgspec.to_builtins(self.spec)):
             digest.update(content)
+        kinds = {type(kind).__module__ for case in self.cases for kind in (case.variant.law, case.plant)}
+        for module in sorted(kinds):  # `program` counts this package; these may be of others
+            if module.partition(".")[0] != "dqcontrol" and has_source(module):
+                digest.update(source_hash(module, lazily=True).encode())
         for plant in self.spec.plant_by_label.values():
             for file in plant.files():
                 digest.update(file.read_bytes())
