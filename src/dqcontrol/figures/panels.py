@@ -83,7 +83,7 @@ class _PanelAxis:
         """Make no tick before somebody asks for one."""
         self.majorTicks, self.minorTicks = [], []
 
-    def get_ticks_position(self: Any) -> str:
+    def get_ticks_position(self: Any) -> Any:
         """Return on which side ticks are, which Matplotlib reads off its own."""
         return super().get_ticks_position() if self.majorTicks else self.side
 
@@ -269,8 +269,8 @@ class PanelAxes(Axes):
         """Draw curves; see Matplotlib's method."""
         lines = super().plot(*args, **options)
         for line in lines:
-            x, y = line.get_data(orig=False)
-            kept = outline(np.asarray(y, dtype=np.float64)[:, None])
+            x, y = map(np.asarray, line.get_data(orig=False))
+            kept = outline(y.astype(np.float64)[:, None])
             if kept is not None and (np.diff(x) >= 0).all():
                 line.set_data(x[kept], y[kept])
         return lines
@@ -290,7 +290,7 @@ def _width(text: str, size: float) -> float:
 
 def _make_room(figure: Figure, renderer: Any) -> None:
     """Move panels so that what stands beside them fits on the paper, and not over each other."""
-    panels = [axes for axes in figure.axes if axes.get_subplotspec() is not None]
+    panels: list[Any] = [axes for axes in figure.axes if axes.get_subplotspec() is not None]
     if not panels:
         return
     dpi, (width, height) = figure.dpi, figure.bbox.size
