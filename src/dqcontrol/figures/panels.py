@@ -9,7 +9,7 @@ a figure moves its panels once, so that what stands beside them has room. Ticks 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -50,13 +50,10 @@ class PanelFigure(Figure):
     def draw(self, renderer: Any) -> None:
         """Draw everything."""
         if self.get_layout_engine() is None:
-            before = None
+            before, panels = None, cast(list[Any], self.axes)
             for _ in range(_PASSES):
                 numbers = [
-                    axis.own_depth()
-                    for axes in self.axes
-                    for axis in (axes.xaxis, axes.yaxis)
-                    if _is_seen(axis)
+                    axis.own_depth() for axes in panels for axis in (axes.xaxis, axes.yaxis) if _is_seen(axis)
                 ]
                 if numbers == before:
                     break
@@ -85,12 +82,12 @@ class _PanelAxis:
 
     def get_ticks_position(self: Any) -> Any:
         """Return on which side ticks are, which Matplotlib reads off its own."""
-        return super().get_ticks_position() if self.majorTicks else self.side
+        return cast(Any, super()).get_ticks_position() if self.majorTicks else self.side
 
     def draw(self: Any, renderer: Any) -> None:
         """Draw grid, ticks, numbers and label."""
         if self.majorTicks or self.minorTicks:
-            super().draw(renderer)
+            cast(Any, super()).draw(renderer)
             return
         if not self.get_visible():
             return
@@ -115,7 +112,7 @@ class _PanelAxis:
     def get_tightbbox(self: Any, renderer: Any = None, *, for_layout_only: bool = False) -> Any:
         """Return what numbers and label take up, px."""
         if self.majorTicks or self.minorTicks:
-            return super().get_tightbbox(renderer, for_layout_only=for_layout_only)
+            return cast(Any, super()).get_tightbbox(renderer, for_layout_only=for_layout_only)
         if not self.get_visible():
             return None
         renderer = renderer or self.get_figure(root=True)._get_renderer()
