@@ -322,9 +322,7 @@ def _make_room(figure: Figure, renderer: Any) -> None:
 
 
 def _is_seen(axis: Any) -> bool:
-    return (
-        isinstance(axis, _PanelAxis) and axis.axes.get_visible() and axis.axes.axison and not axis.majorTicks
-    )
+    return hasattr(axis, "own_depth") and axis.axes.get_visible() and axis.axes.axison and not axis.majorTicks
 
 
 def _beside(axes: Any, renderer: Any) -> Array:
