@@ -9,7 +9,7 @@ a figure moves its panels once, so that what stands beside them has room. Ticks 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -50,13 +50,10 @@ class PanelFigure(Figure):
     def draw(self, renderer: Any) -> None:
         """Draw everything."""
         if self.get_layout_engine() is None:
-            before = None
+            before, panels = None, cast(list[Any], self.axes)
             for _ in range(_PASSES):
                 numbers = [
-                    axis.own_depth()
-                    for axes in self.axes
-                    for axis in (axes.xaxis, axes.yaxis)
-                    if _is_seen(axis)
+                    axis.own_depth() for axes in panels for axis in (axes.xaxis, axes.yaxis) if _is_seen(axis)
                 ]
                 if numbers == before:
                     break
@@ -83,14 +80,14 @@ class _PanelAxis:
         """Make no tick before somebody asks for one."""
         self.majorTicks, self.minorTicks = [], []
 
-    def get_ticks_position(self: Any) -> str:
+    def get_ticks_position(self: Any) -> Any:
         """Return on which side ticks are, which Matplotlib reads off its own."""
-        return super().get_ticks_position() if self.majorTicks else self.side
+        return cast(Any, super()).get_ticks_position() if self.majorTicks else self.side
 
     def draw(self: Any, renderer: Any) -> None:
         """Draw grid, ticks, numbers and label."""
         if self.majorTicks or self.minorTicks:
-            super().draw(renderer)
+            cast(Any, super()).draw(renderer)
             return
         if not self.get_visible():
             return
@@ -115,7 +112,7 @@ class _PanelAxis:
     def get_tightbbox(self: Any, renderer: Any = None, *, for_layout_only: bool = False) -> Any:
         """Return what numbers and label take up, px."""
         if self.majorTicks or self.minorTicks:
-            return super().get_tightbbox(renderer, for_layout_only=for_layout_only)
+            return cast(Any, super()).get_tightbbox(renderer, for_layout_only=for_layout_only)
         if not self.get_visible():
             return None
         renderer = renderer or self.get_figure(root=True)._get_renderer()
@@ -269,8 +266,8 @@ class PanelAxes(Axes):
         """Draw curves; see Matplotlib's method."""
         lines = super().plot(*args, **options)
         for line in lines:
-            x, y = line.get_data(orig=False)
-            kept = outline(np.asarray(y, dtype=np.float64)[:, None])
+            x, y = map(np.asarray, line.get_data(orig=False))
+            kept = outline(y.astype(np.float64)[:, None])
             if kept is not None and (np.diff(x) >= 0).all():
                 line.set_data(x[kept], y[kept])
         return lines
@@ -290,7 +287,7 @@ def _width(text: str, size: float) -> float:
 
 def _make_room(figure: Figure, renderer: Any) -> None:
     """Move panels so that what stands beside them fits on the paper, and not over each other."""
-    panels = [axes for axes in figure.axes if axes.get_subplotspec() is not None]
+    panels: list[Any] = [axes for axes in figure.axes if axes.get_subplotspec() is not None]
     if not panels:
         return
     dpi, (width, height) = figure.dpi, figure.bbox.size
@@ -325,9 +322,7 @@ def _make_room(figure: Figure, renderer: Any) -> None:
 
 
 def _is_seen(axis: Any) -> bool:
-    return (
-        isinstance(axis, _PanelAxis) and axis.axes.get_visible() and axis.axes.axison and not axis.majorTicks
-    )
+    return hasattr(axis, "own_depth") and axis.axes.get_visible() and axis.axes.axison and not axis.majorTicks
 
 
 def _beside(axes: Any, renderer: Any) -> Array:
