@@ -164,8 +164,11 @@ def test_from_the_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "spec.yaml").write_text(yaml.safe_dump(SPEC))
     monkeypatch.setattr(sys, "argv", ["dqcontrol", "run", "spec.yaml", "--real-time", "--no-figures"])
-    cli.main()
+    with pytest.raises(SystemExit) as end:  # the supervisor's velocity limit keeps it from the goal
+        cli.main()
+    assert end.value.code == 1
     said = capsys.readouterr()
+    assert said.out.startswith("held by the supervisor: velocity limit for ")
     assert not list(tmp_path.rglob("*.png"))
     assert "82 steps of 10 ms:" in said.out
     assert "periods missed" in said.out
