@@ -104,7 +104,7 @@ def test_a_study_with_repeats(here, capsys):
     (here / "repeats.yaml").write_text(yaml.safe_dump(REPEATED))
     code, out, err = call("run", "repeats.yaml", "--jobs", 1, capsys=capsys)
     assert code == 1
-    assert re.search(r"│ proportional +│ +3 │ +0 │ +\d+\.\d+ ± 0\.\d+ ", out), out
+    assert re.search(r"│ proportional +│ +3 │ +0 │ +0 │ +\d+\.\d+ ± 0\.\d+ ", out), out
     assert "3/3" in err
     (here / "other.yaml").write_text(yaml.safe_dump({**REPEATED, "name": "other", "seed": 9}))
     assert call("run", "other.yaml", capsys=capsys)[0] == 1
