@@ -164,11 +164,14 @@ def test_from_the_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "spec.yaml").write_text(yaml.safe_dump(SPEC))
     monkeypatch.setattr(sys, "argv", ["dqcontrol", "run", "spec.yaml", "--real-time", "--no-figures"])
-    cli.main()
+    with pytest.raises(SystemExit) as end:  # the supervisor's velocity limit keeps it from the goal
+        cli.main()
+    assert end.value.code == 1
     said = capsys.readouterr()
+    assert said.out.splitlines()[1].startswith("held by the supervisor: velocity limit for ")
     assert "<img" not in (tmp_path / "results/tiny/report.html").read_text()
     assert "82 steps of 10 ms:" in said.out
     assert "periods missed" in said.out
-    assert said.out.endswith("ended: duration\nresults: results/tiny\n")
+    assert said.out.startswith("results: results/tiny\n") and said.out.endswith("ended: duration\n")
     assert "s: " in said.err
     assert "velocity limit" in said.err
