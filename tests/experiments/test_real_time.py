@@ -172,6 +172,7 @@ def test_from_the_command_line(tmp_path, monkeypatch, capsys):
     assert "<img" not in (tmp_path / "results/tiny/report.html").read_text()
     assert "82 steps of 10 ms:" in said.out
     assert "periods missed" in said.out
-    assert said.out.startswith("results: results/tiny\n") and said.out.endswith("ended: duration\n")
+    assert said.out.startswith("results: results/tiny\n")
+    assert said.out.endswith("ended: duration\n")
     assert "s: " in said.err
     assert "velocity limit" in said.err
