@@ -14,7 +14,7 @@ import numpy as np
 from measure import Ratio
 
 import dqcontrol as dqc
-from dqcontrol.robots import kinematics_kernels as kernels
+from dqcontrol.robots.kinematics import kinematics_kernels as kernels
 
 SOURCE = Path(__file__).parent / "c/batch.c"
 SOUND = 1.8  # with a control below it the machine was not free, and the ratio says nothing

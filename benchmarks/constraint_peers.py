@@ -28,7 +28,7 @@ def correct(period: float) -> float:
 
 def by_mink(
     arm: dqc.Robot,
-    given: dqc.laws.Constraints,
+    given: dqc.constraints.Constraints,
     goal: np.ndarray,
     approach: float,
     gain: float = GAIN,

@@ -21,8 +21,8 @@ from measure import Ratio, medians, table
 from msgspec import structs
 
 import dqcontrol as dqc
+from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.geometry import Capsule, distance_kernels as geometry
-from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
 
 sys.path[:0] = [str(Path(__file__).parents[1] / "tests" / "laws"), str(Path(__file__).parents[1] / "tests")]
 
@@ -32,10 +32,10 @@ ROUNDING = 1e-9  # m
 HOME = np.array([0.0, -0.3, 0.0, -2.0, 0.0, 1.8, 0.7])
 
 
-def fenced(arm: dqc.Robot, balls: np.ndarray, **options: Any) -> dqc.laws.Constraints:
+def fenced(arm: dqc.Robot, balls: np.ndarray, **options: Any) -> dqc.constraints.Constraints:
     """Return constraints with balls of 60 mm at these centres."""
     bodies = {f"ball {i}": dqc.world.Body(sphere=0.06, position=tuple(ball)) for i, ball in enumerate(balls)}
-    return dqc.laws.Constraints(world=dqc.World(bodies=bodies), clear_of="all", **options)
+    return dqc.constraints.Constraints(world=dqc.World(bodies=bodies), clear_of="all", **options)
 
 
 def around(arm: dqc.Robot, rng: np.random.Generator, count: int) -> np.ndarray:
@@ -177,7 +177,7 @@ def capsule_ratio() -> list[Ratio]:
 class Run(NamedTuple):
     """A random run: what is kept, where the hand shall go and how long a period is, s."""
 
-    given: dqc.laws.Constraints
+    given: dqc.constraints.Constraints
     goal: dqc.references.SetPoint
     period: float
 
@@ -248,7 +248,7 @@ def runs_beside_mink(count: int) -> None:
     )
 
 
-def as_mink_has_it(given: dqc.laws.Constraints, arm: dqc.Robot) -> dqc.laws.Constraints:
+def as_mink_has_it(given: dqc.constraints.Constraints, arm: dqc.Robot) -> dqc.constraints.Constraints:
     """Return constraints without what Mink lacks: things that move, limits of acceleration, the first link's pairs."""
     assert arm.shapes is not None
     links = [each.name for each in arm.shapes.shapes if each.frame > 1]

@@ -30,7 +30,7 @@ from dqcontrol.export.controller_folder import vector_header
 from dqcontrol.export.controller_parts import controller_parts
 from dqcontrol.export.loop_hosts import ThreadHost
 from dqcontrol.loop import Clock
-from dqcontrol.robots.kinematics_kernels import kinematics
+from dqcontrol.robots.kinematics.kinematics_kernels import kinematics
 
 HERE = Path(__file__).parent
 ARM = {

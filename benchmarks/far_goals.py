@@ -17,9 +17,9 @@ import numpy as np
 import dqcontrol as dqc
 from dqcontrol import laws
 from dqcontrol.loop import Record
-from dqcontrol.measures import Column, Table
 from dqcontrol.plants import Integrator, MobilePlant, Plant
 from dqcontrol.references import DriveTo, random_goals
+from dqcontrol.tables import Column, Table
 from dqcontrol_theses.silva2017.goal_runs import (
     ALL_LIMITS,
     BASE_ACCELERATION,

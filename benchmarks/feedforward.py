@@ -34,9 +34,9 @@ import dqcontrol as dqc
 from dqcontrol import algebra, references
 from dqcontrol.laws import ProportionalFeedforward
 from dqcontrol.limits import CommandLimits
-from dqcontrol.measures import Column, Table
 from dqcontrol.plants import Integrator, Servo
 from dqcontrol.robots import Robot
+from dqcontrol.tables import Column, Table
 
 Array = np.ndarray
 Step = Callable[[Array, int], Array]

@@ -16,9 +16,10 @@ import dqcontrol as dqc
 from dqcontrol import laws
 from dqcontrol.limits import CommandLimits, ModifiedClamping
 from dqcontrol.loop import Record, Stop
-from dqcontrol.measures import Column, Table, task_range
+from dqcontrol.measures import task_range
 from dqcontrol.plants import Integrator
 from dqcontrol.references import DriveTo, Reference, SetPoint, random_goals
+from dqcontrol.tables import Column, Table
 from dqcontrol_theses import variants
 
 ROBOT, PERIOD, SEED, COUNT = "little-john", 0.05, 1, 100

@@ -13,7 +13,7 @@ from dqrobotics.robot_modeling import DQ_CooperativeDualTaskSpace, DQ_SerialMani
 from measure import Ratio, medians
 
 import dqcontrol as dqc
-from dqcontrol.robots.load import example_urdfs
+from dqcontrol.robots.files.load import example_urdfs
 
 PANDA = "panda_description/urdf/panda.urdf"
 TALOS = "talos_data/robots/talos_reduced.urdf"

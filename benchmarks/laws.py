@@ -15,10 +15,10 @@ from measure import medians
 from msgspec.structs import replace
 
 import dqcontrol as dqc
-from dqcontrol import laws
+from dqcontrol import controller, laws
 from dqcontrol.loop import close_loop
-from dqcontrol.measures import Column, Table
 from dqcontrol.plants import Integrator
+from dqcontrol.tables import Column, Table
 from dqcontrol_theses import variants
 
 STEPS, PERIOD = 3000, 0.008
@@ -60,7 +60,7 @@ class Task:
         sample, state = self.circle.at(STEPS * PERIOD / 2), self.ready.initial_state(start)
         self.call = partial(self.ready.command, start, sample, state, np.empty(robot.input_size))
 
-    def prepare(self) -> laws.PreparedLaw:
+    def prepare(self) -> controller.Controller:
         """Make the law ready."""
         return self.law.prepare(self.robot, self.circle, PERIOD)
 

@@ -16,9 +16,9 @@ import far_goals
 import msgspec
 import numpy as np
 
-from dqcontrol.measures import Column, Table
 from dqcontrol.plants import Camera, MobilePlant, WheeledBase
 from dqcontrol.references import random_goals
+from dqcontrol.tables import Column, Table
 
 COUNT, DRIFT, PERIOD = 10, (0.005, -0.005), 0.03
 SENSORS = {

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import dqcontrol
-from dqcontrol.measures import Column, Table
+from dqcontrol.tables import Column, Table
 
 PEERS = ("numpy", "numba", "pin", "mujoco", "dqrobotics", "pin-pink", "mink")
 

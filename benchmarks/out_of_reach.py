@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 import dqcontrol as dqc
-from dqcontrol import algebra, laws
+from dqcontrol import algebra, controller, laws
 from dqcontrol.arrays import Array
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import close_loop
@@ -102,7 +102,7 @@ def resting_targets(robot: dqc.Robot, q: Array) -> dict[str, Array]:
 
 
 def follow(
-    prepared: laws.PreparedLaw, q: Array, samples: Callable[[int], dqc.Sample], steps: int
+    prepared: controller.Controller, q: Array, samples: Callable[[int], dqc.Sample], steps: int
 ) -> tuple[Array, Array]:
     """Let a law drive ideal joints in a loop of one's own, scaled to the velocity limits; return commands, joints."""
     robot, period = prepared.robot, prepared.dt

@@ -25,9 +25,9 @@ from dqcontrol import algebra
 from dqcontrol.laws import ProportionalFeedforward
 from dqcontrol.limits import CommandLimits, ModifiedClamping
 from dqcontrol.loop import Record
-from dqcontrol.measures import Column, Table
 from dqcontrol.plants import Integrator
 from dqcontrol.robots import Robot
+from dqcontrol.tables import Column, Table
 
 Array = np.ndarray
 ROBOTS, COUNT, SEED = ("panda", "iiwa7", "ur5"), 124, 3

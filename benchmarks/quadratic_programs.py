@@ -22,8 +22,8 @@ from kinematics import PANDA, Q, as_mjcf
 from measure import Ratio, medians, table
 
 import dqcontrol as dqc
-from dqcontrol.laws.constrained import active_set
-from dqcontrol.robots.load import example_urdfs
+from dqcontrol.constraints import active_set
+from dqcontrol.robots.files.load import example_urdfs
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "laws"))
 
@@ -186,7 +186,7 @@ def level_ratio(short: bool) -> Ratio:
     """Return three degenerate levels of 14 inputs against one program of the same rows, in which all give way."""
     from program_samples import degenerate_levels, packed_levels
 
-    from dqcontrol.laws.constrained.levels import levels_size, room_for_levels, solve_levels
+    from dqcontrol.constraints.levels import levels_size, room_for_levels, solve_levels
 
     rng = np.random.default_rng(3)
     cases = [packed_levels(*degenerate_levels(rng), 3) for _ in range(100)]

@@ -44,7 +44,7 @@ from constraints import around, fenced
 
 import dqcontrol as dqc
 from dqcontrol import algebra
-from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
+from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 
 MOST = 15.0  # s
 POSITION, ANGLE = 0.01, 0.05  # m and rad: reached

@@ -24,7 +24,7 @@ import numpy as np
 import yaml
 
 import dqcontrol as dqc
-from dqcontrol import algebra, laws
+from dqcontrol import algebra, constraints, laws
 from dqcontrol.errors import UnreachableGoalError
 from dqcontrol.geometry import Capsule, FloorMap, distance
 from dqcontrol.loop import Record
@@ -59,11 +59,11 @@ def law_among(floor: FloorMap, folder: Path, links: list[str] | None) -> laws.Gu
     """Return the law that keeps these links, or all and from each other too, out of what stands on a floor."""
     file = folder / "room.yaml"
     file.write_text(yaml.safe_dump({"polygons": [each.tolist() for each in floor.polygons]}))
-    kept = laws.Constraints(
+    kept = constraints.Constraints(
         acceleration=ACCELERATION,
         self_collision=links is None,
         world=dqc.World(bodies={"columns": dqc.world.Body(map=str(file))}),
-        clear_of={"columns": laws.ClearOf(links=links, margin=0.005)},
+        clear_of={"columns": constraints.ClearOf(links=links, margin=0.005)},
         recovery=0.1,
     )
     return laws.GuidedProportional(gain=1.0, constraints=kept)

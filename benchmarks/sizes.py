@@ -13,7 +13,7 @@ from measure import Ratio, medians
 import dqcontrol as dqc
 from dqcontrol.loop import close_loop
 from dqcontrol.plants import Integrator
-from dqcontrol.robots import kinematics_kernels as kernels
+from dqcontrol.robots.kinematics import kinematics_kernels as kernels
 
 COUNTS = (3, 4, 6, 7, 10, 14, 20, 30, 40, 60)
 STEPS, PERIOD = 2000, 0.001

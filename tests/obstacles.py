@@ -55,4 +55,4 @@ def around(obstacles):
 def _obstacle(shape, given):
     motion = {key: given.pop(key) for key in ("velocity", "path", "speed") if key in given}
     moves = dqc.world.Motion(**motion) if motion else None
-    return dqc.world.Body(**shape, moves=moves), dqc.laws.ClearOf(**given)
+    return dqc.world.Body(**shape, moves=moves), dqc.constraints.ClearOf(**given)

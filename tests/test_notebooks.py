@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol.measures.tables import Column, Table
+from dqcontrol.tables.tables import Column, Table
 
 SPEC = {
     "name": "shown",

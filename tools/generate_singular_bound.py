@@ -1,4 +1,4 @@
-"""Write src/dqcontrol/robots/singular_bound.py: elimination in J Jᵀ − s² of six rows, as straight lines."""
+"""Write src/dqcontrol/robots/kinematics/singular_bound.py: elimination in J Jᵀ − s² of six rows, as straight lines."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-TARGET = Path(__file__).parent.parent / "src/dqcontrol/robots/singular_bound.py"
+TARGET = Path(__file__).parent.parent / "src/dqcontrol/robots/kinematics/singular_bound.py"
 SIZE = 6
 HALF = 3  # rows of a block: the sums of one block fit into the registers of a processor
 

@@ -1,6 +1,6 @@
 /* Law K with the damped inverse on ideal joints, as one writes it by hand: pose and Jacobian J of the hand's [w ; dp/dt],
    the twist t that is nearest to K vec8(1 - x* xd), u = J' (J J' + diag(l^2 / c^2, l^2))^-1 t by Cholesky, q += T u.
-   Chains as in robots/kinematics_kernels.py, revolute joints. */
+   Chains as in robots/kinematics/kinematics_kernels.py, revolute joints. */
 #include <math.h>
 #include <string.h>
 

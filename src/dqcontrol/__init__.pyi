@@ -2,6 +2,8 @@ from . import (
     algebra as algebra,
     browser as browser,
     compiled as compiled,
+    constraints as constraints,
+    controller as controller,
     errors as errors,
     experiments as experiments,
     export as export,
@@ -18,6 +20,8 @@ from . import (
     references as references,
     reports as reports,
     robots as robots,
+    supervisor as supervisor,
+    tables as tables,
     tuning as tuning,
     world as world,
 )

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast
 
 from dqcontrol.errors import unknown_name
-from dqcontrol.measures import Column, Table
+from dqcontrol.tables import Column, Table
 
 if TYPE_CHECKING:
     from dqcontrol.experiments import Study

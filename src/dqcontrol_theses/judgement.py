@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from dqcontrol.measures import Cell, Column, Table, VerdictCell
+from dqcontrol.tables import Cell, Column, Table, VerdictCell
 from dqcontrol_theses.printed import Claim
 
 DID_NOT_FOLLOW = "the law did not follow"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from dqcontrol.experiments import PreparedExperiment
-from dqcontrol.measures import Cell, Column, Ratio, Table
+from dqcontrol.tables import Cell, Column, Ratio, Table
 from dqcontrol_theses.printed import PublishedCell
 from dqcontrol_theses.results import Results
 

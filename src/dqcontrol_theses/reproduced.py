@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dqcontrol.experiments import SPEC_FILE, Study, new_folder, write_table
-from dqcontrol.measures import Table, VerdictCell
 from dqcontrol.reports import origins
+from dqcontrol.tables import Table, VerdictCell
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -9,8 +9,8 @@ from rich.console import Console
 
 import dqcontrol as dqc
 from dqcontrol.cli import list_command, robots_command
-from dqcontrol.measures.fitted import fitted
-from dqcontrol.measures.tables import Column, Table
+from dqcontrol.tables.fitted import fitted
+from dqcontrol.tables.tables import Column, Table
 
 WIDTHS = (80, 100, 120)
 _SHOWN = re.compile(r"<!-- ([\w -]+ table): begin -->\n(.*?)<!--", re.DOTALL)

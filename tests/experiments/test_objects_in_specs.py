@@ -8,8 +8,8 @@ from dqcontrol.errors import Error, ShapeError
 from dqcontrol.experiments import check, load_run, summary
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.files.yaml_file import parse_yaml
-from dqcontrol.measures import Column, Table
 from dqcontrol.recording import load_record, save_record
+from dqcontrol.tables import Column, Table
 
 Q = [0, 0.6, 0, 1.6, 0, 0.6, 0]
 

@@ -5,11 +5,12 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.experiments.verdict import Judge
-from dqcontrol.limits import CircularZone, KeepOutZones, Supervisor, WorkspaceBox
+from dqcontrol.limits import CircularZone
 from dqcontrol.loop import Record
 from dqcontrol.loop.signals import Signal
 from dqcontrol.plants import MobilePlant
 from dqcontrol.plants.mobile.gripper import Gripper, GripperEvent
+from dqcontrol.supervisor import KeepOutZones, Supervisor, WorkspaceBox
 from dqcontrol.world import Body, World
 
 TIME = np.linspace(0.0, 2.0, 201)

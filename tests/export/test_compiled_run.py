@@ -19,7 +19,7 @@ from dqcontrol.experiments import load_run
 from dqcontrol.export import compiled_run, export_controller, loop_hosts, run_compiled_in_real_time
 from dqcontrol.export.controller_parts import controller_parts
 from dqcontrol.export.loop_hosts import LoopRows
-from dqcontrol.limits.supervisor.interventions import EMERGENCY
+from dqcontrol.supervisor.interventions import EMERGENCY
 
 SHORT = SPEC | {
     "duration": 0.4,

@@ -14,10 +14,10 @@ from dqcontrol.errors import Error, NoteWarning, ShapeError, UnknownNameError, V
 from dqcontrol.export import export_controller
 from dqcontrol.export.controller_parts import controller_parts
 from dqcontrol.export.expected_answers import vector_rows
-from dqcontrol.limits.supervisor.interventions import KEEP_OUT
 from dqcontrol.loop.control import Control
 from dqcontrol.loop.targets import PoseTarget, Speeds, TwistTarget
-from dqcontrol.robots.driving import RIM_LEVER
+from dqcontrol.robots.kinematics.driving import RIM_LEVER
+from dqcontrol.supervisor.interventions import KEEP_OUT
 
 START = np.array(SPEC["start"])
 WALL = {"box": [0.2, 4, 1], "position": [0.6, 0, 0.5]}

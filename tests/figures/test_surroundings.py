@@ -34,7 +34,7 @@ def test_corners_lie_on_the_shape(shape):
 
 
 def constraints(**obstacles):
-    return dqc.laws.Constraints(**around(obstacles))
+    return dqc.constraints.Constraints(**around(obstacles))
 
 
 def recorded(times, **distances):

@@ -5,7 +5,7 @@ import pytest
 from obstacles import around, plane, sphere
 
 import dqcontrol as dqc
-from dqcontrol.laws.constrained.kept_scene import KeptScene
+from dqcontrol.constraints.kept_scene import KeptScene
 
 HOME = np.array([0.0, -0.3, 0.0, -2.0, 0.0, 1.8, 0.7])
 ARM = dqc.load_robot("panda")
@@ -16,8 +16,8 @@ def kept():
     hand = dqc.DualQuaternion(ARM.fkm(HOME)).translation
     ball = sphere(center=tuple(hand + np.array([0.0, 0.5, 0.0])), radius=0.05, velocity=(0.0, -0.3, 0.0))
     table = plane(normal=(0.0, 0.0, 1.0), offset=-0.3)
-    room = dqc.laws.Zone(position=tuple(hand), box=(1.5, 1.5, 1.0))
-    return dqc.laws.Constraints(**around({"ball": ball, "table": table}), zones={"room": room})
+    room = dqc.constraints.Zone(position=tuple(hand), box=(1.5, 1.5, 1.0))
+    return dqc.constraints.Constraints(**around({"ball": ball, "table": table}), zones={"room": room})
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import numpy as np
 from obstacles import around, box, capsule, plane, sphere, towards
 
 import dqcontrol as dqc
-from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
+from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 
 HOME = np.array([0.0, -0.3, 0.0, -2.0, 0.0, 1.8, 0.7])
 SUBSAMPLES = 20
@@ -33,7 +33,7 @@ def random_constraints(rng, arm, q, **options):
                 links=MOVED,
             ),
         }
-        found = dqc.laws.Constraints(margin=0.01, **around(obstacles), **options)
+        found = dqc.constraints.Constraints(margin=0.01, **around(obstacles), **options)
         kept = PreparedConstraints(found, arm, 0.01, "measured")
         if kept.values(q[None], [0.0])[0].min() > 0.025:
             return found
@@ -90,34 +90,36 @@ def random_kinds(rng, robot, q, **options):
         middle, axis = pose.translation, pose.matrix()[:3, 2]
         near = tuple(middle + rng.uniform(0.0, 0.06) * np.array(random_turn(rng)))
         zones = {
-            "room": dqc.laws.Zone(
+            "room": dqc.constraints.Zone(
                 position=near, box=tuple(rng.uniform(0.15, 0.5, 3)), rpy=tuple(rng.uniform(-1, 1, 3))
             ),
-            "globe": dqc.laws.Zone(position=near, sphere=rng.uniform(0.08, 0.3), radius_of_hand=0.01),
-            "tube": dqc.laws.Zone(
+            "globe": dqc.constraints.Zone(position=near, sphere=rng.uniform(0.08, 0.3), radius_of_hand=0.01),
+            "tube": dqc.constraints.Zone(
                 position=near, rpy=towards(random_turn(rng)), cylinder=(rng.uniform(0.08, 0.3), 0.5)
             ),
-            "floor": dqc.laws.Zone(plane=(0, 0, 1), position=(0, 0, middle[2] - 0.1), margin=0.02),
+            "floor": dqc.constraints.Zone(plane=(0, 0, 1), position=(0, 0, middle[2] - 0.1), margin=0.02),
         }
         away = np.cross(axis, random_turn(rng))
         away /= np.linalg.norm(away)
         angles = {
-            "cone": dqc.laws.Angle(direction=tuple(axis + 0.2 * away), at_most=rng.uniform(0.25, 1.0)),
-            "out of": dqc.laws.Angle(direction=tuple(axis + 0.5 * away), at_least=rng.uniform(0.05, 0.4)),
-            "lines": dqc.laws.Angle(direction=tuple(away), apart=rng.uniform(0.2, 1.0)),
+            "cone": dqc.constraints.Angle(direction=tuple(axis + 0.2 * away), at_most=rng.uniform(0.25, 1.0)),
+            "out of": dqc.constraints.Angle(
+                direction=tuple(axis + 0.5 * away), at_least=rng.uniform(0.05, 0.4)
+            ),
+            "lines": dqc.constraints.Angle(direction=tuple(away), apart=rng.uniform(0.2, 1.0)),
         }
         place = tuple(middle + axis * rng.uniform(0.3, 0.8))
         lamp = sphere(center=place, radius=0.02, links=["hand"], velocity=tuple(rng.uniform(-0.05, 0.05, 3)))
         sights = {
-            "at place": dqc.laws.LineOfSight(place=place, at_most=0.5),
-            "at lamp": dqc.laws.LineOfSight(target="lamp", at_most=0.6, camera=(0.0, 0.05, 0.0)),
+            "at place": dqc.constraints.LineOfSight(place=place, at_most=0.5),
+            "at lamp": dqc.constraints.LineOfSight(target="lamp", at_most=0.6, camera=(0.0, 0.05, 0.0)),
         }
         parts = {"zones": zones, "angles": angles, "sights": sights}
         chosen = {
             kind: {name: each for name, each in given.items() if rng.random() < 0.5}
             for kind, given in parts.items()
         }
-        found = dqc.laws.Constraints(**around({"lamp": lamp}), **chosen, **options)  # pyright: ignore
+        found = dqc.constraints.Constraints(**around({"lamp": lamp}), **chosen, **options)  # pyright: ignore
         kept = PreparedConstraints(found, robot, 0.01, "measured")
         if (kept.values(q[None], [0.0])[0] - kept.asked).min() > 0.005:
             return found

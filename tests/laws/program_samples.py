@@ -4,8 +4,8 @@ import numpy as np
 from constraint_scenes import HOME, random_constraints, random_goal
 
 import dqcontrol as dqc
-from dqcontrol.laws.constrained import active_set, levels as levels_code
-from dqcontrol.laws.constrained.constraint_layout import box_of, head, objective_of, work_of
+from dqcontrol.constraints import active_set, levels as levels_code
+from dqcontrol.constraints.constraint_layout import box_of, head, objective_of, work_of
 
 
 def random_programs(rng, count, n, m, *, feasible=True, box=True, equalities=0, rank=None):

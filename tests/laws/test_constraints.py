@@ -23,7 +23,7 @@ def run(rng, period, duration=1.5, **options):
 
 def test_without_a_row_that_presses_the_law_is_left_bit_for_bit():
     ball = sphere(center=(3.0, 0.0, 0.0), radius=0.1)
-    given = dqc.laws.Constraints(**around({"ball": ball}))
+    given = dqc.constraints.Constraints(**around({"ball": ball}))
     goal = dqc.references.SetPoint(ARM.fkm(HOME + 0.05))
     laws = [dqc.laws.Proportional(gain=1.0, constraints=keep) for keep in (None, given)]
     commands = [dqc.simulate(ARM, goal, law, PLANT, HOME, period=0.01, duration=1.0).command for law in laws]
@@ -91,7 +91,7 @@ LATE = {  # goal, obstacles, period, acceleration: rows alone exceed the limit b
 @pytest.mark.parametrize("before", LATE)
 def test_a_fast_arm_brakes_in_time_within_its_limits_of_acceleration(before):
     there, obstacles, period, acceleration = LATE[before]
-    given = dqc.laws.Constraints(margin=0.01, **around(obstacles), acceleration=acceleration)
+    given = dqc.constraints.Constraints(margin=0.01, **around(obstacles), acceleration=acceleration)
     law = dqc.laws.Proportional(gain=3.0, constraints=given)
     goal = dqc.references.SetPoint(ARM.fkm(np.array(there)))
     record = dqc.simulate(ARM, goal, law, PLANT, HOME, period=period, duration=0.5)
@@ -122,8 +122,8 @@ def random_states(count, seed):
         "low": plane(normal=(0, 0, 1), offset=0.3, links=["hand"]),
         "high": plane(normal=(0, 0, -1), offset=-0.2, links=["hand"]),
     }
-    angles = {"upright": dqc.laws.Angle(direction=(0, 0, -1), at_most=0.5)}
-    given = dqc.laws.Constraints(**around(obstacles), angles=angles, acceleration=10.0, recovery=0.1)
+    angles = {"upright": dqc.constraints.Angle(direction=(0, 0, -1), at_most=0.5)}
+    given = dqc.constraints.Constraints(**around(obstacles), angles=angles, acceleration=10.0, recovery=0.1)
     law = dqc.laws.Proportional(gain=3.0, constraints=given).prepare(ARM, None, 0.01)
     gave = set()
     for _ in range(count):
@@ -152,10 +152,10 @@ def test_a_start_inside_is_refused_and_recovers_if_asked():
     hand = dqc.DualQuaternion(ARM.fkm(HOME)).translation
     ball = sphere(center=tuple(hand + np.array([0.0, 0.03, 0.0])), radius=0.05, links=["hand"])
     goal = dqc.references.SetPoint(ARM.fkm(HOME))
-    law = dqc.laws.Proportional(gain=2.0, constraints=dqc.laws.Constraints(**around({"ball": ball})))
+    law = dqc.laws.Proportional(gain=2.0, constraints=dqc.constraints.Constraints(**around({"ball": ball})))
     with pytest.raises(dqc.Error, match="ball: hand: 20 mm deep, 10 mm of distance are asked"):
         dqc.simulate(ARM, goal, law, PLANT, HOME, period=0.01, duration=1.0)
-    given = dqc.laws.Constraints(**around({"ball": ball}), recovery=0.1)
+    given = dqc.constraints.Constraints(**around({"ball": ball}), recovery=0.1)
     law = dqc.laws.Proportional(gain=2.0, constraints=given)
     record = dqc.simulate(ARM, goal, law, PLANT, HOME, period=0.01, duration=1.5)
     distance = record.readings["kept_distance"].values[:, 0]
@@ -167,14 +167,14 @@ def test_a_start_inside_is_refused_and_recovers_if_asked():
     ("given", "words"),
     [
         (around({"x": sphere(center=(1, 0, 0), radius=0.1, links=["hnad"])}), "hand"),
-        ({"angles": {"x": dqc.laws.Angle(direction=(0, 0, 1), at_most=0.0)}}, "at_most: must be ≥"),
-        ({"angles": {"x": dqc.laws.Angle(direction=(0, 0, 0), at_most=1.0)}}, "must not be zero"),
+        ({"angles": {"x": dqc.constraints.Angle(direction=(0, 0, 1), at_most=0.0)}}, "at_most: must be ≥"),
+        ({"angles": {"x": dqc.constraints.Angle(direction=(0, 0, 0), at_most=1.0)}}, "must not be zero"),
         ({"rate": 200.0}, "rate: must be ≤ 100"),
         ({"acceleration": [1.0]}, "expected 7 numbers"),
-        ({"sights": {"x": dqc.laws.LineOfSight(target="nothing", at_most=0.5)}}, "target: unknown"),
+        ({"sights": {"x": dqc.constraints.LineOfSight(target="nothing", at_most=0.5)}}, "target: unknown"),
     ],
 )
 def test_bad_input_is_named(given, words):
-    law = dqc.laws.Proportional(gain=1.0, constraints=dqc.laws.Constraints(**given))
+    law = dqc.laws.Proportional(gain=1.0, constraints=dqc.constraints.Constraints(**given))
     with pytest.raises(dqc.Error, match=words):
         law.prepare(ARM, None, 0.01)

@@ -33,17 +33,17 @@ def test_a_chain_and_the_tree_of_it_are_kept_alike():
     chain.shapes = tree.shapes = LinkShapes(tuple(shapes), ((0, 1),))
     q = np.array([0, 0.418, 1.716, 0, 1.007, 0])
     hand = dqc.DualQuaternion(chain.fkm(q)).translation
-    given = dqc.laws.Constraints(
+    given = dqc.constraints.Constraints(
         **around(
             {"ball": sphere(center=tuple(hand + np.array([0, 0.15, 0])), radius=0.05, links=["arm", "hand"])}
         ),
-        zones={"room": dqc.laws.Zone(position=tuple(hand), box=(0.5, 0.5, 0.2))},
+        zones={"room": dqc.constraints.Zone(position=tuple(hand), box=(0.5, 0.5, 0.2))},
         angles={
-            "cone": dqc.laws.Angle(
+            "cone": dqc.constraints.Angle(
                 direction=tuple(dqc.algebra.matrix_from_pose(chain.fkm(q))[:3, 2]), at_most=0.3
             )
         },
-        sights={"seen": dqc.laws.LineOfSight(target="ball", at_most=2.5)},
+        sights={"seen": dqc.constraints.LineOfSight(target="ball", at_most=2.5)},
         acceleration=20.0,
     )
     goal = dqc.references.SetPoint(chain.fkm(q + np.array([0.9, 0.3, -0.2, 0.4, 0.5, 0])))
@@ -60,7 +60,7 @@ def test_two_arms_keep_apart_between_samples():
     rng = np.random.default_rng(3)
     for task in ("relative", "absolute"):
         arms = TWO.with_task(task)
-        law = dqc.laws.Proportional(gain=3.0, constraints=dqc.laws.Constraints(margin=0.02))
+        law = dqc.laws.Proportional(gain=3.0, constraints=dqc.constraints.Constraints(margin=0.02))
         near = np.array([0.9, -0.2, 0.1, -1.6, 0.1, 1.5, 0.8, -0.9, -0.3, -0.2, -1.6, -0.1, 1.5, 0.7])
         goal = dqc.references.SetPoint(arms.fkm(near + rng.uniform(-0.1, 0.1, 14)))
         record = dqc.simulate(arms, goal, law, PLANT, START, period=0.01, duration=1.5)
@@ -71,10 +71,10 @@ def test_two_arms_keep_apart_between_samples():
 
 
 def test_hands_of_a_tree_have_names():
-    zones = {"side": dqc.laws.Zone(plane=(0, 1, 0), position=(0, 0.1, 0), frame="left")}
-    angles = {"level": dqc.laws.Angle(direction=(0, 0, -1), at_most=0.3, frame="right")}
+    zones = {"side": dqc.constraints.Zone(plane=(0, 1, 0), position=(0, 0.1, 0), frame="left")}
+    angles = {"level": dqc.constraints.Angle(direction=(0, 0, -1), at_most=0.3, frame="right")}
     obstacles = {"wall": plane(normal=(1, 0, 0), offset=0.2, links=["hand"])}
-    given = dqc.laws.Constraints(zones=zones, angles=angles, **around(obstacles), self_collision=False)
+    given = dqc.constraints.Constraints(zones=zones, angles=angles, **around(obstacles), self_collision=False)
     law = dqc.laws.Proportional(gain=2.0, constraints=given)
     arms = TWO.with_task("relative")
     prepared = law.prepare(arms, None, 0.01)
@@ -94,7 +94,7 @@ def test_joints_that_follow_others_are_reckoned_with(tmp_path):
     ]
     tree.shapes = LinkShapes(tuple(bars), ((0, 1),))
     ball = sphere(center=(-0.35, 0, 0.4), radius=0.1)
-    law = dqc.laws.Proportional(gain=3.0, constraints=dqc.laws.Constraints(**around({"ball": ball})))
+    law = dqc.laws.Proportional(gain=3.0, constraints=dqc.constraints.Constraints(**around({"ball": ball})))
     rng = np.random.default_rng(0)
     for _ in range(6):
         goal = dqc.references.SetPoint(tree.fkm(rng.uniform(-1.5, 1.5, 3) * [1, 0.2, 1]))
@@ -106,11 +106,11 @@ def test_joints_that_follow_others_are_reckoned_with(tmp_path):
     ("given", "words"),
     [
         (
-            {"zones": {"x": dqc.laws.Zone(plane=(0, 1, 0), frame="lfet")}},
+            {"zones": {"x": dqc.constraints.Zone(plane=(0, 1, 0), frame="lfet")}},
             "zones.x.frame: unknown name 'lfet'; did you mean 'left'",
         ),
         (
-            {"angles": {"x": dqc.laws.Angle(direction=(0, 0, 1), at_most=0.5)}},
+            {"angles": {"x": dqc.constraints.Angle(direction=(0, 0, 1), at_most=0.5)}},
             "give one as 'frame', left or right",
         ),
         (
@@ -120,12 +120,12 @@ def test_joints_that_follow_others_are_reckoned_with(tmp_path):
     ],
 )
 def test_bad_input_is_named(given, words):
-    law = dqc.laws.Proportional(gain=1.0, constraints=dqc.laws.Constraints(**given))
+    law = dqc.laws.Proportional(gain=1.0, constraints=dqc.constraints.Constraints(**given))
     with pytest.raises(dqc.Error, match=words):
         law.prepare(TWO, None, 0.01)
     arm = dqc.load_robot("panda")
-    zone = dqc.laws.Zone(plane=(0, 1, 0), position=(0, -2, 0), frame="left")
-    law = dqc.laws.Proportional(gain=1.0, constraints=dqc.laws.Constraints(zones={"x": zone}))
+    zone = dqc.constraints.Zone(plane=(0, 1, 0), position=(0, -2, 0), frame="left")
+    law = dqc.laws.Proportional(gain=1.0, constraints=dqc.constraints.Constraints(zones={"x": zone}))
     with pytest.raises(dqc.Error, match="panda is a chain and has one hand"):
         law.prepare(arm, None, 0.01)
 
@@ -134,9 +134,9 @@ def test_what_both_hands_hold_gives_way_last():
     arms = TWO.with_task("absolute")
     circle = dqc.references.Circle(arms.fkm(START), radius=0.08, duration=2.0)
     wall = plane(normal=(0, 0, -1), offset=-0.78, links=["left", "right"])
-    keep = dqc.laws.Constraints(**around({"ceiling": wall}), acceleration=20.0)
+    keep = dqc.constraints.Constraints(**around({"ceiling": wall}), acceleration=20.0)
     law = dqc.laws.ProportionalFeedforward(gain=5.0, constraints=keep)
-    tasks = [dqc.laws.FurtherTask("relative", gain=20.0, level=0)]
+    tasks = [dqc.controller.FurtherTask("relative", gain=20.0, level=0)]
     record = dqc.simulate(arms, circle, law, PLANT, START, period=0.01, tasks=tasks)
     assert record.readings["kept_distance"].values.min() > 0.01 - 1e-6
     metrics = dqc.measures.evaluate(record)

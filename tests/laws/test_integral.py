@@ -8,10 +8,11 @@ from dqcontrol import algebra
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.experiments.check import check
 from dqcontrol.laws import DecoupledProportional, Proportional, ProportionalFeedforward
-from dqcontrol.limits import CommandLimits, ModifiedClamping, Supervisor
+from dqcontrol.limits import CommandLimits, ModifiedClamping
 from dqcontrol.measures.stability import gain_limits
 from dqcontrol.plants import Integrator, Servo
 from dqcontrol.references import SetPoint
+from dqcontrol.supervisor import Supervisor
 from dqcontrol_theses.variants import ClassicProportional
 
 pytestmark = pytest.mark.usefixtures("without_growth")

@@ -15,9 +15,9 @@ from constraint_scenes import (
 from obstacles import around, box, column, plane, sphere
 
 import dqcontrol as dqc
-from dqcontrol.laws.constrained.constraints import AT_ONCE
 from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.measures.deadlock import deadlocks
+from dqcontrol.robots.command_mode import AT_ONCE
 
 ARM = dqc.load_robot("panda")
 PLANT = dqc.plants.Integrator()
@@ -76,8 +76,8 @@ def gantry():
 def test_a_hand_crosses_the_middle_of_a_ball_and_brakes_before_its_other_side(beside):
     robot, q = gantry(), np.array([-0.09, beside, 0.0])
     middle = dqc.DualQuaternion(robot.fkm(np.zeros(3))).translation
-    zone = dqc.laws.Zone(sphere=0.1, position=tuple(middle))
-    given = dqc.laws.Constraints(zones={"ball": zone}, acceleration=0.5)
+    zone = dqc.constraints.Zone(sphere=0.1, position=tuple(middle))
+    given = dqc.constraints.Constraints(zones={"ball": zone}, acceleration=0.5)
     law = dqc.laws.Proportional(gain=20.0, constraints=given)
     goal = dqc.references.SetPoint(robot.fkm(np.array([0.3, 0.0, 0.0])))
     record = dqc.simulate(robot, goal, law, PLANT, q, period=0.01, duration=6.0)
@@ -106,7 +106,7 @@ def check_base(rng, robot, duration):
     if n == 10:
         q[3:] = HOME
     acceleration = 5.0 if rng.random() < 0.5 else None
-    given = dqc.laws.Constraints(**around(among_walls(rng)), acceleration=acceleration)
+    given = dqc.constraints.Constraints(**around(among_walls(rng)), acceleration=acceleration)
     inverse = dqc.laws.DampedInverse(damping=0.05)
     law = dqc.laws.Proportional(gain=2.0, constraints=given, inverse=inverse)
     goal = dqc.references.SetPoint(robot.fkm(q + rng.uniform(-1, 1, n)))
@@ -156,7 +156,7 @@ def test_an_arm_keeps_away_from_the_base_that_carries_it():
     robot = bodies()[1]
     q = np.array([0.0, 0, 0, *HOME])
     down = dqc.DualQuaternion.from_translation([-0.3, 0.0, -0.8]) * dqc.DualQuaternion(robot.fkm(q))
-    law = dqc.laws.Proportional(gain=3.0, constraints=dqc.laws.Constraints(margin=0.02))
+    law = dqc.laws.Proportional(gain=3.0, constraints=dqc.constraints.Constraints(margin=0.02))
     goal = dqc.references.SetPoint(down)
     record = dqc.simulate(robot, goal, law, PLANT, q, period=0.01, duration=2.0)
     prepared = law.prepare(robot, goal, 0.01)
@@ -186,7 +186,7 @@ def test_a_hand_that_is_held_goes_aside_if_asked_and_comes_to_its_goal(kind):
     goal = dqc.references.SetPoint(dqc.DualQuaternion.from_translation(2 * way) * start)
     errors = {}
     for escape in (None, 0.2):
-        given = dqc.laws.Constraints(**around({"it": obstacle}), escape=escape, acceleration=10.0)
+        given = dqc.constraints.Constraints(**around({"it": obstacle}), escape=escape, acceleration=10.0)
         law = dqc.laws.Proportional(gain=2.0, constraints=given)
         record = dqc.simulate(ARM, goal, law, PLANT, HOME, period=0.01, duration=6.0)
         assert least_room(law.prepare(ARM, goal, 0.01), record, 0.01) > -FOUND
@@ -202,7 +202,7 @@ def test_joints_held_at_the_end_of_their_range_go_to_another_posture_if_asked():
     goal = dqc.references.SetPoint(ARM.fkm(turned * [1, 1, 1, 1, 1, 1, -1]))
     errors = {}
     for escape in (None, 1.0):
-        given = dqc.laws.Constraints(escape=escape, acceleration=10.0)
+        given = dqc.constraints.Constraints(escape=escape, acceleration=10.0)
         law = dqc.laws.Proportional(gain=2.0, constraints=given)
         record = dqc.simulate(ARM, goal, law, PLANT, turned, period=0.01, duration=10.0)
         assert least_room(law.prepare(ARM, goal, 0.01), record, 0.01) > -FOUND
@@ -215,7 +215,7 @@ def test_joints_held_at_the_end_of_their_range_go_to_another_posture_if_asked():
 def lagging_run(rng, servo, period, lag):
     """Return the least room, between samples too, of joints that follow a motion past a ball late."""
     ball = ball_before(ARM, HOME, np.array([0.01, 0.15, 0.005]), rng.uniform(0.02, 0.06))
-    given = dqc.laws.Constraints(**around({"ball": ball}), margin=0.005)
+    given = dqc.constraints.Constraints(**around({"ball": ball}), margin=0.005)
     law = dqc.laws.ProportionalFeedforward(gain=4.0, constraints=given)
     start = dqc.DualQuaternion(ARM.fkm(HOME))
     end = dqc.DualQuaternion.from_translation([0.0, 0.3, 0.0]) * start

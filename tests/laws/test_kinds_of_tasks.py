@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
+from dqcontrol.controller import FurtherTask
 from dqcontrol.experiments.prepared_experiment import prepare
-from dqcontrol.laws import FurtherTask
 from dqcontrol.robots import PoseTask
 
 PANDA = dqc.load_robot("panda")

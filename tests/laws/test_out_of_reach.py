@@ -7,10 +7,10 @@ from hand_twist import hand_jacobian
 from numba import njit
 
 import dqcontrol as dqc
-from dqcontrol import algebra, laws
-from dqcontrol.laws.constrained.constraints import Lag
+from dqcontrol import algebra, constraints, laws
 from dqcontrol.laws.growth import counted, curvature, driving_speed, growth_for, pose_error, square_bound
 from dqcontrol.laws.loop_rates import LoopRates
+from dqcontrol.robots.command_mode import Lag
 from dqcontrol_theses import variants
 
 SEED, LENGTH = 38, 0.3
@@ -251,7 +251,7 @@ def test_limits_constraints_and_preferred_motion_leave_them_calm(what):
     if what == "clamping":
         limits = dqc.limits.CommandLimits(position=dqc.limits.ModifiedClamping())
     if what == "constraints":
-        options = {"constraints": laws.Constraints()}
+        options = {"constraints": constraints.Constraints()}
     if what == "posture":
         options = {"null_space": laws.Posture(gain=1.0)}
     for target in unreachable(robot, q):
@@ -260,7 +260,7 @@ def test_limits_constraints_and_preferred_motion_leave_them_calm(what):
 
 
 def test_further_tasks_leave_them_calm():
-    from dqcontrol.laws.task_levels import FurtherTask, PreparedTasks
+    from dqcontrol.controller.task_levels import FurtherTask, PreparedTasks
 
     robot, q = dqc.load_robot("panda"), np.array(STARTS["panda"])
     tasks = PreparedTasks(robot, [FurtherTask("posture", 5.0)], q, np.zeros(1))

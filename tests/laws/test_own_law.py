@@ -136,7 +136,7 @@ def test_an_exception_in_a_compiled_law_ends_the_run(arm, interpreted):
 def test_what_a_law_raised_is_said_of_a_supervised_run_too(arm, interpreted):
     """It brakes, and says why the command was not finite."""
     still = dqc.references.SetPoint(arm.fkm(np.array(START)))
-    law, supervisor = OwnLaw(function=stopping), dqc.limits.Supervisor()
+    law, supervisor = OwnLaw(function=stopping), dqc.supervisor.Supervisor()
     record = dqc.simulate(
         arm, still, law, Integrator(), START, 0.01, 1.0, supervisor=supervisor, interpreted=interpreted
     )

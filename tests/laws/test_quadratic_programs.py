@@ -109,20 +109,20 @@ def test_a_hundred_thousand_programs_of_nearly_dependent_rows(n):
 
 def test_contradictory_rows_get_the_least_violation():
     """u ≤ 1 and u ≥ 2: half of the gap each; the box holds."""
-    found = dqc.laws.quadratic_program([[1.0]], [0.0], [[1], [-1]], [1, -2])
+    found = dqc.constraints.quadratic_program([[1.0]], [0.0], [[1], [-1]], [1, -2])
     assert found.status == "infeasible"
     assert found.u == pytest.approx([1.5], abs=1e-9)
     assert found.violations == pytest.approx([0.5, 0.5], abs=1e-9)
-    boxed = dqc.laws.quadratic_program([[1.0]], [0.0], [[-1.0]], [-2], lower=[-1], upper=[1])
+    boxed = dqc.constraints.quadratic_program([[1.0]], [0.0], [[-1.0]], [-2], lower=[-1], upper=[1])
     assert boxed.status == "infeasible"
     assert boxed.u == pytest.approx([1.0], abs=1e-15)
-    both = dqc.laws.quadratic_program(np.eye(2), [0, 0], [[1, 0], [2, 0]], [1, 3], equalities=2)
+    both = dqc.constraints.quadratic_program(np.eye(2), [0, 0], [[1, 0], [2, 0]], [1, 3], equalities=2)
     assert both.status == "infeasible"
     assert both.u == pytest.approx([1.4, 0], abs=1e-9)
 
 
 def test_equations_that_depend_on_others_are_solved():
-    found = dqc.laws.quadratic_program(
+    found = dqc.constraints.quadratic_program(
         np.eye(2), [0, -3], [[1, 0], [2, 0], [0, 0], [0, 1]], [1, 2, 0, 1], equalities=3
     )
     assert found.status == "solved"
@@ -133,7 +133,7 @@ def test_equations_that_depend_on_others_are_solved():
 def test_multipliers_balance_the_objective():
     h, g = np.diag([1.0, 2, 3]), np.array([-5.0, 4, 1])
     rows, bounds = np.array([[1.0, 1, 0], [0, 1, 1]]), np.array([0.5, 0.2])
-    found = dqc.laws.quadratic_program(h, g, rows, bounds, lower=[-1] * 3, upper=[1] * 3)
+    found = dqc.constraints.quadratic_program(h, g, rows, bounds, lower=[-1] * 3, upper=[1] * 3)
     balance = h @ found.u + g + rows.T @ found.multipliers + found.bound_multipliers
     assert np.abs(balance).max() < 1e-12
     assert sorted(found.active) == sorted(
@@ -210,13 +210,13 @@ def test_a_hundred_thousand_degenerate_levels():
 
 
 def test_rows_that_gave_way_are_named():
-    found = dqc.laws.lexicographic_program(
+    found = dqc.constraints.lexicographic_program(
         [0, 0, 1], [[1, 0], [-1, 0], [0, 1]], [1, -2, 5], lower=[-3, -3], upper=[3, 3], equalities=[2],
         names=["wall", "ball", "reach"],
     )  # fmt: skip
     assert found.gave_way == ("reach", "wall", "ball")
     assert found.u == pytest.approx([1.5, 3], abs=1e-9)
-    free = dqc.laws.lexicographic_program([], np.zeros((0, 2)), [], hessian=np.eye(2), gradient=[1, 1])
+    free = dqc.constraints.lexicographic_program([], np.zeros((0, 2)), [], hessian=np.eye(2), gradient=[1, 1])
     assert free.u.tolist() == [-1, -1]
 
 
@@ -238,4 +238,4 @@ def test_rows_that_gave_way_are_named():
 def test_bad_input_is_named(change, words):
     given = {"hessian": np.eye(2), "gradient": [0, 0], "rows": [[1, 1]], "bounds": [1]} | change
     with pytest.raises(dqc.Error, match=words):
-        dqc.laws.quadratic_program(**given)
+        dqc.constraints.quadratic_program(**given)

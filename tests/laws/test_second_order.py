@@ -153,7 +153,7 @@ def test_compiled_and_interpreted_loops_agree_to_the_last_bit(law, limits):
                 0.01,
                 0.3,
                 limits=limits,
-                supervisor=dqc.limits.Supervisor(),
+                supervisor=dqc.supervisor.Supervisor(),
                 interpreted=interpreted,
             )
             for interpreted in (False, True)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
+from dqcontrol.controller import FurtherTask, PreparedTasks
 from dqcontrol.errors import ReachError, ShapeError, UnknownNameError, ValueRangeError
 from dqcontrol.experiments.prepared_experiment import prepare
-from dqcontrol.laws import FurtherTask, PreparedTasks
 from dqcontrol.loop import Record
 
 Q = np.array([-0.1, -0.5, 0.1, -2.2, 0.1, 1.7, 0.8, 0.3, -0.7, -0.2, -2.1, -0.1, 1.5, 0.7])

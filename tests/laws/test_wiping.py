@@ -25,7 +25,7 @@ def test_the_hand_follows_the_edge_and_the_base_keeps_clear(nearer):
         links=["chassis"],
         margin=0.05,
     )
-    kept = dqc.laws.Constraints(
+    kept = dqc.constraints.Constraints(
         self_collision=False, acceleration=3.0, **around({"table": table}), recovery=0.1
     )
     law = dqc.laws.FeedbackLinearization(stiffness=6.0, damping=3.0, constraints=kept)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dqcontrol.limits.supervisor.braking import fastest_stoppable, surely_stops
+from dqcontrol.limits.braking import fastest_stoppable, surely_stops
 
 
 def test_what_surely_stops_does():

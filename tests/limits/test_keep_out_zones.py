@@ -9,10 +9,10 @@ import yaml
 import dqcontrol as dqc
 from dqcontrol.errors import Error, ShapeError, ValueRangeError
 from dqcontrol.geometry import FloorMap
-from dqcontrol.limits import KeepOutZones, Supervisor
-from dqcontrol.limits.supervisor.interventions import IMPOSSIBLE, KEEP_OUT
-from dqcontrol.limits.supervisor.keep_out_step import clearance
-from dqcontrol.limits.supervisor.supervisor_layout import END, FINISH, GO, RESET, STOP
+from dqcontrol.supervisor import KeepOutZones, Supervisor
+from dqcontrol.supervisor.interventions import IMPOSSIBLE, KEEP_OUT
+from dqcontrol.supervisor.keep_out_step import clearance
+from dqcontrol.supervisor.supervisor_layout import END, FINISH, GO, RESET, STOP
 from dqcontrol.world import Body, Solid
 
 T = 0.02

@@ -31,9 +31,9 @@ def test_constraints_clamp_the_joints_of_all_tasks():
     start, beyond = START.copy(), START.copy()
     start[elbows], beyond[elbows] = arms.limits.upper[elbows] - 0.002, arms.limits.upper[elbows] + 1.0
     goal, plant = dqc.references.SetPoint(arms.fkm(beyond)), dqc.plants.Integrator()
-    tasks = [dqc.laws.FurtherTask("relative", gain=20.0, level=0)]
+    tasks = [dqc.controller.FurtherTask("relative", gain=20.0, level=0)]
     excess = {}
-    for constraints in (None, dqc.laws.Constraints()):
+    for constraints in (None, dqc.constraints.Constraints()):
         law = dqc.laws.Proportional(gain=3.0, constraints=constraints)
         record = dqc.simulate(arms, goal, law, plant, start, 0.01, 3.0, tasks=tasks)
         held = dqc.algebra.translation(arms.relative_pose(record.q))

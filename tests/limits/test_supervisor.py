@@ -6,10 +6,10 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.errors import ShapeError, UnknownNameError, ValueRangeError
-from dqcontrol.limits import DeclaredPayload, LinkPoint, Supervisor, WorkspaceBox
-from dqcontrol.limits.supervisor.braking import fastest_stoppable
-from dqcontrol.limits.supervisor.interventions import IMPOSSIBLE
-from dqcontrol.limits.supervisor.supervisor_layout import END, FINISH, GO, RESET, STOP
+from dqcontrol.limits.braking import fastest_stoppable
+from dqcontrol.supervisor import DeclaredPayload, LinkPoint, Supervisor, WorkspaceBox
+from dqcontrol.supervisor.interventions import IMPOSSIBLE
+from dqcontrol.supervisor.supervisor_layout import END, FINISH, GO, RESET, STOP
 
 T = 0.01
 Q0 = np.array([0.3, 0.6, -0.2, 1.6, 0.4, 0.6, 0.1])

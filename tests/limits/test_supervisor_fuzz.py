@@ -7,12 +7,11 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.compiled.intrinsics import caller
-from dqcontrol.limits import Supervisor, WorkspaceBox
-from dqcontrol.limits.supervisor import supervisor_layout as layout
-from dqcontrol.limits.supervisor.interventions import IMPOSSIBLE, STOPS, stop_category
-from dqcontrol.limits.supervisor.supervisor_layout import END, FINISH, GO, RESET, STOP
-from dqcontrol.limits.supervisor.supervisor_step import SUPERVISOR, supervise
-from dqcontrol.robots import kinematics_kernels as kernels
+from dqcontrol.robots.kinematics import kinematics_kernels as kernels
+from dqcontrol.supervisor import Supervisor, WorkspaceBox, supervisor_layout as layout
+from dqcontrol.supervisor.interventions import IMPOSSIBLE, STOPS, stop_category
+from dqcontrol.supervisor.supervisor_layout import END, FINISH, GO, RESET, STOP
+from dqcontrol.supervisor.supervisor_step import SUPERVISOR, supervise
 
 SEED = 20261122
 HONEST, FROZEN, JUMPING, ANYTHING = range(4)  # what is measured

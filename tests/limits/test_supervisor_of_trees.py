@@ -26,8 +26,8 @@ def test_a_chain_and_the_tree_of_it_are_guarded_alike():
     )
     q = np.array([0, 0.418, 1.716, 0, 1.007, 0])
     hand = dqc.DualQuaternion(chain.fkm(q)).translation
-    box = dqc.limits.WorkspaceBox(lower=tuple(hand - 0.1), upper=tuple(hand + 0.15))
-    given = dqc.limits.Supervisor(
+    box = dqc.supervisor.WorkspaceBox(lower=tuple(hand - 0.1), upper=tuple(hand + 0.15))
+    given = dqc.supervisor.Supervisor(
         velocity=2.0, workspace=box, hand_speed=0.3, hand_acceleration=3.0, ramp=0.1
     )
     rng = np.random.default_rng(0)
@@ -42,10 +42,10 @@ def test_all_hands_of_the_task_are_guarded(task):
     arms = TWO.with_task(task)
     hands = ["left"] if task == "left" else ["left", "right"]
     places = np.array([dqc.DualQuaternion(arms.fkm(START, name)).translation for name in hands])
-    box = dqc.limits.WorkspaceBox(
+    box = dqc.supervisor.WorkspaceBox(
         lower=tuple(places.min(axis=0) - 0.05), upper=tuple(places.max(axis=0) + 0.05)
     )
-    given = dqc.limits.Supervisor(workspace=box, hand_speed=0.2, acceleration=20.0, ramp=0.0)
+    given = dqc.supervisor.Supervisor(workspace=box, hand_speed=0.2, acceleration=20.0, ramp=0.0)
     prepared, rng = given.prepare(arms, 0.01), np.random.default_rng(1)
     wanted = np.repeat(rng.uniform(-1, 1, (8, 14)), 25, axis=0)
     u = walk(prepared, START, wanted)
@@ -70,7 +70,7 @@ def test_a_run_of_two_arms_under_the_supervisor_is_the_same_interpreted():
             dqc.plants.Servo(),
             START,
             0.01,
-            supervisor=dqc.limits.Supervisor(),
+            supervisor=dqc.supervisor.Supervisor(),
             interpreted=each,
         )
         for each in (True, False)
@@ -81,7 +81,7 @@ def test_a_run_of_two_arms_under_the_supervisor_is_the_same_interpreted():
 
 def test_what_is_refused_of_several_hands():
     with pytest.raises(dqc.Error, match="contact_force: is of one hand"):
-        dqc.limits.Supervisor(contact_force=10.0).prepare(TWO, 0.01)
-    box = dqc.limits.WorkspaceBox(lower=(0, 0, 0), upper=(1, 1, 1))
+        dqc.supervisor.Supervisor(contact_force=10.0).prepare(TWO, 0.01)
+    box = dqc.supervisor.WorkspaceBox(lower=(0, 0, 0), upper=(1, 1, 1))
     with pytest.raises(dqc.Error, match=r"the hand starts at \[.*\] and \[.*-0.40"):
-        dqc.limits.Supervisor(workspace=box).prepare(TWO, 0.01).start(START)
+        dqc.supervisor.Supervisor(workspace=box).prepare(TWO, 0.01).start(START)

@@ -5,9 +5,10 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.laws import Proportional
-from dqcontrol.limits import CommandLimits, ModifiedClamping, Supervisor, WeightedLeastNorm
-from dqcontrol.limits.supervisor.interventions import IMPOSSIBLE
-from dqcontrol.limits.supervisor.supervisor_layout import GO, RESET, STOP
+from dqcontrol.limits import CommandLimits, ModifiedClamping, WeightedLeastNorm
+from dqcontrol.supervisor import Supervisor
+from dqcontrol.supervisor.interventions import IMPOSSIBLE
+from dqcontrol.supervisor.supervisor_layout import GO, RESET, STOP
 from dqcontrol_theses import variants
 from dqcontrol_theses.variants import OriginalClamping
 
@@ -189,7 +190,7 @@ def test_a_car_that_reverses_in_a_curve_keeps_its_accelerations(jerk):
     base = dqc.robots.CarLikeBase(0.1, 0.2, wheelbase=0.5, steering_limit=0.5, rim_speed=2.0)
     car, rng = dqc.WholeBody([base]).in_form("constrained"), np.random.default_rng(5)
     most, dt = np.array([1.0, 0.6]), 0.01
-    supervisor = dqc.limits.Supervisor(acceleration=most.tolist(), jerk=jerk).prepare(car, dt)
+    supervisor = dqc.supervisor.Supervisor(acceleration=most.tolist(), jerk=jerk).prepare(car, dt)
     q, before, change = np.zeros(3), np.zeros(2), np.zeros(2)
     state, wanted, fastest = supervisor.start(q), np.zeros(2), 0.0
     for k in range(3000):

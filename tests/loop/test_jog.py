@@ -7,12 +7,12 @@ import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.errors import Error, ExistsError, FallenError, ShapeError
 from dqcontrol.experiments.jogging import most_dexterous, prepare_jog
-from dqcontrol.limits import list_interventions
 from dqcontrol.loop.jog import HELP, MOVES, Jog
 from dqcontrol.loop.targets import Speeds
 from dqcontrol.recording import RecordStream, load_record
 from dqcontrol.references import load_points
 from dqcontrol.references.points_writer import PointsWriter
+from dqcontrol.supervisor import list_interventions
 
 T, Q0 = 0.01, np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
 
@@ -21,7 +21,7 @@ T, Q0 = 0.01, np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
 def jog(tmp_path):
     arm = dqc.load_robot("iiwa7")
     law = dqc.laws.ProportionalFeedforward(gain=10.0).prepare(arm, None, T)
-    supervisor = dqc.limits.Supervisor(acceleration=5.0).prepare(arm, T)
+    supervisor = dqc.supervisor.Supervisor(acceleration=5.0).prepare(arm, T)
     plant = dqc.plants.Servo(time_constant=0.02).start(arm, Q0, T, 50, 0)
     return Jog(law, supervisor, plant, PointsWriter(tmp_path / "poses.csv"), Speeds(0.1, 0.5), steps=50)
 

@@ -21,13 +21,13 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.cli.jog_command import _drive
 from dqcontrol.cli.keyboard import Keyboard
-from dqcontrol.limits import Supervisor
 from dqcontrol.loop import Clock, Supervision, close_loop
 from dqcontrol.loop.clock import allows_real_time, real_time
 from dqcontrol.loop.control import warm_up
 from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.jog import Jog
 from dqcontrol.loop.targets import Speeds
+from dqcontrol.supervisor import Supervisor
 
 TRIALS = int(os.environ.get("LOSSES", "8"))
 T, Q0 = 0.01, np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])

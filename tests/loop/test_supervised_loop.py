@@ -11,10 +11,10 @@ from dqcontrol.cli.figures_command import figures
 from dqcontrol.errors import FileFormatError, ValueRangeError
 from dqcontrol.experiments import read_spec
 from dqcontrol.laws import ProportionalFeedforward
-from dqcontrol.limits import Supervisor, list_interventions
 from dqcontrol.loop import Clock, Supervision, close_loop
 from dqcontrol.plants import Integrator, Servo
 from dqcontrol.recording import save_black_box
+from dqcontrol.supervisor import Supervisor, list_interventions
 
 Q0 = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
 T = 0.01

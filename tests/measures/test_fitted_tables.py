@@ -6,9 +6,9 @@ import pytest
 from rich.console import Console
 
 from dqcontrol.errors import UnknownNameError
-from dqcontrol.measures.fitted import fitted
-from dqcontrol.measures.table_cells import PlusMinus
-from dqcontrol.measures.tables import Column, Table
+from dqcontrol.tables.fitted import fitted
+from dqcontrol.tables.table_cells import PlusMinus
+from dqcontrol.tables.tables import Column, Table
 
 NAMES = ["K · servo", "K+FF · physics"]
 TITLES = ["run", "mean", "RMS", "peak speed", "limit margin", "effort", "ended by"]

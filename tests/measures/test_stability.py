@@ -248,7 +248,7 @@ def test_a_supervisor_s_smoothing_is_in_the_loop(arm, mode, tau, delay, window):
     limit = gain_limits(with_mean(alone, window, T, from_measured=mode == "measured"), T).stable / T
     assert abs(limit * T / gain_limits(alone, T).stable - 1) > 0.1, "without it another limit was told"
     wide = {"acceleration": 1e3, "jerk": 2e3 / (window * T), "velocity": 1e3, "tracking_error": 1e6}
-    supervisor = dqc.limits.Supervisor(**wide, ramp=0.0, slow_below=0.0, hold_below=0.0)
+    supervisor = dqc.supervisor.Supervisor(**wide, ramp=0.0, slow_below=0.0, hold_below=0.0)
     assert supervisor.prepare(arm, T).window == window
     for share, stable in ((0.95, True), (1.05, False)):
         error = supervised(arm, share * limit, plant, Q0 + 1e-5, supervisor, 40.0)
@@ -264,7 +264,7 @@ def test_large_errors_oscillate_for_ever_at_a_limit_of_acceleration(arm, tau, de
     model = plant.linear_model(arm, Q0, T)
     limit = large_error_limit(model, T) / T
     assert limit < 0.9 * gain_limits(model, T).stable / T, "for small errors it is stable"
-    supervisor = dqc.limits.Supervisor(acceleration=10.0, velocity=100.0, tracking_error=100.0, ramp=0.0)
+    supervisor = dqc.supervisor.Supervisor(acceleration=10.0, velocity=100.0, tracking_error=100.0, ramp=0.0)
     far = Q0 + np.array([0.3, 0, 0, 0, 0, 0, 0])
     for share, stable in ((0.95, True), (1.5, False)):
         error = supervised(arm, share * limit, plant, far, supervisor, 20.0)

@@ -10,7 +10,7 @@ from dqcontrol.errors import ExistsError, ShapeError, UnknownNameError
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.metric_tables import METRIC_COLUMNS, PUBLISHED, comparison_table, summary_table
 from dqcontrol.measures.metrics import Metrics, evaluate
-from dqcontrol.measures.tables import Column, PlusMinus, Table
+from dqcontrol.tables.tables import Column, PlusMinus, Table
 
 TABLE = Table(
     [Column("Law"), Column("Error", "mm", ".2f"), Column("Steps")],

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
+from dqcontrol.controller import FurtherTask
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.laws import FurtherTask
 from dqcontrol.plants import MujocoPlant
 from dqcontrol.plants.mujoco.carried_box import CarriedBox
 from dqcontrol.reports.run_verdicts import _held_box as held_box

@@ -11,7 +11,7 @@ from dqcontrol.files.yaml_file import convert
 from dqcontrol.plants import CompliantPlant, LivePlant
 from dqcontrol.plants.compliant.controller_file import load_controllers
 from dqcontrol.plants.compliant.joint_constants import gravity_bodies
-from dqcontrol.robots.load import load_robot
+from dqcontrol.robots.files.load import load_robot
 
 mujoco: Any = pytest.importorskip("mujoco")
 

@@ -9,10 +9,10 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.errors import FileFormatError, SafetyWarning, ShapeError, ValueRangeError
 from dqcontrol.files.yaml_file import convert
-from dqcontrol.limits import DeclaredPayload, Supervisor
 from dqcontrol.plants import CompliantPlant, EncoderLoss, Payload, Push
 from dqcontrol.plants.compliant.controller_file import load_controllers
-from dqcontrol.robots.load import load_robot
+from dqcontrol.robots.files.load import load_robot
+from dqcontrol.supervisor import DeclaredPayload, Supervisor
 
 mujoco: Any = pytest.importorskip("mujoco")
 

@@ -13,8 +13,8 @@ from dqcontrol.plants.compliant.elastic_model import (
     joint_inertia,
     steps_per_tick,
 )
+from dqcontrol.robots.files.load import load_robot
 from dqcontrol.robots.limits import Inertia
-from dqcontrol.robots.load import load_robot
 from dqcontrol.robots.serial_arm import SerialArm
 
 mujoco: Any = pytest.importorskip("mujoco")

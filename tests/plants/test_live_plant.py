@@ -8,7 +8,6 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.errors import Error
 from dqcontrol.experiments.spec.spec_files import complete_plants
-from dqcontrol.limits import Supervisor
 from dqcontrol.loop import close_loop
 from dqcontrol.loop.closed_loop import check_disturbed
 from dqcontrol.loop.jog import Jog
@@ -17,6 +16,7 @@ from dqcontrol.plants import CompliantPlant, Integrator, LivePlant, MobilePlant,
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.live_plant import live_plant
 from dqcontrol.plants.plant import command_mode, lagging_mode
+from dqcontrol.supervisor import Supervisor
 
 Q0, T = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0]), 0.01
 LAW = dqc.laws.ProportionalFeedforward(gain=5.0)

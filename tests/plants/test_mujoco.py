@@ -9,8 +9,8 @@ from dqcontrol.errors import DivergedError, MissingExtraError, ShapeError, Value
 from dqcontrol.plants.mujoco import MujocoPlant
 from dqcontrol.plants.mujoco.mujoco_model import add_inertias, compiled, skeleton
 from dqcontrol.plants.plant import LivePlant
+from dqcontrol.robots.files.load import example_urdfs, load_robot
 from dqcontrol.robots.limits import Inertia, Limits
-from dqcontrol.robots.load import example_urdfs, load_robot
 from dqcontrol.robots.serial_arm import SerialArm
 
 mujoco: Any = pytest.importorskip("mujoco")

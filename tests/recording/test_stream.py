@@ -20,7 +20,7 @@ T = 0.01
 DRIVE = """
 import resource, sys
 import numpy as np, dqcontrol as dqc
-from dqcontrol.limits import Supervisor
+from dqcontrol.supervisor import Supervisor
 from dqcontrol.loop import Clock
 from dqcontrol.recording import RecordStream
 from dqcontrol.loop.simulate import simulate_prepared
@@ -57,7 +57,7 @@ def driven(arm, path, **options):
 
 
 def test_what_is_streamed_is_what_is_recorded(arm, tmp_path):
-    record = driven(arm, tmp_path / "record.mcap", supervisor=dqc.limits.Supervisor(velocity=0.1))
+    record = driven(arm, tmp_path / "record.mcap", supervisor=dqc.supervisor.Supervisor(velocity=0.1))
     loaded = load_record(tmp_path / "record.mcap")
     for name in ("time", "q", "measured", "command", "pose", "desired"):
         assert np.array_equal(getattr(loaded, name), getattr(record, name)), name

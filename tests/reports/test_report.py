@@ -7,9 +7,9 @@ from gallery import run
 
 from dqcontrol.errors import ExistsError
 from dqcontrol.figures import errors, figure_files, path_3d
-from dqcontrol.measures.table_cells import Ratio, VerdictCell
-from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reports import write_report
+from dqcontrol.tables.table_cells import Ratio, VerdictCell
+from dqcontrol.tables.tables import Column, Table
 
 
 class Page(HTMLParser):

@@ -6,9 +6,9 @@ import shutil
 import pytest
 from gallery import figures
 
-from dqcontrol.measures.table_cells import VerdictCell
-from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reports import write_report
+from dqcontrol.tables.table_cells import VerdictCell
+from dqcontrol.tables.tables import Column, Table
 
 playwright = pytest.importorskip("playwright.sync_api", reason="the browser test needs playwright")
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")

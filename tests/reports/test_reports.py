@@ -20,15 +20,15 @@ import dqcontrol.figures
 from dqcontrol import cli
 from dqcontrol.experiments import load_run, run_study_to, run_sweep_to
 from dqcontrol.experiments.parameter_units import parameter_unit, with_unit
-from dqcontrol.limits.supervisor.interventions import INTERVENTIONS, VELOCITY
 from dqcontrol.loop import Timing
 from dqcontrol.loop.signals import Signal
 from dqcontrol.measures.lyapunov import Certificate
-from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reports import rewrite_reports
 from dqcontrol.reports.provenance import command, evaluation_command, origins
 from dqcontrol.reports.run_verdicts import run_verdicts
 from dqcontrol.reports.study_report import study_verdicts
+from dqcontrol.supervisor.interventions import INTERVENTIONS, VELOCITY
+from dqcontrol.tables.tables import Column, Table
 from dqcontrol_theses.reproduced import Reproduced
 
 SPEC = {

@@ -8,7 +8,7 @@ import pytest
 from pinocchio_oracle import ARMS, UrdfOracle, model_of, pose_matrix, symmetric
 
 from dqcontrol.robots import Inertia, SerialArm, load_robot, load_urdf
-from dqcontrol.robots.load import example_urdfs
+from dqcontrol.robots.files.load import example_urdfs
 
 URDFS = {  # file, base, tip
     "panda": ("panda_description/urdf/panda.urdf", "panda_link0", "panda_hand"),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dqcontrol.errors import Error, FileFormatError
-from dqcontrol.limits import CommandLimits, Supervisor
+from dqcontrol.limits import CommandLimits
 from dqcontrol.plants import Servo
 from dqcontrol.references import DriveTo
 from dqcontrol.robots import (
@@ -16,6 +16,7 @@ from dqcontrol.robots import (
     WholeBody,
     load_robot,
 )
+from dqcontrol.supervisor import Supervisor
 
 SEED = 2017
 CAR = CarLikeBase(0.1, 0.2, wheelbase=0.5, steering_limit=0.6, rim_speed=1.0)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol.robots.load import example_urdfs
+from dqcontrol.robots.files.load import example_urdfs
 
 WHEELS = (
     "rtbdata",

@@ -9,7 +9,7 @@ import dqcontrol as dqc
 from dqcontrol.errors import FileFormatError, ShapeError
 from dqcontrol.geometry import Box, Capsule, Point, Sphere, distance
 from dqcontrol.robots.collision_shapes import collision_shapes, kept, sampled_pairs
-from dqcontrol.robots.robot_file import arm_from, plain_arm
+from dqcontrol.robots.files.robot_file import arm_from, plain_arm
 
 CHASSIS = dqc.robots.Chassis(
     mass=3.0, radius=0.2, height=0.1, wheel_mass=0.1, wheel_torque=1.0, caster_distance=0.1

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from dqcontrol.errors import FileFormatError, MissingExtraError, ShapeError, UnknownNameError
-from dqcontrol.robots import load, load_robot, robot_names
+from dqcontrol.robots import load_robot, robot_names
+from dqcontrol.robots.files import load
 
 PANDA = "example-robot-data:panda_description/urdf/panda.urdf"
 

@@ -9,7 +9,7 @@ from dqcontrol.errors import FileFormatError, NoteWarning, UnknownNameError
 from dqcontrol.plants import MujocoPlant
 from dqcontrol.plants.mujoco.mujoco_servos import mass_matrix
 from dqcontrol.robots import load_tree
-from dqcontrol.robots.mjcf import mjcf_servos
+from dqcontrol.robots.files.mjcf import mjcf_servos
 
 TWO_ARMS = """<mujoco model="two arms">
 <compiler angle="degree" autolimits="true"/>

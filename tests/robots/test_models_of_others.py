@@ -9,7 +9,7 @@ from pinocchio_oracle import pose_matrix
 from dqcontrol import algebra
 from dqcontrol.errors import ShapeError, UnknownNameError
 from dqcontrol.robots import SerialArm, load_robot
-from dqcontrol.robots.load import example_urdfs
+from dqcontrol.robots.files.load import example_urdfs
 
 dqrobotics = pytest.importorskip("dqrobotics")
 theirs = pytest.importorskip("dqrobotics.robots")

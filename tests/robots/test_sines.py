@@ -3,7 +3,7 @@ import pytest
 from numba import njit
 
 from dqcontrol import load_robot
-from dqcontrol.robots.sin_cos import FARTHEST, sines_cosines
+from dqcontrol.robots.kinematics.sin_cos import FARTHEST, sines_cosines
 
 
 @njit

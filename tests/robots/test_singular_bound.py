@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from numba import njit
 
-from dqcontrol.robots import singular_bound as module
-from dqcontrol.robots.singular_bound import exceeds
+from dqcontrol.robots.kinematics import singular_bound as module
+from dqcontrol.robots.kinematics.singular_bound import exceeds
 
 TOOL = Path(__file__).parents[2] / "tools/generate_singular_bound.py"
 

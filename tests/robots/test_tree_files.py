@@ -10,7 +10,7 @@ import dqcontrol as dqc
 from dqcontrol import cli
 from dqcontrol.errors import FileFormatError
 from dqcontrol.robots import load_tree
-from dqcontrol.robots.tree_file import plain_tree
+from dqcontrol.robots.files.tree_file import plain_tree
 
 HAND = """<robot name="hand"><link name="palm"/><link name="a1"><inertial><mass value="0.3"/>
   <inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="2e-3"/></inertial></link><link name="b1"/>

@@ -9,8 +9,8 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.errors import FileFormatError, UnknownNameError
 from dqcontrol.robots import PoseTask, load_tree
-from dqcontrol.robots.load import example_urdfs
-from dqcontrol.robots.urdf import urdf_tree
+from dqcontrol.robots.files.load import example_urdfs
+from dqcontrol.robots.files.urdf import urdf_tree
 
 SOME = (
     "tiago_description/robots/tiago.urdf",

@@ -7,7 +7,8 @@ import pytest
 
 from dqcontrol import DualQuaternion
 from dqcontrol.errors import Error, FileFormatError
-from dqcontrol.robots import DifferentialDrive, HolonomicBase, WholeBody, describe, load, load_robot
+from dqcontrol.robots import DifferentialDrive, HolonomicBase, WholeBody, describe, load_robot
+from dqcontrol.robots.files import load
 
 BODY = """
 name: toy

@@ -18,11 +18,11 @@ from dqcontrol.cli.view_command import _follow, _take_news
 from dqcontrol.errors import Error
 from dqcontrol.experiments import load_run
 from dqcontrol.experiments.run import Run
-from dqcontrol.limits import list_interventions
 from dqcontrol.loop.control import Control, Phase, reference_time
 from dqcontrol.recording import load_record
 from dqcontrol.ros2.loading import load
 from dqcontrol.ros2.recorder import Recorder
+from dqcontrol.supervisor import list_interventions
 
 CIRCLE = {"kind": "circle", "radius": 0.05, "duration": 30.0, "turns": 10}
 

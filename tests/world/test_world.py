@@ -149,7 +149,7 @@ def test_what_cannot_be_kept_clear_of_is_refused(constraints, words):
     with pytest.raises(dqc.Error, match=words):
         _ = kept.names
     with pytest.raises(dqc.Error, match="there is none; give 'world'"):
-        _ = dqc.laws.Constraints(clear_of="all").names
+        _ = dqc.constraints.Constraints(clear_of="all").names
 
 
 def test_a_name_twice_is_refused(tmp_path):

@@ -20,9 +20,9 @@ from dqcontrol.robots import (
     TwoArms,
     WholeBody,
 )
-from dqcontrol.robots.description import foot_below, joint_range, rod_radii
 from dqcontrol.robots.dh import compose
-from dqcontrol.robots.kinematics_kernels import PRISMATIC
+from dqcontrol.robots.files.description import foot_below, joint_range, rod_radii
+from dqcontrol.robots.kinematics.kinematics_kernels import PRISMATIC
 from dqcontrol.robots.poses import inverse7
 from dqcontrol.robots.robot import base_coordinates
 from dqcontrol.robots.whole_body import Drive, Mover, parts_with_offsets

@@ -8,10 +8,10 @@ import numpy as np
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
+from dqcontrol.constraints.constraints import Constraints
+from dqcontrol.constraints.kept_scene import KeptScene, NearestPair
 from dqcontrol.figures.tilted_base import recorded_frames
 from dqcontrol.figures.tip_paths import desired_in_room, tip_paths
-from dqcontrol.laws.constrained.constraints import Constraints
-from dqcontrol.laws.constrained.kept_scene import KeptScene, NearestPair
 from dqcontrol.loop.record import Record
 from dqcontrol.robots import Robot, TreeRobot
 from dqcontrol.robots.dh import compose, shift

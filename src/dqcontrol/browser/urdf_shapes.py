@@ -15,12 +15,12 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, NoteWarning
 from dqcontrol.files.input_file import read_whole
 from dqcontrol.robots import SerialArm
-from dqcontrol.robots.mesh_files import mesh_file, missing_note
-from dqcontrol.robots.mjcf_geometry import geom_mesh, shown_geoms
+from dqcontrol.robots.files.mesh_files import mesh_file, missing_note
+from dqcontrol.robots.files.mjcf_geometry import geom_mesh, shown_geoms
+from dqcontrol.robots.files.urdf import UrdfTree, origin_matrix
+from dqcontrol.robots.files.urdf_xml import CheckedXml
 from dqcontrol.robots.poses import pose7
 from dqcontrol.robots.robot import PlacedLinks
-from dqcontrol.robots.urdf import UrdfTree, origin_matrix
-from dqcontrol.robots.urdf_xml import CheckedXml
 
 Drawn = tuple[int, Any, tuple[int, int, int]]
 

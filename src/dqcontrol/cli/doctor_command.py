@@ -35,7 +35,7 @@ def doctor(
         print(f"compiled kernels: {new} new, of {len(CASES)} usual cases")
     import dqcontrol
     from dqcontrol.cli.environment import OK, PROBLEM, examine
-    from dqcontrol.measures.tables import Column, Table
+    from dqcontrol.tables.tables import Column, Table
 
     findings = examine()
     problems = [one for one in findings if one.verdict == PROBLEM]

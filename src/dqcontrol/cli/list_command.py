@@ -54,8 +54,8 @@ def plants() -> None:
 @kinds.command
 def robots() -> None:
     """List the bundled robots."""
-    from dqcontrol.measures.tables import Column, Table
     from dqcontrol.robots import describe, load_robot, robot_names
+    from dqcontrol.tables.tables import Column, Table
 
     rows = []
     for name in robot_names():
@@ -72,7 +72,7 @@ def robots() -> None:
 
 
 def _print_kinds(title: str, union: Any, hidden: str = "") -> None:
-    from dqcontrol.measures.tables import Cell, Column, Table
+    from dqcontrol.tables.tables import Cell, Column, Table
 
     rows: dict[str, list[list[Cell]]] = {}
     for kind in get_args(union):

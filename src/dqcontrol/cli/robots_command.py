@@ -32,8 +32,8 @@ def show(
     source
         Name, .yaml, .urdf or .xacro file, or example-robot-data:PATH.
     """
-    from dqcontrol.measures.tables import Column, Table
     from dqcontrol.robots import describe, load_robot
+    from dqcontrol.tables.tables import Column, Table
 
     about = describe(load_robot(source, base_link, tip_link))
     rows = [[j.name, j.type, j.lower, j.upper, j.velocity, j.effort, j.input or None] for j in about.joints]
@@ -111,8 +111,8 @@ def convert(
     from dqcontrol.errors import ExistsError, ShapeError
     from dqcontrol.files.plain_data import yaml_text
     from dqcontrol.robots import SerialArm, TreeRobot, TwoArms, load_robot, load_tree
-    from dqcontrol.robots.robot_file import plain_arm
-    from dqcontrol.robots.tree_file import plain_tree
+    from dqcontrol.robots.files.robot_file import plain_arm
+    from dqcontrol.robots.files.tree_file import plain_tree
 
     if out.exists():
         raise ExistsError(f"{out}: exists; choose another name")
@@ -223,8 +223,8 @@ def solve(
         How many solutions to list at most.
     """
     from dqcontrol.experiments.spec import HandStart
-    from dqcontrol.measures.tables import Column, Table
     from dqcontrol.robots import load_robot
+    from dqcontrol.tables.tables import Column, Table
 
     robot = load_robot(source, base_link, tip_link)
     found = HandStart(position=position, quaternion=quaternion, rpy=rpy).postures(robot)

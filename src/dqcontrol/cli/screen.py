@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from dqcontrol.measures.tables import Table
+    from dqcontrol.tables.tables import Table
 
 
 FAILED = 1  # exit status: a run did not do what was asked, or broke what it was to keep
@@ -21,7 +21,7 @@ def print_table(table: Table) -> None:
     """Print a table: as many columns as the window has room for, or those of ``--columns``, or with ``--wide`` all."""
     from rich.console import Console
 
-    from dqcontrol.measures.fitted import fitted
+    from dqcontrol.tables.fitted import fitted
 
     chosen = os.environ.get(COLUMNS)
     if chosen:

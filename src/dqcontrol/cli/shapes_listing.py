@@ -14,7 +14,6 @@ from dqcontrol.errors import ExistsError, FileFormatError, ShapeError
 from dqcontrol.figures.shapes_picture import shapes_picture
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.geometry import Box, Capsule, Sphere
-from dqcontrol.measures.tables import Column, Table
 from dqcontrol.robots import Robot, SerialArm, load_robot
 from dqcontrol.robots.collision_shapes import (
     FittedShape,
@@ -23,8 +22,9 @@ from dqcontrol.robots.collision_shapes import (
     kept,
     sampled_pairs,
 )
+from dqcontrol.robots.files.robot_file import plain_arm
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
-from dqcontrol.robots.robot_file import plain_arm
+from dqcontrol.tables.tables import Column, Table
 
 _PICTURES = (".png", ".pdf", ".svg")
 _DPI = 150

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from dqcontrol.cli.screen import print_table
-from dqcontrol.measures.tables import Column, Table
-from dqcontrol.robots.load import file_of
-from dqcontrol.robots.mobile_robot_file import base_of_file
+from dqcontrol.robots.files.load import file_of
+from dqcontrol.robots.files.mobile_robot_file import base_of_file
+from dqcontrol.tables.tables import Column, Table
 
 _NUMBERS = (
     "wheel_radius",

@@ -30,11 +30,11 @@ from dqcontrol.measures.stability import (
     with_lag,
     with_mean,
 )
-from dqcontrol.measures.table_cells import VerdictCell, known
-from dqcontrol.measures.tables import Column, Table
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.robots import Robot
+from dqcontrol.tables.table_cells import VerdictCell, known
+from dqcontrol.tables.tables import Column, Table
 
 _FREE = CommandLimits(velocity=False)
 _HORIZON = 2.0  # s, in which what matters of an observer is seen

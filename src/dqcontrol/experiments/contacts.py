@@ -14,22 +14,22 @@ from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
+from dqcontrol.constraints.constraints import Constraints
+from dqcontrol.constraints.kept_scene import Surroundings
 from dqcontrol.errors import CollisionWarning
 from dqcontrol.experiments.contact_kernels import add_up_ways, pair_distances
 from dqcontrol.geometry import Capsule, FloorMap, Plane, Shape, Sphere, distance_kernels as kernels
-from dqcontrol.laws.constrained.constraints import Constraints
-from dqcontrol.laws.constrained.kept_scene import Surroundings
 from dqcontrol.loop.record import Record
 from dqcontrol.plants import CompliantPlant, MobilePlant, Plant
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot, SerialArm, TwoArms, WholeBody
 from dqcontrol.robots.bases import CLEARANCE, Chassis, DifferentialDrive
 from dqcontrol.robots.collision_shapes import known_shapes
+from dqcontrol.robots.files.urdf import UrdfTree
+from dqcontrol.robots.files.urdf_xml import CheckedXml
 from dqcontrol.robots.link_shapes import LinkShape, moved_rows
 from dqcontrol.robots.robot import base_coordinates
 from dqcontrol.robots.roller_bases import RollerBase
-from dqcontrol.robots.urdf import UrdfTree
-from dqcontrol.robots.urdf_xml import CheckedXml
 from dqcontrol.world import World
 
 HAND = "end effector"

@@ -10,6 +10,7 @@ import numpy as np
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
+from dqcontrol.controller import Controller
 from dqcontrol.errors import DivergedError
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, PreparedRobot
 from dqcontrol.laws import (
@@ -22,7 +23,6 @@ from dqcontrol.laws import (
     ManipulabilityAscent,
     OpenLoop,
     PartialProportional,
-    PreparedLaw,
     ProportionalFeedforward,
 )
 from dqcontrol.limits import CommandLimits
@@ -118,7 +118,7 @@ def _coarser(scene: PreparedRobot) -> tuple[Array, float]:
     return samples, float(samples[1, -1] - samples[0, -1]) if len(samples) > 1 else 1.0
 
 
-def _demand(robot: Robot, law: PreparedLaw, start: Array, samples: Array) -> PathDemand | None:
+def _demand(robot: Robot, law: Controller, start: Array, samples: Array) -> PathDemand | None:
     try:
         record = simulate_prepared(law, Integrator(), start, samples)
     except DivergedError:

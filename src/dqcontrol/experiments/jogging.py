@@ -17,7 +17,6 @@ from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepar
 from dqcontrol.experiments.run import as_run
 from dqcontrol.experiments.streamed_run import StreamedRun
 from dqcontrol.files.yaml_file import parse_yaml, read_text
-from dqcontrol.limits import Supervisor
 from dqcontrol.loop.control import warm_up
 from dqcontrol.loop.jog import Jog
 from dqcontrol.loop.targets import Speeds
@@ -27,6 +26,7 @@ from dqcontrol.recording import load_record
 from dqcontrol.references.points_writer import PointsWriter
 from dqcontrol.robots import Robot, load_robot
 from dqcontrol.robots.robot import base_coordinates
+from dqcontrol.supervisor import Supervisor
 
 _STEPS = 100_000  # of noise drawn; then it repeats
 _TRIES = 500

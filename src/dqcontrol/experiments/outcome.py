@@ -8,10 +8,10 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from msgspec import Meta, field
 
+from dqcontrol.constraints.constraints import Constraints
+from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import ShapeError, ValueRangeError, error_prefix, unknown_name
 from dqcontrol.experiments.spec.reference_base import Part
-from dqcontrol.laws.constrained.constraints import Constraints
-from dqcontrol.laws.constrained.prepared_constraints import PreparedConstraints
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.contact import DEPTH, FORCE, contact_force
 from dqcontrol.robots import Robot

@@ -17,6 +17,7 @@ from msgspec import UNSET
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.kernel_cache import has_source, source_hash
+from dqcontrol.controller import Controller, PreparedTasks
 from dqcontrol.errors import ReachError, ShapeError, ValueRangeError, error_prefix
 from dqcontrol.experiments.contacts import check_floor
 from dqcontrol.experiments.reach import check_reach
@@ -34,8 +35,7 @@ from dqcontrol.experiments.spec import (
 )
 from dqcontrol.experiments.spec.parameter_sets import Variant
 from dqcontrol.extensions import user_code
-from dqcontrol.laws import Law, PreparedLaw, PreparedTasks
-from dqcontrol.laws.constrained.constraints import Lag
+from dqcontrol.laws import Law
 from dqcontrol.laws.null_space import Posture
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.closed_loop import check_disturbed
@@ -47,6 +47,7 @@ from dqcontrol.plants.plant import lagging_mode
 from dqcontrol.references import Previewed, Reference
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots import Robot, WholeBody
+from dqcontrol.robots.command_mode import Lag
 from dqcontrol.robots.whole_body import Base
 
 T = TypeVar("T")
@@ -119,10 +120,10 @@ class Combination:
     plant: AnyPlant
     limits: CommandLimits
     is_compiled: bool
-    prepared: PreparedLaw | None
+    prepared: Controller | None
     gains: tuple[LoopGain, ...] | None
 
-    def prepare_law(self, spec: Spec) -> PreparedLaw:
+    def prepare_law(self, spec: Spec) -> Controller:
         """Return the law ready to run, prepared when the spec was checked or now."""
         if self.prepared is not None and not self.prepared.depends_on_mode:
             return self.prepared
@@ -366,7 +367,7 @@ def _prepared_laws(
     variants: list[Variant[AnyLaw]],
     scene: PreparedRobot,
     different: dict[bool | None, CommandLimits],
-) -> Iterator[tuple[dict[bool | None, PreparedLaw | None], tuple[LoopGain, ...] | None]]:
+) -> Iterator[tuple[dict[bool | None, Controller | None], tuple[LoopGain, ...] | None]]:
     """Prepare every law, with different limits; give those that fit into memory, and the loop gains of all."""
     bytes_left = _KEPT_BYTES
     for variant in variants:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from dqcontrol.experiments.run import Run
     from dqcontrol.experiments.study import Study
     from dqcontrol.loop.record import Record
-    from dqcontrol.measures.tables import Table
+    from dqcontrol.tables.tables import Table
     from dqcontrol.tuning import Learning, Tuning
 
 

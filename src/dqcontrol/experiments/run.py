@@ -14,6 +14,7 @@ import numpy as np
 from msgspec.structs import replace as replace_field
 
 from dqcontrol.arrays import Array
+from dqcontrol.constraints import Constraints
 from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.check import LoopCheck, warn_unstable
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare
@@ -26,7 +27,7 @@ from dqcontrol.experiments.spec.spec_files import copy_inputs
 from dqcontrol.experiments.verdict import Judge, Verdict, verdict_of
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.files.yaml_file import parse_yaml
-from dqcontrol.laws import Constraints, Law
+from dqcontrol.laws import Law
 from dqcontrol.loop import Clock, Record, Timing
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.simulate import simulate_prepared

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.metric_tables import fitting_unit
 from dqcontrol.measures.metrics import evaluate
-from dqcontrol.measures.tables import Column, Table
 from dqcontrol.robots import Robot
+from dqcontrol.tables.tables import Column, Table
 
 if TYPE_CHECKING:
     from dqcontrol.experiments.run import Run

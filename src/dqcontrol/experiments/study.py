@@ -33,7 +33,7 @@ from dqcontrol.measures.repeat_tables import (
     means_table,
     repeatability_table,
 )
-from dqcontrol.measures.tables import Table
+from dqcontrol.tables.tables import Table
 
 ROWS = "runs.parquet"
 _WORTH_PROCESSES = 4  # runs whose figures take longer than starting processes

@@ -9,17 +9,16 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from dqcontrol.constraints.constraints import Constraints
+from dqcontrol.constraints.kept_scene import KeptScene
+from dqcontrol.constraints.prepared_constraints import SELF
+from dqcontrol.controller import PreparedTasks
 from dqcontrol.experiments.contacts import HAND, contacts_of
 from dqcontrol.experiments.outcome import Expectation, felt, judge_outcome, length_text
 from dqcontrol.experiments.spec import Spec
 from dqcontrol.experiments.spec.reference_base import ReferenceSpec
 from dqcontrol.geometry import load_map
-from dqcontrol.laws import Law, PartialProportional, PreparedTasks
-from dqcontrol.laws.constrained.constraints import Constraints
-from dqcontrol.laws.constrained.kept_scene import KeptScene
-from dqcontrol.laws.constrained.prepared_constraints import SELF
-from dqcontrol.limits import Supervisor, list_interventions
-from dqcontrol.limits.supervisor.interventions import INTERVENTIONS
+from dqcontrol.laws import Law, PartialProportional
 from dqcontrol.loop.kept_signals import DISTANCE, PRESSURE, ROOM
 from dqcontrol.loop.record import Record, has_failed, row_norms
 from dqcontrol.measures.deadlock import deadlocks
@@ -31,6 +30,8 @@ from dqcontrol.plants.mobile.mobile_live import SLIDING
 from dqcontrol.plants.mujoco.carried_box import GRIP_FORCE
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
+from dqcontrol.supervisor import Supervisor, list_interventions
+from dqcontrol.supervisor.interventions import INTERVENTIONS
 from dqcontrol.world import Body, World
 
 Failure = Literal["", "ended", "outcome", "crossed", "contact", "limits", "grip", "task"]

@@ -16,10 +16,10 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from dqcontrol.arrays import Array
+from dqcontrol.controller.command_kernel import prepared_memory
 from dqcontrol.errors import Error
 from dqcontrol.export.controller_parts import ControllerParts
-from dqcontrol.laws.command_kernel import prepared_memory
-from dqcontrol.limits.supervisor import supervisor_layout as layout
+from dqcontrol.supervisor import supervisor_layout as layout
 
 _MOST_GAIN = 1e6
 _TRIED = (1.0, 0.75, 0.5)  # times the value, which the structure allows where it allows the value

@@ -17,7 +17,6 @@ from dqcontrol.experiments.streamed_run import StreamedRun
 from dqcontrol.export.controller_parts import ControllerParts, controller_parts
 from dqcontrol.export.loop_hosts import END, STOP, LoopHost, LoopRows, Over, ProcessHost, ThreadHost
 from dqcontrol.files.long_array import row_by_row
-from dqcontrol.limits.supervisor.interventions import INTERVENTIONS, describe_stop, reasons
 from dqcontrol.loop import Record, Timing
 from dqcontrol.loop.black_box import SECONDS
 from dqcontrol.loop.interrupts import first_interrupt
@@ -27,6 +26,7 @@ from dqcontrol.loop.supervision import Watch
 from dqcontrol.plants.live_plant import live_plant
 from dqcontrol.plants.plant import CompiledPlant
 from dqcontrol.references.sample import TIME
+from dqcontrol.supervisor.interventions import INTERVENTIONS, describe_stop, reasons
 
 _EVERY = 0.05  # s between looks at what the loop has done
 _ENDED = 3  # of dqc_controller.h

@@ -17,16 +17,16 @@ from dqcontrol.compiled.object_code import (
     section_sizes,
     target_named,
 )
+from dqcontrol.controller.command_kernel import prepared_memory
 from dqcontrol.errors import Error
 from dqcontrol.experiments.results_folder import check_new, new_folder
 from dqcontrol.export.changeable import Changeable, changeable_parameters
 from dqcontrol.export.controller_parts import ControllerParts, controller_parts, stage_symbol
 from dqcontrol.export.expected_answers import c_number, vector_rows
-from dqcontrol.laws.command_kernel import prepared_memory
-from dqcontrol.limits.supervisor import supervisor_layout as layout
-from dqcontrol.limits.supervisor.interventions import REASONS, SOFT_STOP
-from dqcontrol.limits.supervisor.prepared_supervisor import START_TOLERANCE
 from dqcontrol.loop.target_motion import MOVING_SIZE
+from dqcontrol.supervisor import supervisor_layout as layout
+from dqcontrol.supervisor.interventions import REASONS, SOFT_STOP
+from dqcontrol.supervisor.prepared_supervisor import START_TOLERANCE
 from dqcontrol.version import __version__
 
 VERSION = (1, 1, 0)  # of the interface of dqc_controller.h

@@ -17,15 +17,13 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import Kernel
 from dqcontrol.compiled.kernel_cache import source_hash
 from dqcontrol.compiled.object_code import TargetProcessor
+from dqcontrol.controller import Controller
+from dqcontrol.controller.command_kernel import Plan, sent, step
 from dqcontrol.errors import Error, NoteWarning, ShapeError, ValueRangeError, unknown_name
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare
 from dqcontrol.export.own_code import own_law_kernel
 from dqcontrol.extensions import user_code
-from dqcontrol.laws import Law, OwnLaw, PreparedLaw
-from dqcontrol.laws.command_kernel import Plan, sent, step
-from dqcontrol.limits import PreparedSupervisor, Supervisor
-from dqcontrol.limits.supervisor import supervisor_layout as layout
-from dqcontrol.limits.supervisor.supervisor_step import check_start, supervise
+from dqcontrol.laws import Law, OwnLaw
 from dqcontrol.loop.target_motion import move_by_twist, move_to_pose
 from dqcontrol.loop.targets import SampledTarget, Target
 from dqcontrol.plants.live_plant import live_plant
@@ -33,7 +31,9 @@ from dqcontrol.plants.plant import CompiledPlant, command_mode
 from dqcontrol.references.computed_path import computed_path, path_parameters
 from dqcontrol.references.sample import SAMPLE_SIZE, TIME
 from dqcontrol.robots import Robot
-from dqcontrol.robots.kinematics_kernels import given, twist_kinematics
+from dqcontrol.robots.kinematics.kinematics_kernels import given, twist_kinematics
+from dqcontrol.supervisor import PreparedSupervisor, Supervisor, supervisor_layout as layout
+from dqcontrol.supervisor.supervisor_step import check_start, supervise
 
 
 def stage_symbol(name: str) -> str:
@@ -61,7 +61,7 @@ class ControllerParts:
 
     setting: PreparedExperiment
     case: Combination
-    law: PreparedLaw
+    law: Controller
     supervisor: tuple[Supervisor, PreparedSupervisor] | None
     samples: Array
     path: Array | None = None

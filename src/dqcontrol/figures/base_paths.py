@@ -25,7 +25,7 @@ from dqcontrol.robots.whole_body import Drive, WholeBody, parts_with_offsets
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from dqcontrol.laws.constrained.constraints import Constraints
+    from dqcontrol.constraints.constraints import Constraints
 
 
 _WIDEST, _SHORTEST, _TALLEST = 5.0, 1.8, 4.4  # in, of the walls in space; beside them labels take an inch

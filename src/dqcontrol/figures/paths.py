@@ -27,7 +27,7 @@ from dqcontrol.loop.record import Record
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from dqcontrol.laws.constrained.constraints import Constraints
+    from dqcontrol.constraints.constraints import Constraints
 
 
 _FLAT = 0.05  # a path counts as planar if it is this many times thinner than long

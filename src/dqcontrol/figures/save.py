@@ -30,7 +30,7 @@ from dqcontrol.robots.robot import Robot
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from dqcontrol.laws.constrained.constraints import Constraints
+    from dqcontrol.constraints.constraints import Constraints
     from dqcontrol.measures.lyapunov import Certificate
 
 Draw = Callable[[], "Figure"]

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from dqcontrol.arrays import Array
+from dqcontrol.constraints.kept_scene import Surroundings
 from dqcontrol.geometry import Box, Capsule, Cylinder, InfiniteCylinder, Plane, Shape, Sphere
-from dqcontrol.laws.constrained.kept_scene import Surroundings
 from dqcontrol.loop.kept_signals import DISTANCE
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from matplotlib.artist import Artist
 
-    from dqcontrol.laws.constrained.constraints import Constraints
+    from dqcontrol.constraints.constraints import Constraints
     from dqcontrol.loop.record import Record
 
 _SOLID, _ZONE = "#8c5aa6", "#2e8b57"

@@ -9,7 +9,7 @@ import numpy as np
 from dqcontrol.errors import ShapeError
 from dqcontrol.figures.style import COLOURS, DESIRED, DOUBLE, new_figure, panels_across, styled
 from dqcontrol.loop.clock import Timing
-from dqcontrol.measures.tables import Column, Table
+from dqcontrol.tables.tables import Column, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

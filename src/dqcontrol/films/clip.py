@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.constraints.kept_scene import KeptScene
 from dqcontrol.errors import (
     FileFormatError,
     ShapeError,
@@ -30,13 +31,12 @@ from dqcontrol.films.film_physics import film_physics, with_rolling_wheels
 from dqcontrol.films.ghosts import COLOURS
 from dqcontrol.films.physics_picture import render_run
 from dqcontrol.films.picture_file import check_picture_file
-from dqcontrol.laws.constrained.kept_scene import KeptScene
 from dqcontrol.plants.mobile.mobile_plant import MobilePlant
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.tree_robot import TreeRobot
 
 if TYPE_CHECKING:
-    from dqcontrol.laws.constrained.constraints import Constraints
+    from dqcontrol.constraints.constraints import Constraints
     from dqcontrol.loop.record import Record
     from dqcontrol.plants.plant import PhysicsPicture, Plant
     from dqcontrol.robots.robot import Robot

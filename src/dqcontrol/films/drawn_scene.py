@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dqcontrol.constraints.kept_scene import NEAR, KeptScene
 from dqcontrol.geometry import Box, Capsule, Cylinder, InfiniteCylinder, Plane, Shape, Sphere
-from dqcontrol.laws.constrained.kept_scene import NEAR, KeptScene
 
 if TYPE_CHECKING:
     from dqcontrol.arrays import Array

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from dqcontrol.arrays import Array
-    from dqcontrol.laws.constrained.kept_scene import KeptScene
+    from dqcontrol.constraints.kept_scene import KeptScene
     from dqcontrol.loop.record import Record
     from dqcontrol.plants.plant import MovingBox, Plant
     from dqcontrol.robots.robot import Robot

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
 from dqcontrol.films.link_meshes import LinkMesh, mesh_corners
-from dqcontrol.robots.description import drawn_reach
+from dqcontrol.robots.files.description import drawn_reach
 
 if TYPE_CHECKING:
     from dqcontrol.loop.record import Record

@@ -1,17 +1,4 @@
 from . import parts as parts
-from .constrained.constraints import (
-    Angle as Angle,
-    ClearOf as ClearOf,
-    Constraints as Constraints,
-    LineOfSight as LineOfSight,
-    Zone as Zone,
-)
-from .constrained.programs import (
-    LevelSolution as LevelSolution,
-    ProgramSolution as ProgramSolution,
-    lexicographic_program as lexicographic_program,
-    quadratic_program as quadratic_program,
-)
 from .decoupled import (
     DecoupledProportional as DecoupledProportional,
     PartialProportional as PartialProportional,
@@ -31,10 +18,7 @@ from .inverses import (
     ManipulabilityInverse as ManipulabilityInverse,
 )
 from .joint_motion import JointMotion as JointMotion
-from .law import (
-    Law as Law,
-    PreparedLaw as PreparedLaw,
-)
+from .law import Law as Law
 from .linear_quadratic import (
     LinearQuadraticDQ as LinearQuadraticDQ,
     LinearQuadraticR8 as LinearQuadraticR8,
@@ -55,7 +39,3 @@ from .pose_inverse import DampedPoseInverse as DampedPoseInverse
 from .pose_law import PoseLaw as PoseLaw
 from .proportional import Proportional as Proportional
 from .riccati import Steps as Steps
-from .task_levels import (
-    FurtherTask as FurtherTask,
-    PreparedTasks as PreparedTasks,
-)

@@ -21,7 +21,7 @@ from dqcontrol.laws.inverses import (
     solver_work,
 )
 from dqcontrol.laws.least_norm import least_norm
-from dqcontrol.robots.kinematics_kernels import hand_jacobian
+from dqcontrol.robots.kinematics.kinematics_kernels import hand_jacobian
 
 
 class TwistWork(NamedTuple):

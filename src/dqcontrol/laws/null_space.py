@@ -18,7 +18,7 @@ from dqcontrol.laws.best_heading import heading_work, turn_to_best_heading
 from dqcontrol.limits.gradient import repulsion
 from dqcontrol.limits.position_limit import position_limits
 from dqcontrol.named_fields import NamedFields
-from dqcontrol.robots.driving import DRIVE_COLUMNS
+from dqcontrol.robots.kinematics.driving import DRIVE_COLUMNS
 from dqcontrol.robots.robot import Robot, base_coordinates
 
 # q, twist jacobian, parameters, work, preferred motion z

@@ -14,7 +14,7 @@ from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, InterpretedKernel
 from dqcontrol.errors import ShapeError, as_array
 from dqcontrol.extensions.user_code import function_at, numbers_in
 from dqcontrol.laws.law import LAW, Law
-from dqcontrol.robots.kinematics_kernels import fill_pose_jacobian
+from dqcontrol.robots.kinematics.kinematics_kernels import fill_pose_jacobian
 from dqcontrol.robots.robot import Robot
 
 

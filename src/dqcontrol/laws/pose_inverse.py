@@ -12,7 +12,7 @@ from dqcontrol.compiled.compile import inline
 from dqcontrol.laws.hand_twist import twist_work
 from dqcontrol.laws.inverses import DampedInverse, InverseParameters, solve
 from dqcontrol.named_fields import CheckedFields
-from dqcontrol.robots.kinematics_kernels import hand_jacobian
+from dqcontrol.robots.kinematics.kinematics_kernels import hand_jacobian
 
 DAMPED_POSE = 3.0  # beside the kinds of `inverses`
 

@@ -18,7 +18,7 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each_posi
 from dqcontrol.limits.lag_weights import lag_weights
 from dqcontrol.limits.position_limit import POSITION_LIMIT
 from dqcontrol.named_fields import NamedFields
-from dqcontrol.robots.gravity import WORK, robot_gravity_torque
+from dqcontrol.robots.kinematics.gravity import WORK, robot_gravity_torque
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.robots.driving import (
+from dqcontrol.robots.kinematics.driving import (
     DRIVE_COLUMNS,
     RIM_LEVER,
     ROLLER_COLUMNS,
@@ -28,7 +28,7 @@ class SpeedLimits(NamedTuple):
 
 
 class RollerSpeedLimits(NamedTuple):
-    """`SpeedLimits` of a robot that has wheels with rollers too, see `dqcontrol.robots.driving`."""
+    """`SpeedLimits` of a robot that has wheels with rollers too, see `dqcontrol.robots.kinematics.driving`."""
 
     fastest: Annotated[Array, "m"]
     drive_count: float

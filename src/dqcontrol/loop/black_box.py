@@ -8,11 +8,11 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error
-from dqcontrol.limits.supervisor.interventions import INTERVENTIONS
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import Signal
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots.robot import Robot
+from dqcontrol.supervisor.interventions import INTERVENTIONS
 
 SECONDS = 20.0
 _MOST_ROWS = 20_000

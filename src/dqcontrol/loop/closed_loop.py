@@ -10,10 +10,9 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, Kernel
+from dqcontrol.controller.controller import Controller, status_text
 from dqcontrol.errors import DivergedError, Error, FallenError, ShapeError, ValueRangeError, as_array
 from dqcontrol.files.long_array import long_array
-from dqcontrol.laws.law import PreparedLaw, status_text
-from dqcontrol.limits.supervisor.supervisor_layout import GO, moment_layout
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.interrupts import first_interrupt
@@ -26,6 +25,7 @@ from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance
 from dqcontrol.plants.live_plant import LivePlant, MovedPlant, live_plant
 from dqcontrol.plants.plant import CompiledPlant
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE
+from dqcontrol.supervisor.supervisor_layout import GO, moment_layout
 
 _PROGRESS_EVERY = 50  # steps
 _SUPERVISOR = "the supervisor"
@@ -33,7 +33,7 @@ _LOST = "the measured configuration is not finite"
 
 
 def close_loop(
-    law: PreparedLaw,
+    law: Controller,
     plant: MovedPlant,
     samples: Array,
     stop: Stop | None = None,
@@ -193,7 +193,7 @@ class _Steps:
 
     def __init__(
         self,
-        law: PreparedLaw,
+        law: Controller,
         plant: MovedPlant,
         samples: Array,
         disturbance: LiveDisturbance | None,
@@ -390,7 +390,7 @@ class _Steps:
         row[TIME] = before[TIME] + self.law.dt
 
 
-def _ask(law: PreparedLaw, measured: Array, row: Array, k: int, state: Array, command: Array) -> str | None:
+def _ask(law: Controller, measured: Array, row: Array, k: int, state: Array, command: Array) -> str | None:
     """Write what the law says; say why it cannot, and write NaN."""
     try:
         law.step(measured, row, k, state, command)
@@ -406,7 +406,7 @@ def _ask(law: PreparedLaw, measured: Array, row: Array, k: int, state: Array, co
     return failure
 
 
-def _warm_up(law: PreparedLaw, plant: LivePlant, samples: Array, disturbance: LiveDisturbance | None) -> None:
+def _warm_up(law: Controller, plant: LivePlant, samples: Array, disturbance: LiveDisturbance | None) -> None:
     """Compile what the loop calls, so that its first steps are as fast as the others."""
     compiled_plant = plant.compiled()
     kernels_of_loop = (

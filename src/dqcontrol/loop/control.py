@@ -8,17 +8,16 @@ from enum import Enum
 import numpy as np
 
 from dqcontrol.arrays import Array
+from dqcontrol.controller import Controller
 from dqcontrol.errors import DivergedError, Error, FallenError, ValueRangeError
-from dqcontrol.laws import PreparedLaw
-from dqcontrol.limits import PreparedSupervisor
-from dqcontrol.limits.supervisor import supervisor_layout as layout
-from dqcontrol.limits.supervisor.interventions import EMERGENCY, SOFT_STOP, stop_category
-from dqcontrol.limits.supervisor.supervisor_layout import END, GO, STOP
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.targets import Target
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot
+from dqcontrol.supervisor import PreparedSupervisor, supervisor_layout as layout
+from dqcontrol.supervisor.interventions import EMERGENCY, SOFT_STOP, stop_category
+from dqcontrol.supervisor.supervisor_layout import END, GO, STOP
 
 # Periods that the reference's time advances a step at most, if nobody says how long: it follows a step that is late by
 # less than half a period, and waits for one that is missing.
@@ -68,7 +67,7 @@ class Control:
         What the law wants, and the inputs that leave, shape (m,), rad/s or m/s.
     """
 
-    law: PreparedLaw
+    law: Controller
     target: Target
     supervisor: PreparedSupervisor
     wanted: Array
@@ -79,7 +78,7 @@ class Control:
 
     def __init__(
         self,
-        law: PreparedLaw,
+        law: Controller,
         target: Target,
         supervisor: PreparedSupervisor,
         longest_advance: float | None = None,
@@ -101,7 +100,7 @@ class Control:
 
     @property
     def stop_category(self) -> int | None:
-        """Category (IEC 60204-1) of the stop that it is in; None while it is in none. See `limits.stop_category`."""
+        """Category (IEC 60204-1) of the stop that it is in; None while it is in none."""
         if self.phase not in (Phase.STOPPING, Phase.STOPPED):
             return None
         return self.supervisor.stop_category(self._state) if self.is_commanding else stop_category(EMERGENCY)
@@ -281,7 +280,7 @@ class Control:
                 self.phase = Phase.STOPPED if self.is_commanding else Phase.INACTIVE
 
 
-def warm_up(law: PreparedLaw, supervisor: PreparedSupervisor, start: Array, sample: Array) -> None:
+def warm_up(law: Controller, supervisor: PreparedSupervisor, start: Array, sample: Array) -> None:
     """Compile what a step needs, so that the first one is not late."""
     command = np.zeros(law.robot.input_size)
     law.step(start, sample, 0, law.initial_state(start), command)

@@ -9,9 +9,8 @@ import numpy as np
 
 from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
+from dqcontrol.controller import Controller
 from dqcontrol.errors import Error, FallenError
-from dqcontrol.laws import PreparedLaw
-from dqcontrol.limits import PreparedSupervisor
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.control import Control, Phase
 from dqcontrol.loop.interrupts import first_interrupt
@@ -20,6 +19,7 @@ from dqcontrol.loop.supervision import Senses
 from dqcontrol.loop.targets import Speeds, TwistTarget
 from dqcontrol.plants.live_plant import MovedPlant, live_plant
 from dqcontrol.references.points_writer import PointsWriter
+from dqcontrol.supervisor import PreparedSupervisor
 
 # Axis of the twist (linear, then angular) and direction: forward, left, up; turns by the right hand.
 MOVES = {
@@ -87,7 +87,7 @@ class Jog:
 
     def __init__(
         self,
-        law: PreparedLaw,
+        law: Controller,
         supervisor: PreparedSupervisor,
         plant: MovedPlant,
         poses: PointsWriter | None = None,

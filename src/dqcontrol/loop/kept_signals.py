@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.laws.law import PreparedLaw
+from dqcontrol.controller.controller import Controller
 from dqcontrol.loop.signals import Signal
 
 DISTANCE, ROOM = "kept_distance", "kept_room"
@@ -17,7 +17,7 @@ _PARTS = ("rows", "programs", "scaled", "acceleration_excess", "speed_asked", "s
 _UNITS = ("", "", "", "", "m/s", "m/s")
 
 
-def kept_signals(law: PreparedLaw, q: Array, times: Array, reports: Array | None) -> dict[str, Signal]:
+def kept_signals(law: Controller, q: Array, times: Array, reports: Array | None) -> dict[str, Signal]:
     """Return distances and the room beyond what was asked by name, how hard rows pressed and gave way, and the effect.
 
     Parameters

@@ -9,9 +9,8 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, Kernel
+from dqcontrol.controller.controller import Controller
 from dqcontrol.errors import DivergedError
-from dqcontrol.laws.law import PreparedLaw
-from dqcontrol.limits import Supervisor
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.closed_loop import close_loop
 from dqcontrol.loop.record import has_failed
@@ -22,6 +21,7 @@ from dqcontrol.plants.disturbance_step import ROW
 from dqcontrol.plants.live_plant import live_plant
 from dqcontrol.plants.plant import CompiledPlant, Plant
 from dqcontrol.robots.robot import Robot
+from dqcontrol.supervisor import Supervisor
 
 _NOTHING: Array = np.zeros(0)
 
@@ -142,7 +142,7 @@ class RepeatedLoop:
             )
         return self._written[report]
 
-    def run(self, law: PreparedLaw) -> Passed:
+    def run(self, law: Controller) -> Passed:
         """Run the loop with a law that was prepared for this robot and period."""
         if self._compiled is None or not isinstance(law.kernel, Kernel):
             return self._close_loop(law)
@@ -163,7 +163,7 @@ class RepeatedLoop:
         lost = status != OK or max(q.max(), -q.min()) > FARTHEST
         return Passed(self.samples[:done], q, measured, command, lost)
 
-    def _close_loop(self, law: PreparedLaw) -> Passed:
+    def _close_loop(self, law: Controller) -> Passed:
         supervision = (
             supervise(self._supervisor, law, self.plant, self.start) if self._supervisor is not None else None
         )

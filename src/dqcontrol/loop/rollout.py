@@ -10,10 +10,10 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.bundle import Bundle
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, kernel
 from dqcontrol.compiled.intrinsics import ADDRESS, caller
-from dqcontrol.laws.command_kernel import LAW_FAILED, PLAN, compute_command, note_sent, unpack
-from dqcontrol.limits.supervisor.supervisor_layout import AT_REST, NOW, SUPERVISOR
+from dqcontrol.controller.command_kernel import LAW_FAILED, PLAN, compute_command, note_sent, unpack
 from dqcontrol.plants.disturbance_step import DISTURBANCE
 from dqcontrol.plants.plant import PLANT
+from dqcontrol.supervisor.supervisor_layout import AT_REST, NOW, SUPERVISOR
 
 PLANT_FAILED = 2 * LAW_FAILED  # added to the status of what failed; the kinematics' own stays
 HALTED = AT_REST  # by the supervisor

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.laws.law import PreparedLaw
+from dqcontrol.controller.controller import Controller
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.live_plant import LivePlant
 from dqcontrol.robots.robot import Robot
@@ -114,7 +114,7 @@ def actuator_command(robot: Robot, q: NDArray[np.float64], command: NDArray[np.f
     return {ACTUATORS: Signal(ACTUATORS, tuple(parts), tuple(units), values)}
 
 
-def task_errors(law: PreparedLaw, q: NDArray[np.float64]) -> dict[str, Signal]:
+def task_errors(law: Controller, q: NDArray[np.float64]) -> dict[str, Signal]:
     """Return how far the robot is from each further task at configurations (N, n), by its name; NaN where q is."""
     if law.tasks is None:
         return {}

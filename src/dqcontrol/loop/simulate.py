@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
+from dqcontrol.controller.controller import Controller
+from dqcontrol.controller.task_levels import FurtherTask, PreparedTasks
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.files.long_array import row_by_row
-from dqcontrol.laws.law import Law, PreparedLaw
-from dqcontrol.laws.task_levels import FurtherTask, PreparedTasks
+from dqcontrol.laws.law import Law
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.clock import Clock
@@ -29,7 +30,7 @@ from dqcontrol.references import Reference
 from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
-    from dqcontrol.limits import Supervisor
+    from dqcontrol.supervisor import Supervisor
 
 _MOST_STEPS = 10_000_000
 
@@ -80,7 +81,7 @@ def simulate(
     seed
         Of the plant's noise and the disturbance.
     tasks
-        What two arms or another tree are to do beside the law's task; see `laws.FurtherTask`.
+        What two arms or another tree are to do beside the law's task; see `controller.FurtherTask`.
     interpreted
         True: step in Python even if all parts are compiled; the result is the same to the last bit.
     progress
@@ -143,7 +144,7 @@ def simulate(
 
 
 def simulate_prepared(
-    law: PreparedLaw,
+    law: Controller,
     plant: Plant,
     start: Array,
     samples: Array,
@@ -203,7 +204,7 @@ def simulate_prepared(
 
 def supervise(
     supervisor: Supervisor,
-    law: PreparedLaw,
+    law: Controller,
     plant: Plant,
     start: Array,
     watch: Watch | None = None,

@@ -10,21 +10,21 @@ from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.limits.supervisor import supervisor_layout as layout
-from dqcontrol.limits.supervisor.interventions import (
+from dqcontrol.loop.black_box import BlackBox
+from dqcontrol.loop.signals import Signal
+from dqcontrol.plants.live_plant import MovedPlant, live_plant
+from dqcontrol.supervisor import supervisor_layout as layout
+from dqcontrol.supervisor.interventions import (
     COMMAND,
     INTERVENTIONS,
     SOFT_STOP,
     describe_stop,
     reasons,
 )
-from dqcontrol.limits.supervisor.supervisor_layout import END, FINISH, GO, STOP
-from dqcontrol.loop.black_box import BlackBox
-from dqcontrol.loop.signals import Signal
-from dqcontrol.plants.live_plant import MovedPlant, live_plant
+from dqcontrol.supervisor.supervisor_layout import END, FINISH, GO, STOP
 
 if TYPE_CHECKING:
-    from dqcontrol.limits import PreparedSupervisor
+    from dqcontrol.supervisor import PreparedSupervisor
 
 Watch = Callable[[float, tuple[str, ...]], None]
 

@@ -9,8 +9,8 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.arrays import Array
+from dqcontrol.controller.controller import Controller
 from dqcontrol.files.long_array import long_array
-from dqcontrol.laws.law import PreparedLaw
 from dqcontrol.loop.signals import Signal
 from dqcontrol.named_fields import NamedFields
 
@@ -41,7 +41,7 @@ class Trace:
     kept: Array | None = None  # reports of the law's constraints
 
 
-def empty_records(law: PreparedLaw, samples: Array) -> tuple[Array, Array, Array, Array]:
+def empty_records(law: Controller, samples: Array) -> tuple[Array, Array, Array, Array]:
     """Return empty arrays for configurations, measured configurations, commands and reports of constraints."""
     n, m, size = law.robot.configuration_size, law.robot.input_size, len(samples)
     reports = long_array(size, len(law.report)) if len(law.report) else np.zeros((size, 0))

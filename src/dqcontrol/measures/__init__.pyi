@@ -26,16 +26,6 @@ from .repeat_tables import (
 )
 from .stability import gain_limits as gain_limits
 from .statistics import mean_of as mean_of
-from .table_cells import (
-    Ratio as Ratio,
-    VerdictCell as VerdictCell,
-)
-from .tables import (
-    Cell as Cell,
-    Column as Column,
-    PlusMinus as PlusMinus,
-    Table as Table,
-)
 from .task_range import (
     TaskRange as TaskRange,
     task_range as task_range,

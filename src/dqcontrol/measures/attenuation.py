@@ -15,10 +15,10 @@ from dqcontrol.errors import ValueRangeError, as_array, as_positive
 from dqcontrol.laws import FilteredInverse, HInfinity
 from dqcontrol.laws.law import Law
 from dqcontrol.loop import Record, simulate
-from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.plants import Disturbance, Integrator
 from dqcontrol.references import Reference, SetPoint
 from dqcontrol.robots.robot import Robot
+from dqcontrol.tables.tables import Cell, Column, Table
 
 Pair = tuple[float, float]
 

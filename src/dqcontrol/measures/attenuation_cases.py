@@ -14,7 +14,7 @@ from dqcontrol.laws import FilteredInverse, HInfinity, HInfinityTracking
 from dqcontrol.measures.attenuation import Attenuation, Gammas, PremiseError, attenuation
 from dqcontrol.plants import BandLimitedTwist, ConstantTwist, Disturbance, SinusoidalTwist, WorstCase
 from dqcontrol.references import ViaPoints
-from dqcontrol.robots.load import load_robot
+from dqcontrol.robots.files.load import load_robot
 from dqcontrol.robots.robot import Robot
 
 _ROBOTS = ("iiwa7", "panda", "ur5", "kuka-lwr4", "meka-a2", "barrett-wam")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
-from dqcontrol.laws import PreparedLaw
+from dqcontrol.controller import Controller
 from dqcontrol.measures.stability import first_failure
 from dqcontrol.plants.linear_model import LinearModel, smooth_slopes
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE
@@ -37,7 +37,7 @@ class LinearisedLaw:
     feedthrough: Array
 
 
-def linearise_law(prepared: PreparedLaw, start: Array) -> LinearisedLaw | None:
+def linearise_law(prepared: Controller, start: Array) -> LinearisedLaw | None:
     """Return a law near a configuration, with a target that rests where the hand is; None where it is not smooth.
 
     Parameters

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from dqcontrol.errors import unknown_name
 from dqcontrol.measures.metrics import Metrics
-from dqcontrol.measures.tables import Cell, Column, Table
+from dqcontrol.tables.tables import Cell, Column, Table
 
 _SIGNALS = {  # title, unit, unit of the integral; in [P16]: Err., control signal, Eff., L.Vel., L.Acc.
     "error": ("Pose error", "", "s"),

@@ -30,7 +30,7 @@ from dqcontrol.robots import Robot
 from dqcontrol.robots.limits import Limits
 
 if TYPE_CHECKING:
-    from dqcontrol.measures.tables import Table
+    from dqcontrol.tables.tables import Table
 
 
 SETTLED_FRACTION = 0.02

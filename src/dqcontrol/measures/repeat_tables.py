@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dqcontrol.measures.metric_tables import PUBLISHED, number_column
 from dqcontrol.measures.repeats import Repeats, Row
 from dqcontrol.measures.statistics import LEVEL, Mean, paired_difference, spread_ratio
-from dqcontrol.measures.tables import Cell, Column, PlusMinus, Table
+from dqcontrol.tables.tables import Cell, Column, PlusMinus, Table
 
 
 def means_table(rows: Sequence[Row], keys: Sequence[str] = PUBLISHED, title: str = "") -> Table:

@@ -13,8 +13,8 @@ from typing import Any
 from dqcontrol.errors import ShapeError, unknown_name
 from dqcontrol.loop.record import has_failed
 from dqcontrol.measures.statistics import Mean, mean_of
-from dqcontrol.measures.table_cells import known
-from dqcontrol.measures.tables import Column
+from dqcontrol.tables.table_cells import known
+from dqcontrol.tables.tables import Column
 
 Row = Mapping[str, Any]
 Group = tuple[str | float, ...]  # the labels of runs that are repeats of each other

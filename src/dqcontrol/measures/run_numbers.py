@@ -17,12 +17,12 @@ from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, inline, k
 from dqcontrol.compiled.intrinsics import ADDRESS
 from dqcontrol.measures.metric_tables import METRIC_COLUMNS
 from dqcontrol.measures.metrics import SETTLED_FRACTION
-from dqcontrol.measures.table_cells import Column
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots.chain_robot import ChainRobot
-from dqcontrol.robots.end_poses import LANES, WORK, all_turn, end_poses, task_poses
+from dqcontrol.robots.kinematics.end_poses import LANES, WORK, all_turn, end_poses, task_poses
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
+from dqcontrol.tables.table_cells import Column
 
 _STEP_SHARE = 0.1  # as in `metrics`: a run whose first error is less of the largest starts on its target
 _ROUNDING = 1e-9

@@ -11,7 +11,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.laws import Law, PreparedLaw
+from dqcontrol.controller import Controller
+from dqcontrol.laws import Law
 from dqcontrol.plants.linear_model import LinearModel
 
 Verdict = Literal[
@@ -62,7 +63,7 @@ class LoopGain:
     lag: float = 0.0
 
 
-def loop_gains(law: Law, prepared: PreparedLaw) -> tuple[LoopGain, ...] | None:
+def loop_gains(law: Law, prepared: Controller) -> tuple[LoopGain, ...] | None:
     """Return the gains of a law's loops, each at its largest; None if they are unknown."""
     rates = law.loop_rates(prepared.parameters)
     if rates is None:

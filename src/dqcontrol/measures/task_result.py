@@ -13,8 +13,9 @@ from dqcontrol import algebra
 from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ2, STATUS, WRITE, inline, kernel
+from dqcontrol.controller import PreparedTasks
 from dqcontrol.files.long_array import row_by_row
-from dqcontrol.laws import Law, PartialProportional, PreparedTasks
+from dqcontrol.laws import Law, PartialProportional
 from dqcontrol.loop.record import Record, has_failed, row_norms
 from dqcontrol.measures.task_range import inverse_of, lost_share
 from dqcontrol.references.sample import POSE

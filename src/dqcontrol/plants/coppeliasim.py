@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, MissingExtraError, ShapeError, ValueRangeError, as_positive
 from dqcontrol.plants.live_plant import LivePlant
-from dqcontrol.plants.plant import CommandMode, Plant, as_command, start_configuration
+from dqcontrol.plants.plant import Plant, as_command, start_configuration
+from dqcontrol.robots.command_mode import CommandMode
 from dqcontrol.robots.robot import Robot
 
 _STOPPED = 0  # sim.simulation_stopped

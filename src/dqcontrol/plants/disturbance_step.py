@@ -15,8 +15,8 @@ from dqcontrol.errors import DivergedError
 from dqcontrol.laws.growth import NO_ERROR
 from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
 from dqcontrol.laws.inverses import FilteredInverse, inverse_parameters
-from dqcontrol.robots.driving import DRIVE_COLUMNS, advance
-from dqcontrol.robots.kinematics_kernels import call_chain, split
+from dqcontrol.robots.kinematics.driving import DRIVE_COLUMNS, advance
+from dqcontrol.robots.kinematics.kinematics_kernels import call_chain, split
 from dqcontrol.robots.robot import Robot
 
 # A robot that is pushed knows nothing of the law's weight between angles and positions, nor of its thresholds: these

@@ -13,7 +13,7 @@ from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import as_each, as_positive
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import PLANT, CompiledPlant, Plant, start_configuration
-from dqcontrol.robots.driving import DRIVE_COLUMNS, advance
+from dqcontrol.robots.kinematics.driving import DRIVE_COLUMNS, advance
 from dqcontrol.robots.robot import Robot
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias, get_args
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from msgspec.structs import replace
@@ -14,19 +14,17 @@ from numpy.typing import ArrayLike
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import RAISED, READ, STATUS, WRITE, WRONG_SIZE, InterpretedKernel, Kernel
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
-from dqcontrol.laws.constrained.constraints import AT_ONCE, Lag
 from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.live_plant import ControllerSettings, LivePlant, MovedPlant
+from dqcontrol.robots.command_mode import AT_ONCE, CommandMode, Lag
 from dqcontrol.robots.robot import Robot, base_coordinates
 from dqcontrol.world import World
 
 # command, parameters, noise of this step, state, q, measured
 PLANT = STATUS(READ, READ, READ, WRITE, WRITE, WRITE)
-CommandMode: TypeAlias = Literal["integrated", "measured"]
-COMMAND_MODES = get_args(CommandMode)
 _COMPILED_STEP, _INTERPRETED_STEP = 1.5e-6, 2e-4  # s
 _MOST_LATE = 2000  # periods: the linear model has a state for each, and a table of their squares
 

@@ -15,11 +15,11 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ExistsError
-from dqcontrol.limits.supervisor.interventions import INTERVENTIONS
 from dqcontrol.loop.record import Record, part_of, pose_errors
 from dqcontrol.loop.signals import Signal
 from dqcontrol.recording.mcap_writer import END, METADATA, SampleWriter, about
 from dqcontrol.robots.robot import Robot
+from dqcontrol.supervisor.interventions import INTERVENTIONS
 
 _EVERY = 0.1  # s between drains: little at once, as the loop may have to wait for it
 _CHUNK = 1.0  # s, recorded or on the clock, of one chunk, of whose index 0.2 kB stay in memory

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.robots import driving
+from dqcontrol.robots.kinematics import driving
 
 _ARRIVED = 1e-6  # of a radius and rad: a word of arcs that ends nearer than that to its goal is a way
 _NONE = 1e-12  # of a radius or rad: a shorter piece is left out

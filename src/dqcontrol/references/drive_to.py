@@ -36,7 +36,7 @@ from dqcontrol.references.ways_around import (
 )
 from dqcontrol.references.yaml_form import FileName, Metres, SpecStart
 from dqcontrol.robots import Robot, WholeBody, nearest_pose
-from dqcontrol.robots.driving import RIM_LEVER, TURNING_RADIUS
+from dqcontrol.robots.kinematics.driving import RIM_LEVER, TURNING_RADIUS
 from dqcontrol.robots.robot import base_coordinates
 
 _RAMP = 1.0  # s; no motion reaches its full speed sooner

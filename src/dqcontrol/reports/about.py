@@ -14,17 +14,17 @@ from dqcontrol.errors import Error
 from dqcontrol.experiments.parameter_units import parameter_unit
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.files.yaml_file import parse_yaml
-from dqcontrol.measures.table_cells import Cell, VerdictCell
 from dqcontrol.robots import Robot, describe
-from dqcontrol.robots.mesh_files import mesh_names, missing_meshes
+from dqcontrol.robots.files.mesh_files import mesh_names, missing_meshes
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.whole_body import WholeBody
+from dqcontrol.tables.table_cells import Cell, VerdictCell
 
 if TYPE_CHECKING:
+    from dqcontrol.constraints.constraints import Constraints
     from dqcontrol.experiments.run import Run
     from dqcontrol.experiments.spec import Spec
     from dqcontrol.experiments.study import Study
-    from dqcontrol.laws.constrained.constraints import Constraints
 
 Fact = tuple[str, Cell]
 

@@ -11,8 +11,8 @@ from dqcontrol.loop import Record
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from dqcontrol.constraints.constraints import Constraints
     from dqcontrol.experiments.run import Run
-    from dqcontrol.laws.constrained.constraints import Constraints
 
 
 def surroundings_of(runs: Iterable[Run]) -> Constraints | None:

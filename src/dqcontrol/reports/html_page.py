@@ -9,8 +9,8 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from dqcontrol.figures.figure_files import for_page
-from dqcontrol.measures.table_cells import Cell, Ratio, VerdictCell
-from dqcontrol.measures.tables import Table
+from dqcontrol.tables.table_cells import Cell, Ratio, VerdictCell
+from dqcontrol.tables.tables import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reports.provenance import RERUN_FOLDER, command, origins
 from dqcontrol.reports.report import write_report
+from dqcontrol.tables.tables import Column, Table
 
 if TYPE_CHECKING:
     from dqcontrol.logs import Identification

@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from dqcontrol.experiments.prepared_experiment import sources
-from dqcontrol.measures.tables import Column, Table
+from dqcontrol.tables.tables import Column, Table
 
 RERUN_FOLDER = "again"  # folder that the commands write to
 _LIBRARIES = ("numpy", "numba", "msgspec", "scipy", "mujoco", "matplotlib")

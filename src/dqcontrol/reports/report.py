@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 
 from dqcontrol.errors import ExistsError
 from dqcontrol.files.whole_file import whole_file
-from dqcontrol.measures.table_cells import Cell
-from dqcontrol.measures.tables import Table
 from dqcontrol.reports.html_page import (
     code,
     head,
@@ -21,6 +19,8 @@ from dqcontrol.reports.html_page import (
     paragraph,
     tables_beside,
 )
+from dqcontrol.tables.table_cells import Cell
+from dqcontrol.tables.tables import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -86,7 +86,7 @@ def write_report(
     command
         The line that gives the results again.
     verdicts
-        Tables whose cells of ``dqcontrol.measures.table_cells.Verdict`` have colours and marks.
+        Tables whose cells of ``dqcontrol.tables.table_cells.Verdict`` have colours and marks.
     tables
         In this order.
     figures

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dqcontrol.experiments.check import LoopCheck, judged
-from dqcontrol.limits import list_interventions
-from dqcontrol.limits.supervisor.interventions import INTERVENTIONS
 from dqcontrol.loop import Record, Timing
 from dqcontrol.loop.kept_signals import DISTANCE, ROOM, SLACK
 from dqcontrol.measures.deadlock import deadlocks
 from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.measures.margins import UNSEEN
-from dqcontrol.measures.table_cells import Cell, VerdictCell
-from dqcontrol.measures.tables import Column, Table
 from dqcontrol.measures.task_range import RANGE, TaskRange
 from dqcontrol.measures.task_result import TaskResult
 from dqcontrol.plants.mujoco.carried_box import GRIP_FORCE
 from dqcontrol.plants.plant import command_mode
+from dqcontrol.supervisor import list_interventions
+from dqcontrol.supervisor.interventions import INTERVENTIONS
+from dqcontrol.tables.table_cells import Cell, VerdictCell
+from dqcontrol.tables.tables import Column, Table
 
 if TYPE_CHECKING:
     from dqcontrol.experiments.run import Run

@@ -13,11 +13,11 @@ from dqcontrol.experiments.study import Study, by_label
 from dqcontrol.experiments.verdict import verdict_of
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop.record import Record, has_failed
-from dqcontrol.measures.table_cells import Cell, VerdictCell
-from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reports.about import about_study
 from dqcontrol.reports.compared_runs import figures_of_several, surroundings_of
 from dqcontrol.reports.provenance import RERUN_FOLDER, command, origins
+from dqcontrol.tables.table_cells import Cell, VerdictCell
+from dqcontrol.tables.tables import Column, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

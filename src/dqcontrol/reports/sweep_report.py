@@ -7,10 +7,10 @@ from pathlib import Path
 from dqcontrol.experiments.ranking import Ranking
 from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE
 from dqcontrol.files.yaml_file import parse_yaml
-from dqcontrol.measures.table_cells import Cell, VerdictCell
-from dqcontrol.measures.tables import Column, Table
 from dqcontrol.reports.provenance import RERUN_FOLDER, command, origins
 from dqcontrol.reports.report import write_report
+from dqcontrol.tables.table_cells import Cell, VerdictCell
+from dqcontrol.tables.tables import Column, Table
 
 
 def write_sweep_report(ranking: Ranking, spec: str, folder: Path) -> None:

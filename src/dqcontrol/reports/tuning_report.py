@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.measures.run_numbers import NUMBER_COLUMNS
-from dqcontrol.measures.table_cells import Cell, Column, VerdictCell
-from dqcontrol.measures.tables import Table
 from dqcontrol.reports.provenance import RERUN_FOLDER, command, origins
 from dqcontrol.reports.report import write_report
+from dqcontrol.tables.table_cells import Cell, Column, VerdictCell
+from dqcontrol.tables.tables import Table
 
 if TYPE_CHECKING:
     from dqcontrol.tuning import Tuning

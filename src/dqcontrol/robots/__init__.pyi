@@ -3,13 +3,35 @@ from .bases import (
     DifferentialDrive as DifferentialDrive,
     HolonomicBase as HolonomicBase,
 )
-from .description import (
+from .files.description import (
     Description as Description,
     JointRow as JointRow,
     describe as describe,
 )
-from .inverse_kinematics import Solution as Solution
-from .joined_chains import chain_as_tree as chain_as_tree
+from .files.load import (
+    load_mobile as load_mobile,
+    load_robot as load_robot,
+    load_tree as load_tree,
+    robot_names as robot_names,
+)
+from .files.robot_file import (
+    RobotFile as RobotFile,
+    load_robot_file as load_robot_file,
+)
+from .files.tree_file import TreeFile as TreeFile
+from .files.two_arms_file import TwoArmsFile as TwoArmsFile
+from .files.urdf import load_urdf as load_urdf
+from .files.whole_body_file import WholeBodyFile as WholeBodyFile
+from .inverse.inverse_kinematics import Solution as Solution
+from .inverse.nearest_pose import (
+    NearestPose as NearestPose,
+    nearest_pose as nearest_pose,
+)
+from .inverse.postures import (
+    ReachingPosture as ReachingPosture,
+    postures as postures,
+)
+from .kinematics.joined_chains import chain_as_tree as chain_as_tree
 from .limits import (
     Inertia as Inertia,
     Limits as Limits,
@@ -19,25 +41,7 @@ from .link_shapes import (
     LinkShape as LinkShape,
     LinkShapes as LinkShapes,
 )
-from .load import (
-    load_mobile as load_mobile,
-    load_robot as load_robot,
-    load_tree as load_tree,
-    robot_names as robot_names,
-)
-from .nearest_pose import (
-    NearestPose as NearestPose,
-    nearest_pose as nearest_pose,
-)
-from .postures import (
-    ReachingPosture as ReachingPosture,
-    postures as postures,
-)
 from .robot import Robot as Robot
-from .robot_file import (
-    RobotFile as RobotFile,
-    load_robot_file as load_robot_file,
-)
 from .roller_bases import (
     MecanumBase as MecanumBase,
     OmniBase as OmniBase,
@@ -50,7 +54,6 @@ from .steered_bases import (
     CarLikeBase as CarLikeBase,
     SteeredTricycle as SteeredTricycle,
 )
-from .tree_file import TreeFile as TreeFile
 from .tree_robot import (
     NamedFrame as NamedFrame,
     PoseTask as PoseTask,
@@ -58,7 +61,4 @@ from .tree_robot import (
     TreeRobot as TreeRobot,
 )
 from .two_arms import TwoArms as TwoArms
-from .two_arms_file import TwoArmsFile as TwoArmsFile
-from .urdf import load_urdf as load_urdf
 from .whole_body import WholeBody as WholeBody
-from .whole_body_file import WholeBodyFile as WholeBodyFile

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, WRONG_SIZE, Kernel
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
-from dqcontrol.robots import kinematics_kernels as chain_kernels
-from dqcontrol.robots.jacobian_rates import batch as rates_batch, jacobian_rates
+from dqcontrol.robots.kinematics import kinematics_kernels as chain_kernels
+from dqcontrol.robots.kinematics.jacobian_rates import batch as rates_batch, jacobian_rates
 from dqcontrol.robots.poses import positions
 
 _new, _empty, _ndarray = object.__new__, np.empty, np.ndarray

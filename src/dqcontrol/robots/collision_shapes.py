@@ -16,13 +16,13 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, NoteWarning, ShapeError
 from dqcontrol.geometry import Box, Capsule, Sphere, bounding_capsule, distance_kernels as kernels
+from dqcontrol.robots.files.mesh_files import mesh_file, missing_note
+from dqcontrol.robots.files.mjcf_geometry import Geom, mjcf_geoms
+from dqcontrol.robots.files.urdf import UrdfTree, origin_matrix
+from dqcontrol.robots.files.urdf_xml import CheckedXml
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes, moved_rows
-from dqcontrol.robots.mesh_files import mesh_file, missing_note
-from dqcontrol.robots.mjcf_geometry import Geom, mjcf_geoms
 from dqcontrol.robots.robot import PlacedLinks, Robot
 from dqcontrol.robots.serial_arm import SerialArm
-from dqcontrol.robots.urdf import UrdfTree, origin_matrix
-from dqcontrol.robots.urdf_xml import CheckedXml
 
 _INSIDE = 0.994  # of a ball of 642 corners: radius of the ball that fits inside it
 _TOUCHING = 0.002  # m: pairs that never come nearer are not looked after

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.robots.axes import rotation_matrix
+from dqcontrol.robots.kinematics.axes import rotation_matrix
 from dqcontrol.robots.limits import Inertia
 
 

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
-from dqcontrol.robots import driving
-from dqcontrol.robots.description import chain_reach, describe
-from dqcontrol.robots.gravity import WORK, gravity_torques
-from dqcontrol.robots.inverse_kinematics import InverseKinematics
+from dqcontrol.robots.files.description import chain_reach, describe
+from dqcontrol.robots.inverse.inverse_kinematics import InverseKinematics
+from dqcontrol.robots.kinematics import driving
+from dqcontrol.robots.kinematics.gravity import WORK, gravity_torques
 from dqcontrol.robots.limits import Inertia
 from dqcontrol.robots.link_shapes import LinkShapes
 
@@ -104,7 +104,7 @@ class Robot(InverseKinematics):
 
     @property
     def rollers(self) -> Array:
-        """Table of its wheels with rollers that have a rim speed, shape (k, 5), see ``dqcontrol.robots.driving``."""
+        """Table of its wheels with rollers that have a rim speed, shape (k, 5), see ``robots.kinematics.driving``."""
         return np.zeros((0, driving.ROLLER_COLUMNS))
 
     def acceleration_limits(self, field: str, joints: ArrayLike | None = None) -> NDArray[np.float64]:

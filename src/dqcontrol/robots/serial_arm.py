@@ -13,8 +13,8 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
 from dqcontrol.robots import chains
 from dqcontrol.robots.chain_robot import Kinematics
 from dqcontrol.robots.dh import JOINT_TYPES, chain_from_denso, chain_from_dh, compose
-from dqcontrol.robots.driving import DRIVE_COLUMNS
-from dqcontrol.robots.inverse_kinematics import Solution
+from dqcontrol.robots.inverse.inverse_kinematics import Solution
+from dqcontrol.robots.kinematics.driving import DRIVE_COLUMNS
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.poses import pose7
 from dqcontrol.robots.robot import Robot

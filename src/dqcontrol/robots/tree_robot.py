@@ -13,21 +13,21 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import SINGULAR
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
-from dqcontrol.robots import pose_task_kernels as task_kernels
-from dqcontrol.robots.axes import z_onto
 from dqcontrol.robots.chain_robot import Kinematics, RobotKernels
 from dqcontrol.robots.dh import compose
-from dqcontrol.robots.driving import DRIVE_COLUMNS
-from dqcontrol.robots.inverse_kinematics import (
+from dqcontrol.robots.inverse.inverse_kinematics import (
     Problem,
     Solution,
     as_tolerance,
     as_whole_number,
     prepare_inverse,
 )
-from dqcontrol.robots.kinematics_kernels import HEADING, PRISMATIC
-from dqcontrol.robots.limits import Inertia, Limits
-from dqcontrol.robots.pose_task_kernels import (
+from dqcontrol.robots.inverse.tree_inverse_kernels import solve_tasks, task_solver_work
+from dqcontrol.robots.kinematics import pose_task_kernels as task_kernels
+from dqcontrol.robots.kinematics.axes import z_onto
+from dqcontrol.robots.kinematics.driving import DRIVE_COLUMNS
+from dqcontrol.robots.kinematics.kinematics_kernels import HEADING, PRISMATIC
+from dqcontrol.robots.kinematics.pose_task_kernels import (
     CENTER_OF_MASS,
     COLUMNS,
     COORDINATE,
@@ -46,9 +46,9 @@ from dqcontrol.robots.pose_task_kernels import (
     SECOND_ROWS,
     SIGN,
 )
+from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.poses import positions, unit_poses
 from dqcontrol.robots.robot import NamedFrame, Robot
-from dqcontrol.robots.tree_inverse_kernels import solve_tasks, task_solver_work
 
 Root: TypeAlias = Literal["midpoint", "screw"]
 TaskKind: TypeAlias = Literal["frame", "relative", "absolute", "center_of_mass"]

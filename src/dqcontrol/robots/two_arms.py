@@ -13,8 +13,8 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.robots.chains import joined_inertia, joined_limits
 from dqcontrol.robots.dh import shift
-from dqcontrol.robots.driving import DRIVE_COLUMNS
-from dqcontrol.robots.joined_chains import distinct_names, joined_chains
+from dqcontrol.robots.kinematics.driving import DRIVE_COLUMNS
+from dqcontrol.robots.kinematics.joined_chains import distinct_names, joined_chains
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
 from dqcontrol.robots.robot import Form, Robot
 from dqcontrol.robots.tree_robot import PoseTask, Root, TaskKind, TreeRobot

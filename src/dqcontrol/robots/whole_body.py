@@ -12,9 +12,9 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, unknown_name
 from dqcontrol.geometry import Box, Capsule
-from dqcontrol.robots import driving
 from dqcontrol.robots.bases import DifferentialDrive, HolonomicBase
-from dqcontrol.robots.kinematics_kernels import HEADING, SIDEWAYS
+from dqcontrol.robots.kinematics import driving
+from dqcontrol.robots.kinematics.kinematics_kernels import HEADING, SIDEWAYS
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes, carried_shapes, shapes_in_a_row
 from dqcontrol.robots.poses import unit_poses
@@ -132,7 +132,7 @@ class WholeBody(Robot):
 
     @property
     def rollers(self) -> Array:
-        """Table of its wheels with rollers that have a rim speed, shape (k, 5), see ``dqcontrol.robots.driving``."""
+        """Table of its wheels with rollers that have a rim speed, shape (k, 5), see ``robots.kinematics.driving``."""
         rows = [
             [np.searchsorted(self.input_coordinates, first), first + 2, *row]
             for first, part in parts_with_offsets(self.parts)

@@ -13,10 +13,10 @@ from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 
 from dqcontrol.arrays import Array
-from dqcontrol.limits import PreparedSupervisor
 from dqcontrol.ros2.interfaces import NEWEST, WRENCH
 from dqcontrol.ros2.messages import RefusedError, by_name, numbers
 from dqcontrol.ros2.robot_parts import RobotParts
+from dqcontrol.supervisor import PreparedSupervisor
 
 _NOTHING: Array = np.zeros(0)
 

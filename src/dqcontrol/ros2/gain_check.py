@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import msgspec
 
+from dqcontrol.controller import Controller
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.experiments.check import loop_checks
 from dqcontrol.experiments.spec import AnyLaw
-from dqcontrol.laws import PreparedLaw
-from dqcontrol.limits import Supervisor
 from dqcontrol.measures.stability import (
     MOST_STATES,
     LoopGain,
@@ -22,13 +21,14 @@ from dqcontrol.measures.stability import (
 )
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.ros2.loading import Loaded
+from dqcontrol.supervisor import Supervisor
 
 OVERRIDE = "allow_unstable"
 _STABLE = 1 + 1e-9  # spectral radius: a gain of 0 has 1
 
 
 def check_stable(
-    loaded: Loaded, law: AnyLaw, prepared: PreparedLaw, supervisor: Supervisor, *, moves: bool
+    loaded: Loaded, law: AnyLaw, prepared: Controller, supervisor: Supervisor, *, moves: bool
 ) -> str:
     """Check a law's loops, as `dqcontrol check` does, on the spec's plant; return why they cannot be judged, if so.
 

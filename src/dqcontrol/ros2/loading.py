@@ -9,16 +9,16 @@ from typing import Literal
 
 import msgspec
 
+from dqcontrol.controller import Controller
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare, prepare_spec
 from dqcontrol.experiments.spec import AnyLaw, as_spec, read_data
-from dqcontrol.laws import PreparedLaw
-from dqcontrol.limits import DeclaredPayload, PreparedSupervisor, Supervisor
 from dqcontrol.loop.control import FASTEST_REFERENCE
 from dqcontrol.loop.targets import PoseTarget, SampledTarget, Speeds, Target, TwistTarget
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode, lagging_mode
 from dqcontrol.robots import Robot
 from dqcontrol.ros2.robot_parts import RobotParts
+from dqcontrol.supervisor import DeclaredPayload, PreparedSupervisor, Supervisor
 
 _SILENT, _SILENT_PERIODS = 0.03, 2.5  # s, or so many periods if that is longer
 _ROLLING, _ROLLING_PERIODS = 0.08, 1.6  # what rolls is to stand within 0.1 s, if its period allows that
@@ -112,7 +112,7 @@ class Loaded:
             return SampledTarget(self.case.scene.samples, self.period)
         return PoseTarget(self.speeds) if source == "pose" else TwistTarget(self.speeds)
 
-    def prepared_law(self, source: str, law: AnyLaw | None = None) -> PreparedLaw:
+    def prepared_law(self, source: str, law: AnyLaw | None = None) -> Controller:
         """Return the law, or another one in its place, ready to run."""
         reference = self.case.scene.reference if source == "spec" else None
         mode, lag = lagging_mode(self.case.plant), self.case.plant.lag(self.robot)

@@ -15,7 +15,6 @@ from sensor_msgs.msg import JointState
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, FallenError
-from dqcontrol.limits.supervisor.supervisor_layout import GO
 from dqcontrol.plants.live_plant import ControllerSettings, LivePlant, live_plant
 from dqcontrol.plants.plant import Plant
 from dqcontrol.robots import DifferentialDrive
@@ -49,6 +48,7 @@ from dqcontrol.ros2.odometry_drift import OdometryDrift
 from dqcontrol.ros2.parameters import Number, declare, number, on_change, refuse_unknown
 from dqcontrol.ros2.robot_parts import RobotParts
 from dqcontrol.ros2.tracked_hand import pose_publisher
+from dqcontrol.supervisor.supervisor_layout import GO
 
 _NO_COMMANDS = "no commands"
 _NOISE_PERIODS = 100_000  # after which the plant's drawn noise repeats

@@ -12,15 +12,17 @@ import numpy as np
 from msgspec.structs import replace as changed
 
 from dqcontrol.arrays import Array
+from dqcontrol.controller import Controller
 from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.experiments.feasibility import path_demand
 from dqcontrol.experiments.prepared_experiment import PreparedRobot, prepare_spec
-from dqcontrol.laws import Law, PreparedLaw
+from dqcontrol.laws import Law
 from dqcontrol.loop.repeated_loop import RepeatedLoop, share_records
 from dqcontrol.measures.margins import AT_LIMIT
 from dqcontrol.measures.run_numbers import NUMBERS, RunMeasure, of_all_runs
-from dqcontrol.plants.plant import CommandMode, Plant, command_mode, lagging_mode
+from dqcontrol.plants.plant import Plant, command_mode, lagging_mode
 from dqcontrol.robots import TreeRobot
+from dqcontrol.robots.command_mode import CommandMode
 from dqcontrol.tuning.plant_family import PlantFamily
 from dqcontrol.tuning.stability_slack import Slack, StabilityJudge
 from dqcontrol.tuning.tune_spec import TuneProblem
@@ -100,7 +102,7 @@ class LawEvaluation:
         self._weights = np.array(list(self._block.objectives.values()))
         self._bounds = [(NUMBERS.index(name), each) for name, each in self._block.constraints.items()]
         self._followed: dict[bool, tuple[list[PreparedRobot], list[list[RepeatedLoop]]]] = {}
-        self._last: tuple[Law, list[PreparedLaw]] | None = None
+        self._last: tuple[Law, list[Controller]] | None = None
 
     def _as_followed(self, law: Law) -> tuple[list[PreparedRobot], list[list[RepeatedLoop]]]:
         """Return the scenes as a law follows them, and for each plant its loops with them; made once."""
@@ -134,7 +136,7 @@ class LawEvaluation:
         runs = len(self._family.plants) * len(self._seeds)
         return runs * sum(len(scene.samples) for scene in self._scenes)
 
-    def prepared(self, law: Law) -> list[PreparedLaw]:
+    def prepared(self, law: Law) -> list[Controller]:
         """Return a law made ready for each scene; once for all, if it asks for no horizon and nothing for the start."""
         if self._last is not None and self._last[0] is law:  # judged a moment ago
             return self._last[1]
@@ -145,7 +147,7 @@ class LawEvaluation:
         self._last = law, made if depends else made * len(scenes)
         return self._last[1]
 
-    def _prepared(self, law: Law, scene: PreparedRobot) -> PreparedLaw:
+    def _prepared(self, law: Law, scene: PreparedRobot) -> Controller:
         period, limits = self._spec.period, self._limits
         return law.prepare(
             scene.robot, scene.reference, period, limits, self._mode, scene.tasks, lag=self._lag

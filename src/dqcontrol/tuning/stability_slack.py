@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from dqcontrol.controller import Controller
 from dqcontrol.errors import DivergedError, ShapeError
 from dqcontrol.experiments.check import driven_model, with_observer
 from dqcontrol.experiments.prepared_experiment import PreparedRobot
 from dqcontrol.experiments.spec import Spec
-from dqcontrol.laws import Law, PreparedLaw
+from dqcontrol.laws import Law
 from dqcontrol.limits import CommandLimits
 from dqcontrol.measures.linearised_law import NumericLoop, linearise_law
 from dqcontrol.measures.stability import (
@@ -80,7 +81,7 @@ class StabilityJudge:
             return with_observer(model, spec.limits.compensation, self._scene.robot, spec.period)
         return model
 
-    def slack(self, law: Law, prepared: PreparedLaw) -> Slack:
+    def slack(self, law: Law, prepared: Controller) -> Slack:
         """Return how far a prepared law is from its limits."""
         gains = loop_gains(law, prepared)
         product = max(
@@ -121,7 +122,7 @@ class StabilityJudge:
             self._damped_limits[key] = damping_limit(behind, self._period, self._damping, share)
         return self._damped_limits[key]
 
-    def _numeric(self, prepared: PreparedLaw) -> float:
+    def _numeric(self, prepared: Controller) -> float:
         """Return the slack of a law whose loop gains are unknown, as it is at the start."""
         try:
             law = linearise_law(prepared.with_limits(CommandLimits(velocity=False)), self._scene.start)

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from dqcontrol.experiments import execute, measure, prepare
-from dqcontrol.measures import Cell, Column, Metrics, Table
+from dqcontrol.measures import Metrics
+from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import PHYSICS, PLANTS, SERVO
 from dqcontrol_theses.pereira2016.published_numbers import published_cells
 from dqcontrol_theses.pereira2016.published_specs import published_spec

@@ -6,7 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from dqcontrol.measures import Cell, Column, Table, confidence_table, mean_of
+from dqcontrol.measures import confidence_table, mean_of
+from dqcontrol.tables import Cell, Column, Table
 from dqcontrol.tuning import Tuning, learn, tune
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.judgement import Judgement, verdict_table

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from dqcontrol.measures import Cell, Column, Table
+from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.pereira2016.published_numbers import published_cells, published_runs
 from dqcontrol_theses.pereira2016.published_specs import published_spec
 

@@ -21,7 +21,7 @@ from dqcontrol.algebra.dual_quaternion_kernels import (
     rotated,
 )
 from dqcontrol.compiled import inline
-from dqcontrol.measures import Cell, Column, Table
+from dqcontrol.tables import Cell, Column, Table
 
 Operation = Callable[[Any, Any, Any], None]
 

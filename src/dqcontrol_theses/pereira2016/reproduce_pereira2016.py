@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from dqcontrol.experiments import Study, summary
-from dqcontrol.measures import Table, attenuation_table
+from dqcontrol.measures import attenuation_table
+from dqcontrol.tables import Table
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.judgement import verdict_table
 from dqcontrol_theses.pereira2016.calibration import calibrate

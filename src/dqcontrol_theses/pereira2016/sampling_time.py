@@ -12,7 +12,7 @@ import numpy as np
 from dqcontrol.errors import ValueRangeError, as_count, as_positive
 from dqcontrol.experiments import prepare
 from dqcontrol.loop import Clock, Timing, close_loop
-from dqcontrol.measures import Column, Table
+from dqcontrol.tables import Column, Table
 
 BARE = "bare loop"  # label of loops without law or plant
 

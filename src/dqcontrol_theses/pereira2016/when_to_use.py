@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 
 from dqcontrol.laws import Law
-from dqcontrol.measures import Cell, Column, Table
+from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.pereira2016.published_numbers import published_cells
 from dqcontrol_theses.pereira2016.verdicts import Evidence
 from dqcontrol_theses.pereira2016.verdicts.evidence import LAWS

@@ -9,9 +9,9 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.loop import Record
-from dqcontrol.measures import Cell, Column, Table, VerdictCell
 from dqcontrol.plants import CompliantPlant, Servo
 from dqcontrol.robots import load_robot
+from dqcontrol.tables import Cell, Column, Table, VerdictCell
 from dqcontrol.tuning import learn, tune
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.pereira2016.fair import linear_twin

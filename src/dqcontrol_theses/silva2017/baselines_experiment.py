@@ -12,10 +12,10 @@ import numpy as np
 from dqcontrol.experiments import prepare
 from dqcontrol.laws import Law
 from dqcontrol.loop import Record, simulate
-from dqcontrol.measures import Cell, Column, Table
 from dqcontrol.plants import Integrator
 from dqcontrol.references import Sample, SetPoint
 from dqcontrol.robots import Robot
+from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.judgement import Judgement
 from dqcontrol_theses.reproduced import Draw, Reproduced

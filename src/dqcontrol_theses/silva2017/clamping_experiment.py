@@ -9,10 +9,10 @@ from dqcontrol.arrays import Array
 from dqcontrol.experiments import Combination
 from dqcontrol.limits import CommandLimits, ModifiedClamping
 from dqcontrol.loop import Record, part_of, simulate_prepared
-from dqcontrol.measures import Cell, Column, Table
 from dqcontrol.plants import Integrator
 from dqcontrol.references import SetPoint, random_goals
 from dqcontrol.robots import Robot
+from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.judgement import Judgement
 from dqcontrol_theses.reproduced import Draw, Reproduced

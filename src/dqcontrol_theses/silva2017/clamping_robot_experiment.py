@@ -8,8 +8,8 @@ from dqcontrol import algebra
 from dqcontrol.experiments import Combination
 from dqcontrol.limits import CommandLimits, ModifiedClamping
 from dqcontrol.loop import Record, simulate_prepared
-from dqcontrol.measures import Cell, Column, Table
 from dqcontrol.robots import Robot
+from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.judgement import ABOUT_THE_ROBOT, Judgement
 from dqcontrol_theses.reproduced import Draw, Reproduced

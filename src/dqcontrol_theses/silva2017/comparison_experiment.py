@@ -12,10 +12,10 @@ import numpy as np
 from dqcontrol import algebra
 from dqcontrol.experiments import PreparedExperiment, Run, prepare
 from dqcontrol.loop import Record, simulate, simulate_prepared
-from dqcontrol.measures import Cell, Column, Table
 from dqcontrol.plants import Camera, Integrator, MobilePlant
 from dqcontrol.references import POSE
 from dqcontrol.robots import WholeBody
+from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.judgement import ABOUT_THE_ROBOT, Judgement
 from dqcontrol_theses.reproduced import Draw, Reproduced

@@ -11,9 +11,10 @@ from msgspec.structs import replace
 from dqcontrol.experiments import PreparedExperiment
 from dqcontrol.laws import FeedbackLinearization
 from dqcontrol.loop import Record, simulate_prepared
-from dqcontrol.measures import Cell, Column, Table, certificate
+from dqcontrol.measures import certificate
 from dqcontrol.plants import Integrator
 from dqcontrol.references import SetPoint
+from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.reproduced import Draw, Reproduced
 from dqcontrol_theses.silva2017.race import RaceOutcome

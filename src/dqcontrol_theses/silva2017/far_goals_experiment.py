@@ -14,9 +14,10 @@ from dqcontrol.experiments import PreparedExperiment, PreparedRobot
 from dqcontrol.laws import FilteredInverse, GuidedProportional, Law
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Record
-from dqcontrol.measures import Cell, Column, Table, task_range
+from dqcontrol.measures import task_range
 from dqcontrol.plants import Integrator, MobilePlant, Plant
 from dqcontrol.robots import WholeBody
+from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.judgement import Judgement
 from dqcontrol_theses.printed import PRINTED_INVERSE

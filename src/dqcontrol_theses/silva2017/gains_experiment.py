@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from dqcontrol.experiments import Run
-from dqcontrol.measures import Cell, Column, Table
+from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.judgement import Judgement, listed
 from dqcontrol_theses.reproduced import Draw, Reproduced

@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.laws import Constraints, GuidedProportional, Law
+from dqcontrol.constraints import Constraints
+from dqcontrol.laws import GuidedProportional, Law
 from dqcontrol.limits import CommandLimits, ModifiedClamping
 from dqcontrol.loop import Record, Stop, simulate
 from dqcontrol.plants import Integrator, Plant

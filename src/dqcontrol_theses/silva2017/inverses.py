@@ -10,7 +10,7 @@ import msgspec
 
 from dqcontrol.experiments import PreparedExperiment
 from dqcontrol.laws import DampedPoseInverse, FilteredInverse, Law
-from dqcontrol.measures import Cell, Column, Table
+from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.judgement import Judgement
 from dqcontrol_theses.silva2017.race import RaceOutcome, matched_gain, outcome
 from dqcontrol_theses.silva2017.specs import GOOD_ENOUGH

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from dqcontrol import algebra
-from dqcontrol.measures import Cell, Column, Table
 from dqcontrol.robots import load_robot
+from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.judgement import Judgement
 from dqcontrol_theses.reproduced import Reproduced, Write

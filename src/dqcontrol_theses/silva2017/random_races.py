@@ -14,8 +14,8 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.experiments import PreparedRobot
 from dqcontrol.laws import DampedPoseInverse, Law
-from dqcontrol.measures import Cell, Column, Table
 from dqcontrol.references import SetPoint, random_goals
+from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.silva2017.inverses import UNDAMPED
 from dqcontrol_theses.silva2017.race import RaceOutcome, guided_outcome, matched_gain, outcome

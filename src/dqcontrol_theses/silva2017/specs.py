@@ -8,7 +8,7 @@ from typing import Any
 
 from dqcontrol.experiments import PreparedExperiment, prepare
 from dqcontrol.files import read_yaml
-from dqcontrol.measures import Table
+from dqcontrol.tables import Table
 from dqcontrol_theses.judgement import Judgement, verdict_table
 from dqcontrol_theses.printed import PublishedCell, read_claims, read_table, with_printed_inverse
 

@@ -14,10 +14,10 @@ from dqcontrol.geometry import FloorMap
 from dqcontrol.laws import GuidedProportional, Law
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Record, simulate
-from dqcontrol.measures import Cell, Column, Table
 from dqcontrol.plants import Gripper, GripperEvent, MobilePlant
 from dqcontrol.references import DriveThrough, DriveTo
 from dqcontrol.robots import DifferentialDrive, Robot, WholeBody, load_robot
+from dqcontrol.tables import Cell, Column, Table
 from dqcontrol.world import Body, World
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.printed import PRINTED_INVERSE

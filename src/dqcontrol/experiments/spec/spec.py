@@ -14,6 +14,9 @@ from msgspec import UNSET, Meta, UnsetType
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
+from dqcontrol.constraints import Constraints
+from dqcontrol.controller import PreparedTasks
+from dqcontrol.controller.task_levels import POSTURE, FurtherTask, TaskPart
 from dqcontrol.errors import Error, FileFormatError, NoteWarning, ShapeError, as_array, error_prefix
 from dqcontrol.experiments.outcome import Expectation, check_outcome
 from dqcontrol.experiments.spec.key_types import (
@@ -30,10 +33,9 @@ from dqcontrol.extensions.registry import union_of
 from dqcontrol.extensions.user_code import admit, place_of
 from dqcontrol.files.plain_data import yaml_text
 from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
-from dqcontrol.laws import Constraints, Law, PreparedTasks
+from dqcontrol.laws import Law
 from dqcontrol.laws.null_space import AnyNullSpace
-from dqcontrol.laws.task_levels import POSTURE, FurtherTask, TaskPart
-from dqcontrol.limits import CommandLimits, Supervisor
+from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Stop
 from dqcontrol.plants import Disturbance, Plant, limits_before
 from dqcontrol.references import Reference
@@ -48,10 +50,11 @@ from dqcontrol.robots import (
     load_tree,
     postures,
 )
-from dqcontrol.robots.joined_chains import chain_as_tree
-from dqcontrol.robots.load import robot_from
-from dqcontrol.robots.robot_file import plain_arm
+from dqcontrol.robots.files.load import robot_from
+from dqcontrol.robots.files.robot_file import plain_arm
+from dqcontrol.robots.kinematics.joined_chains import chain_as_tree
 from dqcontrol.robots.tree_robot import Root, TaskKind
+from dqcontrol.supervisor import Supervisor
 from dqcontrol.world import World
 from dqcontrol.world.world import Bodies, plain_world
 
@@ -129,7 +132,7 @@ class RobotSpec(Part, frozen=True, kw_only=True):
 
 
 class FurtherTaskSpec(Part, frozen=True, kw_only=True):
-    """A task beside that of the law; see `laws.FurtherTask`.
+    """A task beside that of the law; see `controller.FurtherTask`.
 
     Without ``reference`` the pose at the start is held. ``posture`` is where the joints are to be: of the task
     ``posture``, with which it is where they start if omitted.

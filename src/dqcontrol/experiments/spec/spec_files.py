@@ -15,8 +15,8 @@ from dqcontrol.extensions.user_code import places
 from dqcontrol.files.yaml_file import parse_yaml, read_text
 from dqcontrol.laws import Law
 from dqcontrol.plants import Plant
-from dqcontrol.robots.suffixes import XACRO
-from dqcontrol.robots.urdf_xml import CheckedXml
+from dqcontrol.robots.files.suffixes import XACRO
+from dqcontrol.robots.files.urdf_xml import CheckedXml
 
 INPUTS = "inputs"  # folder of the copies, in one of results
 

@@ -23,12 +23,12 @@ from dqcontrol.logs.calibration.correctable_chain import BASE, TOOL, Correctable
 from dqcontrol.logs.calibration.frame_search import searched_frames
 from dqcontrol.logs.calibration.measured_poses import MeasuredPoses, read_measured_poses
 from dqcontrol.logs.joint_table import Angles
-from dqcontrol.measures.table_cells import PlusMinus
-from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.robots import Robot, SerialArm, load_robot
 from dqcontrol.robots.dh import shift
+from dqcontrol.robots.files.robot_file import plain_arm
 from dqcontrol.robots.poses import positions
-from dqcontrol.robots.robot_file import plain_arm
+from dqcontrol.tables.table_cells import PlusMinus
+from dqcontrol.tables.tables import Cell, Column, Table
 from dqcontrol.version import __version__
 
 Interval = tuple[float, float]

@@ -23,8 +23,8 @@ from dqcontrol.logs.servos.joint_motion_files import write_joint_motion
 from dqcontrol.logs.servos.lag_response import BY_DELAY, BY_LAG, OUTPUT, TRANSIENT, held, lag_response
 from dqcontrol.logs.servos.servo_orders import MOST_DELAY
 from dqcontrol.measures.metric_tables import fitting_unit
-from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.robots import Robot, SerialArm, load_robot
+from dqcontrol.tables.tables import Cell, Column, Table
 
 Signal = Literal["zigzag", "multisine", "chirp"]
 

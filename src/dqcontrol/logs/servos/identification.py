@@ -25,9 +25,9 @@ from dqcontrol.logs.servos.joint_fit import fit, thinned
 from dqcontrol.logs.servos.joint_gates import JointIdentification, identify_joint
 from dqcontrol.logs.servos.twin import Twin, save_twin
 from dqcontrol.measures.metric_tables import fitting_unit
-from dqcontrol.measures.tables import Cell, Column, Table
 from dqcontrol.plants.servo import Servo
 from dqcontrol.robots import Robot, load_robot
+from dqcontrol.tables.tables import Cell, Column, Table
 from dqcontrol.version import __version__
 
 _MODE_SAMPLES, _MOVED = (

@@ -11,7 +11,7 @@ from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.plants.compliant.filters import COEFFICIENTS, MEMORY
 from dqcontrol.plants.compliant.joint_columns import CONSTANTS, SHARED, STATE
 from dqcontrol.plants.compliant.obstacle import COLUMNS
-from dqcontrol.robots.gravity import WORK
+from dqcontrol.robots.kinematics.gravity import WORK
 
 ARM_PLAN = types.Array(types.intp, 1, "C")
 

@@ -22,7 +22,7 @@ from dqcontrol.plants.compliant.obstacle import obstacle_table
 from dqcontrol.plants.compliant.wrist import LiveWrist
 from dqcontrol.plants.live_plant import ControllerSettings, LivePlant
 from dqcontrol.plants.plant import as_command
-from dqcontrol.robots.gravity import WORK
+from dqcontrol.robots.kinematics.gravity import WORK
 
 if TYPE_CHECKING:
     from dqcontrol.plants.compliant.compliant_arm import Arm

@@ -19,8 +19,9 @@ from dqcontrol.plants.compliant.obstacle import Obstacle
 from dqcontrol.plants.compliant.payload_compensation import PayloadCompensation
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.live_plant import ControllerSettings
-from dqcontrol.plants.plant import COMMAND_MODES, CommandMode, EncoderErrors, Plant
+from dqcontrol.plants.plant import EncoderErrors, Plant
 from dqcontrol.plants.servo.servo_file import encoders_and_mode, load_servo, say_what_is_left_out
+from dqcontrol.robots.command_mode import COMMAND_MODES, CommandMode
 
 if TYPE_CHECKING:
     from dqcontrol.plants.compliant.compliant_live import LiveCompliant

@@ -13,8 +13,8 @@ from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, as_ar
 from dqcontrol.files.yaml_file import read_yaml
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.compliant.elastic_model import Actuation, Hand
+from dqcontrol.robots.files.robot_file import JointInertia
 from dqcontrol.robots.robot import Robot
-from dqcontrol.robots.robot_file import JointInertia
 
 _OURS = Path(__file__).parent / "controllers"
 SOFTEST, STIFFEST = 0.01, 1e6  # N·m/rad

@@ -13,7 +13,7 @@ from dqcontrol.plants.compliant import joint_columns as column
 from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.filters import COEFFICIENTS, MEMORY, filtered
 from dqcontrol.plants.compliant.joint_reference import step_reference
-from dqcontrol.robots.gravity import gravity_torque
+from dqcontrol.robots.kinematics.gravity import gravity_torque
 
 OFF, PWM, TORQUE, THETA = (
     column.MODES["OFF"],

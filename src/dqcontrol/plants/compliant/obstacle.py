@@ -16,7 +16,7 @@ from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.compliant.elastic_model import MOST_STEPS, TICK
 from dqcontrol.plants.compliant.loads_and_faults import Seconds, span
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
-from dqcontrol.robots.kinematics_kernels import compose_fixed, half_sine_cosine, move_joint, z_axis
+from dqcontrol.robots.kinematics.kinematics_kernels import compose_fixed, half_sine_cosine, move_joint, z_axis
 
 Metres = Annotated[float, Meta(ge=-1e3, le=1e3, description="m, base frame")]
 Speed = Annotated[float, Meta(ge=-100, le=100, description="m/s, base frame")]

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import as_array, as_positive
-from dqcontrol.robots import driving
 from dqcontrol.robots.bases import DifferentialDrive
+from dqcontrol.robots.kinematics import driving
 from dqcontrol.robots.roller_bases import RollerBase
 from dqcontrol.robots.whole_body import WholeBody
 

@@ -18,7 +18,7 @@ from dqcontrol.plants.mobile.wheeled_base import (
     touching,
 )
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
-from dqcontrol.robots.axes import z_onto
+from dqcontrol.robots.kinematics.axes import z_onto
 from dqcontrol.robots.roller_bases import RollerBase, RollerWheel
 
 _ROLLER = 0.25  # of the wheel's radius: the rollers' own, in their middle

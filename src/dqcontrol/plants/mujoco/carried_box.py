@@ -12,8 +12,8 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.channels import Channel
-from dqcontrol.robots.kinematics_kernels import REVOLUTE
-from dqcontrol.robots.mujoco_package import import_mujoco
+from dqcontrol.robots.files.mujoco_package import import_mujoco
+from dqcontrol.robots.kinematics.kinematics_kernels import REVOLUTE
 from dqcontrol.robots.poses import positions
 
 if TYPE_CHECKING:

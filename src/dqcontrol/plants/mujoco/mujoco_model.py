@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.robots.description import drawn_reach, foot_below, joint_range, rod_radii
-from dqcontrol.robots.kinematics_kernels import PRISMATIC
-from dqcontrol.robots.mujoco_package import import_mujoco as import_mujoco
+from dqcontrol.robots.files.description import drawn_reach, foot_below, joint_range, rod_radii
+from dqcontrol.robots.files.mujoco_package import import_mujoco as import_mujoco
+from dqcontrol.robots.kinematics.kinematics_kernels import PRISMATIC
 
 if TYPE_CHECKING:
     from dqcontrol.arrays import Array

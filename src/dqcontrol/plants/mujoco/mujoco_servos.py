@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each, as_positive, unknown_name
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
-from dqcontrol.plants.plant import COMMAND_MODES, CommandMode, EncoderErrors, Plant
+from dqcontrol.plants.plant import EncoderErrors, Plant
 from dqcontrol.plants.servo.servo_file import (
     encoders_and_mode,
     fitting_lags,
     load_servo,
     say_what_is_left_out,
 )
+from dqcontrol.robots.command_mode import COMMAND_MODES, CommandMode
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot

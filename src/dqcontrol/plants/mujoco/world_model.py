@@ -15,7 +15,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
 from dqcontrol.plants.channels import Channel
-from dqcontrol.robots.mujoco_package import import_mujoco
+from dqcontrol.robots.files.mujoco_package import import_mujoco
 from dqcontrol.world import Body, World
 from dqcontrol.world.mesh import convex_parts
 

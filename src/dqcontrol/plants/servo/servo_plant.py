@@ -13,24 +13,16 @@ from msgspec.structs import replace
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each_positive, as_positive, unknown_name
 from dqcontrol.files.long_array import long_array
-from dqcontrol.laws.constrained.constraints import Lag
 from dqcontrol.limits.lag_weights import lag_weights
 from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.plant import (
-    COMMAND_MODES,
-    CommandMode,
-    CompiledPlant,
-    EncoderErrors,
-    Plant,
-    begun_periods,
-    start_configuration,
-)
+from dqcontrol.plants.plant import CompiledPlant, EncoderErrors, Plant, begun_periods, start_configuration
 from dqcontrol.plants.servo import servo_step as layout
 from dqcontrol.plants.servo.free_response import free_response
 from dqcontrol.plants.servo.servo_base import start_on_base
 from dqcontrol.plants.servo.servo_step import servo
-from dqcontrol.robots.gravity import WORK
+from dqcontrol.robots.command_mode import COMMAND_MODES, CommandMode, Lag
+from dqcontrol.robots.kinematics.gravity import WORK
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot, base_coordinates
 

@@ -9,7 +9,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, WRONG_SIZE, Kernel, inline, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.plants.plant import PLANT
-from dqcontrol.robots.gravity import WORK, robot_gravity_torque
+from dqcontrol.robots.kinematics.gravity import WORK, robot_gravity_torque
 
 # parameters: head, then a row of columns for each joint, bodies, and the table of the joints that carry them
 MEASURED_MODE, OLDEST_TARGET, SAG, GRAVITY = 0, 1, 2, 3

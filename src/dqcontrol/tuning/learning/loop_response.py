@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
+from dqcontrol.controller import Controller
 from dqcontrol.errors import ShapeError
-from dqcontrol.laws import PreparedLaw
 from dqcontrol.measures.stability import LoopGain
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.references import Previewed, Reference
@@ -65,7 +65,7 @@ class LoopShape:
 
 def loop_shape(
     robot: Robot,
-    prepared: PreparedLaw,
+    prepared: Controller,
     gains: tuple[LoopGain, ...] | None,
     start: Array,
     reference: Reference,
@@ -90,7 +90,7 @@ def loop_shape(
     return replace(shape, ahead=ahead, share=share)
 
 
-def _feedforward(robot: Robot, prepared: PreparedLaw, start: Array) -> float:
+def _feedforward(robot: Robot, prepared: Controller, start: Array) -> float:
     """Return which share of a desired twist the law commands besides what errors ask for."""
     sample, share = np.zeros(SAMPLE_SIZE), []
     sample[POSE] = robot.fkm(start)

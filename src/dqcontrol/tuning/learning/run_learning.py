@@ -31,13 +31,13 @@ from dqcontrol.loop import Clock, Record
 from dqcontrol.loop.record import has_failed
 from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.measures.stability import GOOD_MARGIN, gain_margin
-from dqcontrol.measures.table_cells import Cell, Column
-from dqcontrol.measures.tables import Table
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import Plant
 from dqcontrol.recording import load_record, save_record
 from dqcontrol.references import Points, Previewed
 from dqcontrol.references.sample import POSE, TIME, TWIST
+from dqcontrol.tables.table_cells import Cell, Column
+from dqcontrol.tables.tables import Table
 from dqcontrol.tuning.learning.convergence import HIGHEST, Convergence, widest
 from dqcontrol.tuning.learning.learn_spec import LearnProblem, read_learn
 from dqcontrol.tuning.learning.learnt_motion import (

@@ -12,7 +12,7 @@ import re
 import sys
 from pathlib import Path
 
-from dqcontrol.measures import Column, Table
+from dqcontrol.tables import Column, Table
 from dqcontrol_theses.pereira2016.predictions import ComparedCell, distinct, predictions
 from dqcontrol_theses.printed_comparison import NAMES
 

@@ -15,7 +15,7 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.experiments import execute, measure, prepare
 from dqcontrol.laws.parts import at_times, moving_target
-from dqcontrol.measures import Column, Table
+from dqcontrol.tables import Column, Table
 from dqcontrol_theses.pereira2016 import published_cells, published_spec
 from dqcontrol_theses.pereira2016.own_periods import late_record, stretch
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import PHYSICS

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.experiments import check, prepare
-from dqcontrol.measures import Column, Table, gain_limits
+from dqcontrol.measures import gain_limits
+from dqcontrol.tables import Column, Table
 from dqcontrol_theses.pereira2016 import published_spec
 from dqcontrol_theses.pereira2016.hundredfold import with_hundredfold
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import PHYSICS

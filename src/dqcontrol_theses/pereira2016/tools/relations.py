@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import ttest_rel
 
-from dqcontrol.measures import Cell, Column, Table
+from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses import PublishedCell
 from dqcontrol_theses.pereira2016 import REPRODUCTIONS, disagreements, published_cells, published_runs
 

@@ -20,7 +20,7 @@ import yaml
 from dqcontrol.experiments import execute, measure, prepare
 from dqcontrol.files import read_yaml
 from dqcontrol.loop import has_failed
-from dqcontrol.measures import Cell, Column, Table
+from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.pereira2016 import published_cells, published_spec
 from dqcontrol_theses.pereira2016.hundredfold import SUFFIX, with_hundredfold
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import MEKA_CONTROLLERS

@@ -25,7 +25,8 @@ from scipy.optimize import root_scalar
 
 from dqcontrol.experiments import execute, measure, prepare
 from dqcontrol.loop import has_failed
-from dqcontrol.measures import Column, Metrics, Table
+from dqcontrol.measures import Metrics
+from dqcontrol.tables import Column, Table
 from dqcontrol_theses.pereira2016 import PLANTS, published_cells, published_spec
 from dqcontrol_theses.pereira2016.calibration import FITS
 from dqcontrol_theses.pereira2016.hundredfold import SUFFIX, with_hundredfold

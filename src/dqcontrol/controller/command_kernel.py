@@ -1,0 +1,268 @@
+"""A prepared law asked for one command, compiled: kinematics, preferred motion, the law, limits, constraints.
+
+All that a law was prepared with lies in one memory of numbers, part after part; a plan of whole numbers says where. So
+a call from Python hands over few arrays, each of which costs 30 ns.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from dqcontrol.algebra.dual_quaternion_kernels import position
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import (
+    INPUT,
+    OK,
+    READ,
+    STATUS,
+    WRITE,
+    WRONG_SIZE,
+    inline,
+    kernel,
+    shared,
+    types,
+)
+from dqcontrol.compiled.intrinsics import caller
+from dqcontrol.compiled.law_signature import CONSTRAINT, call_law
+from dqcontrol.compiled.memory_layout import MemoryLayout
+from dqcontrol.controller.task_levels import TASKS
+from dqcontrol.laws.null_space import PREFERENCE, WORK_SIZE
+from dqcontrol.limits.position_limit import POSITION_LIMIT
+from dqcontrol.limits.velocity_limit import LIMIT
+from dqcontrol.references.sample import TIME
+from dqcontrol.robots.kinematics.kinematics_kernels import call_chain, split
+
+LAW_FAILED = 100  # added to the law's status; the kinematics' own stays
+
+PLAN = types.Array(types.intp, 1, "C")
+# plan, memory, q, sample, its number (−1: by its time and the period, s), state, out
+STEP = STATUS(PLAN, WRITE, INPUT, READ, types.intp, types.float64, WRITE, WRITE)
+
+_call_preference, _call_limit, _call_position_limit = map(caller, (PREFERENCE, LIMIT, POSITION_LIMIT))
+_call_tasks = caller(TASKS)
+_call_constraint = caller(CONSTRAINT)
+
+
+class Plan(NamedTuple):
+    """Which stages a prepared law has, and the sizes of its memory.
+
+    Attributes
+    ----------
+    kinematics, preference, law, position_limit, limit, tasks, constraint
+        Addresses; 0 where nothing is to be done.
+    delivered_at, last_at, sent_at
+        Where the state takes what left, of the law the hand's twist and the command, of its limits the command; 0:
+        nowhere.
+    state
+        Its size.
+    table_rows, table_columns, rows, columns, work, inputs, preferring, position_limiting, limiting, tasking,
+    tasking_work, constraining, constraint_work
+        Of the robot, of the law's parameters over time, and of the parts of `PreparedMemory`.
+    """
+
+    kinematics: int
+    preference: int
+    law: int
+    position_limit: int
+    limit: int
+    tasks: int
+    constraint: int
+    delivered_at: int
+    last_at: int
+    sent_at: int
+    state: int
+    table_rows: int
+    table_columns: int
+    inputs: int
+    preferring: int
+    rows: int
+    columns: int
+    work: int
+    position_limiting: int
+    limiting: int
+    tasking: int
+    tasking_work: int
+    constraining: int
+    constraint_work: int
+
+
+class PreparedMemory(NamedTuple):
+    """What a law was prepared with, and scratch.
+
+    Attributes
+    ----------
+    table
+        What the robot's kinematics read: its chain, or what of a tree is driven.
+    preferring, preference_work
+        Parameters and scratch of the preferred motion.
+    parameters
+        Of the law, one row a sample, or one for all.
+    work
+        Scratch of the law; it begins with the preferred motion.
+    kinematics
+        What `split` takes apart.
+    position_limiting, position_limit_work
+        Parameters and scratch of the limit on positions.
+    limiting
+        Parameters of the limit on velocities.
+    tasking, tasking_work
+        Parameters and scratch of further tasks.
+    constraining, constraint_work
+        Parameters and scratch of constraints; the scratch begins with the report of the last sample.
+    """
+
+    table: Annotated[Array, "table_rows", "table_columns"]
+    preferring: Annotated[Array, "preferring"]
+    preference_work: Annotated[Array, WORK_SIZE]
+    parameters: Annotated[Array, "rows", "columns"]
+    work: Annotated[Array, "work"]
+    kinematics: Annotated[Array, "8 + 14 * inputs"]
+    position_limiting: Annotated[Array, "position_limiting"]
+    position_limit_work: Annotated[Array, "2 * inputs + state"]
+    limiting: Annotated[Array, "limiting"]
+    tasking: Annotated[Array, "tasking"]
+    tasking_work: Annotated[Array, "tasking_work"]
+    constraining: Annotated[Array, "constraining"]
+    constraint_work: Annotated[Array, "constraint_work"]
+
+
+_plan = MemoryLayout(Plan)
+_FIRST_SIZE = Plan._fields.index("state")
+_MEMORY_SIZES = Plan._fields[_FIRST_SIZE:]
+prepared_memory: MemoryLayout[PreparedMemory] = MemoryLayout(PreparedMemory, *_MEMORY_SIZES)
+
+
+class Prepared(NamedTuple):
+    """A prepared law for compiled code."""
+
+    plan: Plan
+    memory: PreparedMemory
+
+
+@inline
+def unpack(plan, memory):
+    """Return plan and memory by name."""
+    stages = _plan(plan)
+    return Prepared(stages, prepared_memory(memory, *stages[_FIRST_SIZE:]))
+
+
+@inline
+def compute_command(prepared, q, sample, k, state, out):
+    """Write the command for sample number k."""
+    plan, memory = prepared.plan, prepared.memory
+    pose, pose_jacobian, twist_jacobian = split(memory.kinematics)
+    status = call_chain(plan.kinematics, memory.table, q, memory.kinematics)
+    if status != OK:
+        return status
+    work = memory.work
+    if plan.preference != 0:
+        preferred = work[0 : out.shape[0]]
+        _call_preference(
+            plan.preference, q, twist_jacobian, memory.preferring, memory.preference_work, preferred
+        )
+    parameters = memory.parameters[min(k, plan.rows - 1)]
+    if plan.position_limit != 0:
+        status = _call_position_limit(
+            plan.position_limit,
+            plan.law,
+            q,
+            pose,
+            pose_jacobian,
+            twist_jacobian,
+            sample,
+            parameters,
+            state,
+            work,
+            memory.position_limiting,
+            memory.position_limit_work,
+            out,
+        )
+    else:
+        status = call_law(
+            plan.law, q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out
+        )
+    if status != OK:
+        return LAW_FAILED + status
+    if plan.tasks != 0:
+        status = _call_tasks(
+            plan.tasks, q, pose, twist_jacobian, sample, k, memory.tasking, memory.tasking_work, out
+        )
+        if status != OK:
+            return LAW_FAILED + status
+    if plan.limit != 0:
+        _call_limit(plan.limit, q, memory.limiting, out)
+    if plan.constraint != 0:
+        m = out.shape[0]
+        metric = memory.tasking_work[
+            max(plan.tasking_work - m * m, 0) :
+        ]  # of further tasks, if there are any
+        status = _call_constraint(
+            plan.constraint,
+            plan.kinematics,
+            memory.table,
+            q,
+            sample,
+            k,
+            twist_jacobian,
+            metric,
+            state,
+            memory.constraining,
+            memory.constraint_work,
+            out,
+        )
+        if status != OK:
+            return LAW_FAILED + status
+    note_sent(prepared, state, out)
+    return OK
+
+
+@inline
+def note_sent(prepared, state, command):
+    """Write what left, as a twist of the hand and as a command, where the state of a law or a limit wants it."""
+    plan = prepared.plan
+    delivered, last, sent = plan.delivered_at, plan.last_at, plan.sent_at
+    if delivered != 0:
+        pose, _, twist_jacobian = split(prepared.memory.kinematics)
+        note_delivered(pose, twist_jacobian, command, state[delivered : delivered + 6])
+    if last != 0:
+        for i in range(command.shape[0]):
+            state[last + i] = command[i]
+    if sent != 0:
+        for i in range(command.shape[0]):
+            state[sent + i] = command[i]
+
+
+@shared
+def note_delivered(pose, twist_jacobian, command, out):
+    """Write the hand's twist [ω ; ṗ] under a command."""
+    for k in range(6):
+        out[k] = 0.0
+        for i in range(command.shape[0]):
+            out[k] += twist_jacobian[k, i] * command[i]
+    px, py, pz = position(pose)
+    a, b, c = out[0], out[1], out[2]
+    out[3] += b * pz - c * py
+    out[4] += c * px - a * pz
+    out[5] += a * py - b * px
+
+
+@kernel(STEP)
+def step(plan, memory, q, sample, k, period, state, out):
+    """Write the command for one sample."""
+    prepared = unpack(plan, memory)
+    if out.shape[0] != prepared.plan.inputs or state.shape[0] != prepared.plan.state:
+        return WRONG_SIZE
+    if k < 0:
+        k = max(round(sample[TIME] / period), 0)
+    return compute_command(prepared, q, sample, k, state, out)
+
+
+# plan, memory, state, command
+SENT = STATUS(PLAN, WRITE, WRITE, READ)
+
+
+@kernel(SENT)
+def sent(plan, memory, state, command):
+    """Tell the law what left in place of its last command."""
+    note_sent(unpack(plan, memory), state, command)
+    return OK

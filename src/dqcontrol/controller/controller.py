@@ -1,0 +1,394 @@
+"""The controller: a law prepared for one robot, with its tasks, limits and constraints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, SINGULAR, InterpretedKernel, Kernel
+from dqcontrol.compiled.law_signature import LAW as LAW
+from dqcontrol.controller.command_kernel import (
+    LAW_FAILED,
+    Plan,
+    PreparedMemory,
+    note_delivered,
+    prepared_memory,
+    sent,
+    step,
+)
+from dqcontrol.controller.task_levels import PreparedTasks, task_levels
+from dqcontrol.errors import DivergedError, Error, ShapeError, ValueRangeError, as_array
+from dqcontrol.laws.growth import growth_for
+from dqcontrol.laws.inverses import FilteredInverse, inverse_parameters
+from dqcontrol.laws.null_space import WORK_SIZE
+from dqcontrol.limits.command_limits import CommandLimits
+from dqcontrol.limits.velocity_limit import unlimited
+from dqcontrol.references.sample import TIME, Sample
+from dqcontrol.robots.command_mode import AT_ONCE, CommandMode, Lag
+from dqcontrol.robots.kinematics.kinematics_kernels import split
+from dqcontrol.robots.robot import Robot
+
+if TYPE_CHECKING:
+    from dqcontrol.constraints.prepared_constraints import PreparedConstraints
+    from dqcontrol.laws.law import Law
+
+_GROWTH = inverse_parameters.place("growth")  # share and farthest follow
+
+
+class Controller:
+    """A law with its parameters over time for one robot; it holds scratch memory, so use one in each thread.
+
+    Attributes
+    ----------
+    kernel
+        Compiled function of signature ``LAW``.
+    parameters
+        One row a sample, or one row for all, shape (K, p).
+    dt
+        Control period, s.
+    pose, preferred
+        Pose of the hand (8,) and motion preferred in the null space (m,) at the last command.
+    constraints
+        What is kept, made ready; None without.
+    report
+        What became of that at the last command, see ``Report``; empty without constraints.
+    """
+
+    work: Array
+    preferred: Array
+    pose: Array
+
+    def __init__(
+        self,
+        law: Law,
+        robot: Robot,
+        parameters: Array,
+        dt: float,
+        limits: CommandLimits,
+        command_mode: CommandMode,
+        tasks: PreparedTasks | None = None,
+        lag: Lag = AT_ONCE,
+    ) -> None:
+        self.kernel: Kernel | InterpretedKernel = law.kernel
+        self.robot = robot
+        self.dt = dt
+        self._law, self._limits = law, limits
+        self.tasks = tasks
+        if tasks is not None and limits.position:
+            raise ValueRangeError(
+                "limits.position: keeps the limits for the law's own task alone; with further tasks give "
+                "'constraints', which keep them for all"
+            )
+        self._command_mode: CommandMode = command_mode
+        self._lag: Lag = lag
+        empty, m, position = np.zeros(0), robot.input_size, limits.around
+        self.constraints: PreparedConstraints | None = None
+        if law.constraints is not None:
+            if limits.compensation is not None:
+                raise ShapeError(
+                    "limits.compensation: does not go together with constraints; leave one of them out"
+                )
+            if position is not None:
+                raise ShapeError(
+                    "limits.position: constraints keep joints within their limits; leave one of them out"
+                )
+            self.constraints = law.constraints.prepare(robot, dt, command_mode, lag)
+        inverse = getattr(law, "inverse", None)
+        self._grows = isinstance(inverse, FilteredInverse) and inverse.growth is None
+        if self._grows:  # with the parameters of its inverse those of the law begin
+            parameters = parameters.copy()
+            for i, each in enumerate(growth_for(robot, law.loop_rates(parameters), lag.late, dt)):
+                parameters[:, _GROWTH + i] = each
+        law_memory = law.state_size(robot)
+        memory = position.memory(robot, command_mode, dt) if position else 0
+        if self.constraints:
+            memory = self.constraints.memory
+        self._memory_size = memory
+        self.state_size: int = law_memory + memory
+        self._feedback = law.delivered_at, law.last_at, law_memory + memory - m if memory else 0
+        self._preference = law.null_space.kernel if law.null_space else None
+        self._position_limit = position.kernel if position else None
+        limit, limit_parameters = limits.prepare(robot)
+        self._limit = limit if limit is not unlimited else None
+        parts = PreparedMemory(
+            table=robot.table,
+            preferring=law.null_space.parameters(robot) if law.null_space else empty,
+            preference_work=np.zeros(WORK_SIZE),
+            parameters=parameters,
+            work=np.zeros(law.work_size(robot)),
+            kinematics=np.zeros(8 + 14 * m),
+            position_limiting=position.parameters(robot, dt, command_mode, limit_parameters)
+            if position
+            else empty,
+            position_limit_work=np.zeros(2 * m + self.state_size),
+            limiting=limit_parameters,
+            tasking=tasks.parameters if tasks else empty,
+            tasking_work=np.zeros(
+                tasks.work_size + (robot.input_size**2 if self.constraints else 0) if tasks else 0
+            ),
+            constraining=self.constraints.parameters if self.constraints else empty,
+            constraint_work=np.zeros(self.constraints.scratch) if self.constraints else empty,
+        )
+        self.memory: Array = prepared_memory.pack(**parts._asdict())
+        self._sizes = {
+            "state": self.state_size,
+            "table_rows": robot.table.shape[0],
+            "table_columns": robot.table.shape[1],
+            "inputs": m,
+            "preferring": parts.preferring.size,
+            "rows": len(parameters),
+            "columns": parameters.shape[1],
+            "work": parts.work.size,
+            "position_limiting": parts.position_limiting.size,
+            "limiting": parts.limiting.size,
+            "tasking": parts.tasking.size,
+            "tasking_work": parts.tasking_work.size,
+            "constraining": parts.constraining.size,
+            "constraint_work": parts.constraint_work.size,
+        }
+        self._parts = prepared_memory(self.memory, *(self._sizes[name] for name in prepared_memory.sizes))
+        if tasks and self._grows:
+            at = task_levels.place("growth")
+            growth, share, farthest = parameters[:, _GROWTH : _GROWTH + 3].max(axis=0)
+            self._parts.tasking[at : at + 4] = growth, 0.5 * (dt + lag.late), share, farthest
+        self.parameters: Array = self._parts.parameters
+        if law.lag_at:
+            self.parameters[:, law.lag_at] = sum(lag.mean)
+        self.work, self.preferred = self._parts.work, self._parts.work[:m]
+        self.pose = self._parts.kinematics[:8]
+        self.report: Array = self._parts.constraint_work[: self.constraints.report if self.constraints else 0]
+
+    def with_limits(self, limits: CommandLimits) -> Controller:
+        """Return the same law with something else done to its commands before they leave."""
+        return Controller(
+            self._law, self.robot, self.parameters, self.dt, limits, self._command_mode, self.tasks, self._lag
+        )
+
+    def __reduce__(self) -> tuple[type, tuple[object, ...]]:
+        """Let copies and other processes make their own memory and plan."""
+        return Controller, (
+            self._law,
+            self.robot,
+            self.parameters,
+            self.dt,
+            self._limits,
+            self._command_mode,
+            self.tasks,
+            self._lag,
+        )
+
+    @cached_property
+    def depends_on_mode(self) -> bool:
+        """Whether plants of another command mode or lag need another one."""
+        position = self._limits.position
+        remembers = position and position.memory(self.robot, "integrated", self.dt)
+        return bool(self.constraints or self._grows or self._law.lag_at or remembers)
+
+    def in_mode(self, command_mode: CommandMode, lag: Lag = AT_ONCE) -> Controller:
+        """Return this law for plants of a command mode; see `Law.prepare`."""
+        if (command_mode, lag) == (self._command_mode, self._lag) or not self.depends_on_mode:
+            return self
+        return Controller(
+            self._law, self.robot, self.parameters, self.dt, self._limits, command_mode, self.tasks, lag
+        )
+
+    @property
+    def stages(self) -> dict[str, Kernel | InterpretedKernel | None]:
+        """What compiled code calls, by its name in ``Plan``; None where nothing is to be done."""
+        kinematics = self.robot.kernels.twist_kinematics
+        tasks = self.tasks.kernel if self.tasks else None
+        kept = self.constraints.kernel if self.constraints else None
+        stages = kinematics, self._preference, self.kernel, self._position_limit, self._limit, tasks, kept
+        return dict(zip(Plan._fields, stages, strict=False))
+
+    @cached_property
+    def plan(self) -> NDArray[np.intp]:
+        """Where compiled code finds the law's stages and sizes."""
+        addresses = [stage.pointer if isinstance(stage, Kernel) else 0 for stage in self.stages.values()]
+        numbers = dict(zip(Plan._fields, [*addresses, *self._feedback], strict=False)) | self._sizes
+        return np.array([numbers[name] for name in Plan._fields], dtype=np.intp)
+
+    def initial_state(self, q: ArrayLike) -> Array:
+        """Return the state before the first sample.
+
+        Parameters
+        ----------
+        q
+            Measured configuration, shape (n,), rad or m.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If q has the wrong size, or is not finite.
+        """
+        values = as_array("q", q, (self.robot.configuration_size,))
+        if self.constraints:
+            self.constraints.check_start(values)
+        return np.concatenate([self._law.initial_state(self.robot, values), np.zeros(self._memory_size)])
+
+    def command(self, q: Array, sample: Sample, state: Array, out: Array | None = None) -> Array:
+        """Return the inputs u for one sample.
+
+        Parameters
+        ----------
+        q
+            Measured configuration, shape (n,), rad or m.
+        sample
+            Desired pose, twist and twist rate, inertial frame.
+        state
+            From `initial_state`; updated in place.
+        out
+            Written in place and returned, if given, shape (m,).
+
+        Returns
+        -------
+        u : ndarray, shape (m,)
+            rad/s or m/s.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If q or ``out`` has the wrong size, or q is not finite.
+        Error
+            If the state does not come from `initial_state`.
+        DivergedError
+            If the result is not finite.
+        """
+        if out is None:
+            out = np.empty(self.robot.input_size)
+        try:  # what `step` does: one call less
+            status = self._step(self.plan, self.memory, q, sample.numbers, -1, self.dt, state, out)
+        except TypeError:  # a list, integers
+            self._check(state, out)
+            values = as_array("q", q)
+            if values.ndim != 1:
+                self.robot.kinematics(values)  # says what is wrong
+            self.step(values, sample.numbers, -1, state, out)
+            return out
+        if status:
+            self._raise(status, q, state, out)
+        return out
+
+    def _check(self, state: object, out: Array) -> None:
+        """Raise an error if the state is not from `initial_state`, or the output does not fit."""
+        m, size = self.robot.input_size, self.state_size
+        if not isinstance(state, np.ndarray) or state.shape != (size,) or state.dtype != np.float64:
+            raise Error(f"state: expected the array from initial_state, {size} numbers, got {state!r:.80}")
+        if np.shape(out) != (m,) or out.dtype != np.float64:
+            raise ShapeError(f"out: expected shape ({m},), got {np.shape(out)}")
+
+    def step(self, q: Array, sample: Array, k: int, state: Array, out: Array) -> None:
+        """Write the inputs for sample number k, given as an array (21,); −1: that of its time.
+
+        `command` and the loop call it.
+        """
+        status = self._step(self.plan, self.memory, q, sample, k, self.dt, state, out)
+        if status:
+            self._say_what_raised(status, q, sample, k, state)
+            self._raise(status, q, state, out)
+
+    def _say_what_raised(self, status: int, q: Array, sample: Array, k: int, state: Array) -> None:
+        """Call a user's function whose compiled code raised in Python: that one says what."""
+        plain = self.kernel.plain if isinstance(self.kernel, Kernel) else None
+        if status != LAW_FAILED + RAISED or plain is None:
+            return
+        plain(*self._asked(q, sample, k, state.copy()), np.zeros(self.robot.input_size))
+
+    def _asked(self, q: Array, sample: Array, k: int, state: Array) -> tuple[Array, ...]:
+        """Return what the law is handed for a sample, once kinematics are found."""
+        row = max(round(sample[TIME] / self.dt), 0) if k < 0 else k
+        parameters = self.parameters[min(row, len(self.parameters) - 1)]
+        return q, *split(self._parts.kinematics), sample, parameters, state, self.work
+
+    def sent(self, state: Array, command: Array) -> None:
+        """Tell the law what left in place of its last command, as a supervisor changes it, shape (m,)."""
+        if any(self._feedback):
+            self._sent(self.plan, self.memory, state, command)
+
+    def _raise(self, status: int, q: Array, state: Array, out: Array) -> None:
+        if status >= LAW_FAILED:
+            raise DivergedError(status_text(status - LAW_FAILED))
+        self._check(state, out)
+        self.robot.kinematics(q)  # says what is wrong
+
+    @cached_property
+    def _step(self) -> Callable[..., int]:
+        return step.compiled if isinstance(self.kernel, Kernel) else self._interpreted
+
+    def _interpreted(
+        self,
+        plan: object,
+        memory: object,
+        q: Array,
+        sample: Array,
+        k: int,
+        period: float,
+        state: Array,
+        out: Array,
+    ) -> int:
+        """Do in Python, for a law that is not compiled, what `compute_command` does."""
+        self._check(state, out)
+        parts, buffer = self._parts, self._parts.kinematics
+        if status := self.robot.kernels.twist_kinematics(self.robot.table, q, buffer):
+            return status
+        pose, _, twist_jacobian = split(buffer)
+        if self._preference:
+            parameters, scratch = parts.preferring, parts.preference_work
+            self._preference(q, twist_jacobian, parameters, scratch, self.preferred)
+        row = max(round(sample[TIME] / period), 0) if k < 0 else k
+        asked = self._asked(q, sample, k, state)
+        if self._position_limit:
+            own = parts.position_limiting, parts.position_limit_work
+            status = self._position_limit.function(self.kernel, *asked, *own, out)
+        else:
+            status = self.kernel(*asked, out)
+        if status:
+            return LAW_FAILED + status
+        if self.tasks:
+            given = parts.tasking, parts.tasking_work
+            if status := self.tasks.kernel(q, pose, twist_jacobian, sample, row, *given, out):
+                return LAW_FAILED + status
+        if self._limit:
+            self._limit(q, parts.limiting, out)
+        if self.constraints:
+            own = parts.constraining, parts.constraint_work
+            table, address = self.robot.table, self.robot.kernels.twist_kinematics.pointer
+            metric = parts.tasking_work[max(len(parts.tasking_work) - len(out) ** 2, 0) :]
+            given = q, sample, row, twist_jacobian, metric, state
+            status = self.constraints.kernel(address, table, *given, *own, out)
+            if status:
+                return LAW_FAILED + status
+        self._note_sent(None, None, state, out)
+        return OK
+
+    @cached_property
+    def _sent(self) -> Callable[..., int]:
+        return sent.compiled if isinstance(self.kernel, Kernel) else self._note_sent
+
+    def _note_sent(self, plan: object, memory: object, state: Array, command: Array) -> int:
+        """Do in Python, for a law that is not compiled, what `note_sent` does."""
+        delivered, last, sent = self._feedback
+        if delivered:
+            pose, _, twist_jacobian = split(self._parts.kinematics)
+            note_delivered(pose, twist_jacobian, command, state[delivered : delivered + 6])
+        for at in (last, sent):
+            if at:
+                state[at : at + len(command)] = command
+        return OK
+
+
+_STATUS = {
+    NOT_FINITE: "the command is not finite",
+    SINGULAR: "the damped system is singular; use more damping or the filtered inverse",
+    RAISED: "your own function raised an exception",
+}
+
+
+def status_text(status: int) -> str:
+    """Say what a law's status code means."""
+    return _STATUS.get(status, f"the law failed with status {status}")

@@ -1,1 +1,0 @@
-"""Constraints around laws; programs with constraints, and levels of rows that give way."""

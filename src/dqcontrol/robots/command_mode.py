@@ -1,0 +1,37 @@
+"""How commands move joints: modes, and how late joints follow."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple, TypeAlias, get_args
+
+CommandMode: TypeAlias = Literal["integrated", "measured"]
+COMMAND_MODES = get_args(CommandMode)
+
+
+class Lag(NamedTuple):
+    """How late joints follow targets that commands move.
+
+    Attributes
+    ----------
+    times
+        Time constant of each coordinate, s; empty: none.
+    delays
+        From command to joint, of each coordinate, s.
+    """
+
+    times: tuple[float, ...] = ()
+    delays: tuple[float, ...] = ()
+
+    @property
+    def late(self) -> float:
+        """The longest of time constant and delay together, s."""
+        return max((a + b for a, b in zip(self.times, self.delays, strict=True)), default=0.0)
+
+    @property
+    def mean(self) -> tuple[float, float]:
+        """The means of time constants and delays, s."""
+        n = max(len(self.times), 1)
+        return sum(self.times) / n, sum(self.delays) / n
+
+
+AT_ONCE = Lag()

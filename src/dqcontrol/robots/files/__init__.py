@@ -1,0 +1,1 @@
+"""Robot files: YAML, URDF, xacro and MJCF."""

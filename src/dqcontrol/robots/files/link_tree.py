@@ -1,0 +1,423 @@
+"""Links and joints as files describe them, and the trees and chains that are made of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+
+from dqcontrol.arrays import Array
+from dqcontrol.errors import Error, FileFormatError, UnknownNameError, suggest
+from dqcontrol.robots.dh import compose, shift
+from dqcontrol.robots.files.default_tip import default_tip, ways_down
+from dqcontrol.robots.kinematics.axes import rotation_matrix
+from dqcontrol.robots.kinematics.kinematics_kernels import PRISMATIC, REVOLUTE
+from dqcontrol.robots.limits import Inertia, Limits
+from dqcontrol.robots.poses import inverse7
+from dqcontrol.robots.robot import NamedFrame, PlacedLinks
+from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.tree_robot import PoseTask, TreeJoints, TreeRobot
+
+LinkJointKind: TypeAlias = Literal["revolute", "prismatic", "fixed", "floating", "other"]
+_MOVING = ("revolute", "prismatic")
+_FLOATING = (("x", "prismatic"), ("y", "prismatic"), ("z", "prismatic"), ("yaw", "revolute"), ("pitch", "revolute"),
+             ("roll", "revolute"))  # fmt: skip
+
+
+class Mimic(NamedTuple):
+    """A joint that follows another: multiplier · q + offset."""
+
+    joint: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
+class LinkBody(NamedTuple):
+    """The mass of a link, kg, its centre, m, and its tensor about that, kg m², in the link's frame."""
+
+    mass: float
+    center: Array
+    tensor: Array
+
+
+@dataclass(frozen=True, eq=False)
+class LinkJoint:
+    """A joint between two links.
+
+    Attributes
+    ----------
+    name, kind, parent, child
+        ``floating``: the child is free; ``other``: it moves as no screw does, and only stays where the file has it.
+    fixed
+        Pose (7,) of the joint's frame in the parent link's; it turns about or slides along its z axis.
+    link
+        Pose (7,) of the child link's frame in the joint's after its screw.
+    lower, upper, velocity, effort
+        Limits, infinite where there are none.
+    mimic
+        What it follows.
+    offset
+        Its screw is by q + offset.
+    """
+
+    name: str
+    kind: LinkJointKind
+    parent: str
+    child: str
+    fixed: Array
+    link: Array = field(default_factory=shift)
+    lower: float = -math.inf
+    upper: float = math.inf
+    velocity: float = math.inf
+    effort: float = math.inf
+    mimic: Mimic | None = None
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class LinkTree:
+    """What a robot's file describes.
+
+    Attributes
+    ----------
+    name
+        The robot's.
+    where
+        The file, for messages.
+    root
+        The link that carries all others.
+    joints
+        Parents before children.
+    bodies
+        The masses of links that have one.
+    error
+        Makes an error about a joint of that file, with its line.
+    held
+        Joints that cannot move by themselves, as in a loop: what is said where a chain or tree needs one.
+    marks
+        Links that only mark a place on others: never a default end.
+    """
+
+    name: str
+    where: str
+    root: str
+    joints: tuple[LinkJoint, ...]
+    bodies: Mapping[str, LinkBody]
+    error: Callable[[str, str], Error]
+    held: Mapping[str, Error] = field(default_factory=dict)
+    marks: frozenset[str] = frozenset()
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """Names of the links, parents before children."""
+        return (self.root, *(joint.child for joint in self.joints))
+
+    def tree(
+        self, tips: Sequence[str] | None = None, base: str | None = None, *, floating: bool = False
+    ) -> TreeRobot:
+        """Return the robot with all its joints, and every link as a named frame.
+
+        Parameters
+        ----------
+        tips
+            Links whose paths from the root are kept; other joints, and what they carry, stay where they are at
+            zero. All joints if omitted. The first tip, or the first link that carries no other, is the task.
+        base
+            Link in whose frame the task's pose is given; the root if omitted.
+        floating
+            Whether the root moves, with all that it carries: by x, y, z, yaw, pitch and roll, each a coordinate. What
+            floating joints carry stays where the file has it.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such link.
+        FileFormatError
+            If a joint follows one that does not exist, or that follows another itself, or cannot move by itself.
+        """
+        for name in (*(tips or ()), *([base] if base else ())):
+            self._check(name)
+        joints = [*self._free_base(floating), *self.joints]
+        kept = _ancestors(joints, tips) if tips else {joint.name for joint in joints}
+        self._check_free(kept)
+        free = [joint for joint in joints if joint.kind in _MOVING and joint.name in kept]
+        leaders = self._leaders(free)
+        coordinates = [joint for joint in free if joint.mimic is None]
+        coordinates += [joint for name, joint in leaders.items() if joint not in coordinates]
+        if not coordinates:
+            above = f" above {', '.join(tips)}" if tips else ""
+            raise FileFormatError(f"{self.where}: has no joint that turns or slides{above}")
+        index = {joint.name: i for i, joint in enumerate(coordinates)}
+        stands, at, parts = self._placed(joints, free, _ground(joints, self.root))
+        rows: list[tuple[object, ...]] = []
+        for joint, (row, pose) in zip(free, stands, strict=True):
+            mimic = joint.mimic or Mimic(joint.name)
+            kind = REVOLUTE if joint.kind == "revolute" else PRISMATIC
+            coordinate = index[mimic.joint]
+            offset = mimic.offset + joint.offset
+            rows.append((pose, kind, row, coordinate, coordinate, mimic.multiplier, offset))
+        limits = [(joint.lower, joint.upper, joint.velocity, joint.effort) for joint in coordinates]
+        frames = {name: NamedFrame(*at[name]) for name in self.links}
+        first = tips[0] if tips else _first_leaf(self._joints_of_bodies(), self.root)
+        task = (
+            PoseTask("frame", (first,))
+            if base in (None, self.root)
+            else PoseTask("relative", (first, str(base)))
+        )
+        robot = TreeRobot(
+            TreeJoints(
+                *(np.array(values) for values in zip(*rows, strict=True)),
+                names=tuple(joint.name for joint in free),
+            ),
+            frames,
+            task,
+            joint_names=[joint.name for joint in coordinates],
+            joint_types=[joint.kind for joint in coordinates],
+            limits=Limits(*np.array(limits).T),
+            inertia=_lumped(parts, len(rows)),
+            name=self.name,
+        )
+        robot.placed_links = PlacedLinks(Path(self.where), frames)
+        return robot
+
+    def chain(self, base: str | None = None, tip: str | None = None) -> SerialArm:
+        """Return the serial chain between two links, without those beside it but with their masses.
+
+        Without a tip it is the chain with most joints, up to the link that carries its gripper; a `NoteWarning` tells.
+
+        Raises
+        ------
+        UnknownNameError, FileFormatError
+            As for `load_urdf`.
+        """
+        start = self._check(base, "base_link") if base is not None else self.root
+        end = self._check(tip, "tip_link") if tip is not None else self.default_tip(start)
+        carried = {joint.child: joint for joint in self.joints}
+        path: list[LinkJoint] = []
+        link = end
+        while link != start:
+            if link not in carried:
+                way = " < ".join([end, *(joint.parent for joint in path)])
+                raise UnknownNameError(
+                    f"tip_link: '{end}' is not below base link '{start}' in {self.where}, but on {way}"
+                )
+            path.append(carried[link])
+            link = path[-1].parent
+        path.reverse()
+        self._check_free({joint.name for joint in path})
+        moving = [joint for joint in path if joint.kind in _MOVING]
+        if not moving:
+            raise UnknownNameError(f"tip_link: no joint moves between '{start}' and '{end}' in {self.where}")
+        for joint in moving:
+            if joint.mimic is not None:
+                raise self.error(
+                    joint.name, f"follows joint '{joint.mimic.joint}' (mimic), which a serial arm cannot hold"
+                )
+        fixed, pose = [], shift()
+        for joint in path:
+            pose = compose(pose, joint.fixed)
+            if joint in moving:
+                fixed.append(pose)
+                pose = _screw(joint, joint.offset)
+            pose = compose(pose, joint.link)
+        limits = np.array([(joint.lower, joint.upper, joint.velocity, joint.effort) for joint in moving])
+        arm = SerialArm(
+            np.array([*fixed, pose]),
+            [joint.kind for joint in moving],
+            limits=Limits(*limits.T),
+            joint_names=[joint.name for joint in moving],
+            name=self.name,
+        )
+        _, _, parts = self._placed(self.joints, moving, self.root, offsets_after=True)
+        arm.inertia = _lumped(parts, len(moving))
+        arm.placed_links = self.placed_links(arm.joint_names, start)
+        arm.links = (start, *(joint.child for joint in path))
+        return arm
+
+    def placed_links(self, moving: Sequence[str], base: str) -> PlacedLinks:
+        """Return where all links stand, as index of the joint of a chain that carries each, and the pose in its frame.
+
+        Parameters
+        ----------
+        moving
+            Names of the chain's joints.
+        base
+            The link in whose frame those stand that no joint of the chain carries (index −1).
+        """
+        chain = [joint for joint in self.joints if joint.name in moving]
+        _, at, _ = self._placed(self.joints, chain, self.root, offsets_after=True)
+        stand = inverse7(at[base][1])
+        return PlacedLinks(
+            Path(self.where),
+            {
+                link: NamedFrame(row, pose if row >= 0 else compose(stand, pose))
+                for link, (row, pose) in at.items()
+            },
+        )
+
+    def default_tip(self, base: str) -> str:
+        """Return the end of the chain with most joints, without its gripper."""
+        return default_tip(
+            self.where, self.name, base, ways_down(self._joints_of_bodies(), base), moves_alone, self.is_held
+        )
+
+    def is_held(self, joint: LinkJoint) -> bool:
+        """Return whether a joint moves with others only."""
+        return joint.mimic is not None or joint.name in self.held
+
+    def _joints_of_bodies(self) -> list[LinkJoint]:
+        return [joint for joint in self.joints if joint.child not in self.marks]
+
+    def _check_free(self, joints: set[str]) -> None:
+        for name, error in self.held.items():  # in the file's order
+            if name in joints:
+                raise error
+
+    def _check(self, name: str, field: str = "frame") -> str:
+        if name not in self.links:
+            raise UnknownNameError(
+                f"{field}: unknown link '{name}'{suggest(name, self.links)} "
+                f"(links of {self.where}: {', '.join(self.links)})"
+            )
+        return name
+
+    def _leaders(self, free: Sequence[LinkJoint]) -> dict[str, LinkJoint]:
+        """Return the joints that others follow, checked."""
+        by_name = {joint.name: joint for joint in self.joints}
+        leaders = {}
+        for joint in free:
+            if joint.mimic is None:
+                continue
+            leader = by_name.get(joint.mimic.joint)
+            if leader is None or leader.kind not in _MOVING:
+                raise self.error(
+                    joint.name,
+                    f"follows joint '{joint.mimic.joint}', which {'does not exist' if leader is None else 'is fixed'}"
+                    f"{suggest(joint.mimic.joint, by_name)}",
+                )
+            if leader.mimic is not None:
+                raise self.error(
+                    joint.name,
+                    f"follows joint '{leader.name}', which itself follows '{leader.mimic.joint}'; let it follow that",
+                )
+            leaders[leader.name] = leader
+        return leaders
+
+    def _free_base(self, floating: bool) -> list[LinkJoint]:
+        if not floating:
+            return []
+        names = [f"base_{name}" for name, _ in _FLOATING]
+        links = [f"{self.root} {name}" for name, _ in _FLOATING[:-1]]
+        half = math.sqrt(0.5)
+        turned = {  # frames with z along x and y, and back
+            "x": (half, 0.0, half, 0.0),
+            "y": (half, -half, 0.0, 0.0),
+            "z": (1.0, 0.0, 0.0, 0.0),
+        }
+        axes = dict(zip("xyz", turned.values(), strict=True)) | {
+            "yaw": turned["z"],
+            "pitch": turned["y"],
+            "roll": turned["x"],
+        }
+        carriers = [f"{self.root} ground", *links]
+        out = []
+        for (axis, kind), name, parent, child in zip(
+            _FLOATING, names, carriers, [*links, self.root], strict=True
+        ):
+            turn = np.array([*axes[axis], 0, 0, 0])
+            out.append(LinkJoint(name, kind, parent, child, turn, inverse7(turn)))  # type: ignore[arg-type]
+        return out
+
+    def _placed(
+        self,
+        joints: Sequence[LinkJoint],
+        moving: Sequence[LinkJoint],
+        root: str,
+        *,
+        offsets_after: bool = False,
+    ) -> tuple[
+        list[tuple[int, Array]], dict[str, tuple[int, Array]], dict[int, list[tuple[Array, LinkBody]]]
+    ]:
+        """Return where moving joints and links stand, and the bodies that each moving joint carries.
+
+        All as index of the moving joint before (−1: none) and pose (7,) in its frame; other joints are at zero. The
+        joints of a chain turn by q alone: their offsets come after that.
+        """
+        rows = {joint.name: i for i, joint in enumerate(moving)}
+        stands = [(-1, shift())] * len(moving)
+        at: dict[str, tuple[int, Array]] = {root: (-1, shift())}
+        parts: dict[int, list[tuple[Array, LinkBody]]] = {}
+        for joint in joints:
+            row, pose = at[joint.parent]
+            pose = compose(pose, joint.fixed)
+            if joint.name in rows:
+                stands[rows[joint.name]] = row, pose
+                row, pose = rows[joint.name], _screw(joint, joint.offset) if offsets_after else shift()
+            else:
+                pose = compose(pose, _at_zero(joint))
+            pose = compose(pose, joint.link)
+            at[joint.child] = row, pose
+            if row >= 0 and joint.child in self.bodies:
+                parts.setdefault(row, []).append((pose, self.bodies[joint.child]))
+        return stands, at, parts
+
+
+def moves_alone(joint: LinkJoint) -> bool:
+    """Return whether a joint turns or slides, and follows no other."""
+    return joint.kind in _MOVING and joint.mimic is None
+
+
+def _at_zero(joint: LinkJoint) -> Array:
+    """Return the pose (7,) of a joint's screw where all coordinates are zero."""
+    if joint.kind not in _MOVING:
+        return shift()
+    return _screw(joint, joint.offset + (joint.mimic.offset if joint.mimic else 0.0))
+
+
+def _screw(joint: LinkJoint, value: float) -> Array:
+    """Return the pose (7,) of a joint's screw by a value."""
+    if joint.kind == "prismatic":
+        return shift(0.0, 0.0, value)
+    return np.array([math.cos(value / 2), 0, 0, math.sin(value / 2), 0, 0, 0])
+
+
+def _ground(joints: Sequence[LinkJoint], root: str) -> str:
+    return joints[0].parent if joints and joints[0].parent.endswith(" ground") else root
+
+
+def _first_leaf(joints: Sequence[LinkJoint], root: str) -> str:
+    parents = {joint.parent for joint in joints}
+    return next((joint.child for joint in joints if joint.child not in parents), root)
+
+
+def _ancestors(joints: Sequence[LinkJoint], tips: Sequence[str]) -> set[str]:
+    """Return the names of all joints above some links."""
+    carried = {joint.child: joint for joint in joints}
+    found: set[str] = set()
+    for link in tips:
+        while link in carried and carried[link].name not in found:
+            found.add(carried[link].name)
+            link = carried[link].parent
+    return found
+
+
+def _lumped(parts: Mapping[int, Sequence[tuple[Array, LinkBody]]], count: int) -> Inertia | None:
+    """Return one body a joint of all that hangs on it; None without any mass."""
+    mass, center, tensor = np.zeros(count), np.zeros((count, 3)), np.zeros((count, 3, 3))
+    for row, bodies in parts.items():
+        total = mass[row] = sum(body.mass for _, body in bodies)
+        if not total > 0:
+            continue
+        centers = [rotation_matrix(pose) @ body.center + pose[4:] for pose, body in bodies]
+        middle = sum(body.mass * c for (_, body), c in zip(bodies, centers, strict=True)) / total
+        center[row] = middle
+        for (pose, body), c in zip(bodies, centers, strict=True):
+            turn, off = rotation_matrix(pose), c - middle
+            tensor[row] += turn @ body.tensor @ turn.T + body.mass * (
+                off @ off * np.eye(3) - np.outer(off, off)
+            )
+    return Inertia(mass, center, tensor) if mass.any() else None

@@ -1,0 +1,329 @@
+"""Robots by name or file."""
+
+from __future__ import annotations
+
+import importlib.metadata
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dqcontrol.errors import (
+    MissingExtraError,
+    ShapeError,
+    UnknownNameError,
+    ValueRangeError,
+    suggest,
+    unknown_name,
+)
+from dqcontrol.files.yaml_file import parse_yaml, read_text
+from dqcontrol.robots.files.robot_file import arm_from
+from dqcontrol.robots.files.suffixes import MJCF, URDF, XACRO
+from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.serial_arm import SerialArm
+
+if TYPE_CHECKING:
+    from dqcontrol.robots.files.link_tree import LinkTree
+    from dqcontrol.robots.inverse.found_base import DriveKind
+    from dqcontrol.robots.tree_robot import TreeRobot
+    from dqcontrol.robots.whole_body import WholeBody
+
+EXAMPLES = "example-robot-data"
+_SEVERAL = {"parts": "a whole body", "frames": "a tree"}  # by keys of their files
+
+_MODELS = Path(__file__).parent.parent / "models"
+
+
+def robot_names() -> tuple[str, ...]:
+    """Return the names of the robots that come with dqcontrol."""
+    return tuple(sorted(path.stem for path in _MODELS.glob("*.yaml")))
+
+
+def load_robot(source: str | Path, base_link: str | None = None, tip_link: str | None = None) -> Robot:
+    """Load a robot by name or from a file.
+
+    Parameters
+    ----------
+    source
+        One of `robot_names`; or a ``.yaml`` or ``.yml`` file in one of our formats (`RobotFile`, `WholeBodyFile`,
+        `TwoArmsFile`, `TreeFile`); or a ``.urdf`` or ``.xacro`` file, or an ``.xml`` file of MuJoCo (MJCF); or
+        ``example-robot-data:panda_description/urdf/panda.urdf``, a URDF file of that package.
+    base_link, tip_link
+        Ends of the chain, for URDF and MJCF files only; see `load_urdf`.
+
+    Returns
+    -------
+    SerialArm, WholeBody or TwoArms
+        A whole body if the source is a file with ``parts``, two arms if it is one with ``left`` and ``right``.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such robot or link.
+    FileFormatError
+        If the file is missing or malformed.
+    MissingExtraError
+        If the source is in example-robot-data, and that is not installed.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> dqc.load_robot("iiwa7").configuration_size
+    7
+    """
+    found = _read(source, base_link, tip_link)
+    robot = found if isinstance(found, SerialArm) else robot_from(*found)
+    text = str(source)
+    robot.origin = (str(Path(text).resolve()) if Path(text).is_file() else text, base_link, tip_link)
+    return robot
+
+
+def load_tree(
+    source: str | Path,
+    tips: Sequence[str] | None = None,
+    base: str | None = None,
+    *,
+    floating: bool = False,
+) -> TreeRobot:
+    """Load a robot with all its joints and links from a file.
+
+    Parameters
+    ----------
+    source
+        A ``.urdf`` or ``.xacro`` file, an ``.xml`` file of MuJoCo (MJCF), or ``example-robot-data:PATH.urdf``.
+    tips
+        Links that are to be driven: only the joints above them are kept, and the first is the task. All joints if
+        omitted.
+    base
+        Link in whose frame the task's pose is given; the root if omitted.
+    floating
+        Whether the root moves freely, by x, y, z, yaw, pitch and roll before all others.
+
+    Returns
+    -------
+    TreeRobot
+        Every link is a named frame, joints that follow others (mimic) have no coordinate of their own.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such file or link.
+    FileFormatError
+        If the file is malformed, or holds what no tree of hinges and slides can.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib, dqcontrol as dqc
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "fork.urdf"
+    >>> _ = path.write_text('''<robot name="fork"><link name="base"/><link name="left"/><link name="right"/>
+    ... <joint name="a" type="continuous"><parent link="base"/><child link="left"/></joint>
+    ... <joint name="b" type="continuous"><origin xyz="0 1 0"/><parent link="base"/><child link="right"/></joint>
+    ... </robot>''')
+    >>> fork = dqc.load_tree(path)
+    >>> fork.joint_names, fork.frame_names
+    (('a', 'b'), ('base', 'left', 'right'))
+    >>> abs(dqc.DualQuaternion(fork.fkm([0.1, 0.2], frame="right")).translation).round(9).tolist()
+    [0.0, 1.0, 0.0]
+    """
+    robot = _links(source).tree(tips, base, floating=floating)
+    robot.tips = tuple(tips or ())
+    text = str(source)
+    robot.origin = (str(Path(text).resolve()) if Path(text).is_file() else text, None, None)
+    return robot
+
+
+def load_mobile(
+    source: str | Path,
+    tip_link: str | None = None,
+    *,
+    drive: DriveKind | None = None,
+    wheel_radius: float | None = None,
+    track: float | None = None,
+    steering_limit: float | None = None,
+) -> WholeBody:
+    """Load a mobile robot, with its arm, from a file that describes its wheels.
+
+    Wheels are joints without limits about a level axis, with a round link or a name like a wheel's, at the height of
+    the lowest; those that turn freely about an upright axis are casters, those that do so within limits are steered.
+    Their number and axles tell the drive: two on an axle a differential drive, two and one or two steered ones a
+    tricycle or a car, four with rollers mecanum wheels, three or more around the middle omni wheels. Radius and track
+    are those of the wheels, the rims' limit is that of their joints. The arm is the longest chain of joints, without
+    gripper.
+
+    Parameters
+    ----------
+    source
+        A ``.urdf``, ``.xacro`` or ``.xml`` (MJCF) file, or ``example-robot-data:PATH.urdf``.
+    tip_link
+        Link whose frame is the hand; if omitted, the one that carries the fingers of the longest chain.
+    drive
+        ``"differential"``, ``"mecanum"``, ``"omni"``, ``"car-like"`` or ``"tricycle"``, where the wheels do not tell.
+    wheel_radius, track
+        m; where the file does not tell, or in place of what it says.
+    steering_limit
+        rad; the same.
+
+    Returns
+    -------
+    WholeBody
+        The base, the pose of the file's root on it, and the arm if there is one.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is malformed, or its wheels do not tell what is needed: it is said what to give.
+    UnknownNameError
+        If there is no such file or link, or there are several arms and no ``tip_link``.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib, dqcontrol as dqc
+    >>> def wheel(side, y):
+    ...     shape = '<collision><geometry><cylinder radius="0.1" length="0.04"/></geometry></collision>'
+    ...     place = f'<origin xyz="0 {y} 0.1" rpy="-1.5708 0 0"/><axis xyz="0 0 1"/>'
+    ...     return (f'<link name="{side}_wheel">{shape}</link><joint name="{side}" type="continuous">{place}'
+    ...             f'<parent link="base"/><child link="{side}_wheel"/></joint>')
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "cart.urdf"
+    >>> _ = path.write_text(f'<robot name="cart"><link name="base"/>{wheel("left", 0.2)}{wheel("right", -0.2)}</robot>')
+    >>> dqc.load_mobile(path).parts[0].half_track
+    0.2
+    """
+    from dqcontrol.robots.files.mobile_robot_file import (
+        mobile_robot_from,  # as other readers: when a file needs it
+    )
+
+    return mobile_robot_from(
+        file_of(source),
+        tip_link,
+        drive=drive,
+        wheel_radius=wheel_radius,
+        track=track,
+        steering_limit=steering_limit,
+    )
+
+
+def file_of(source: str | Path) -> Path:
+    """Return the URDF, xacro or MJCF file that a source names.
+
+    Raises
+    ------
+    UnknownNameError
+        If it names none.
+    """
+    text = str(source)
+    package, colon, inner = text.partition(":")
+    path = _example(inner) if package == EXAMPLES and colon else Path(text)
+    if path.suffix.lower() not in (URDF, XACRO, MJCF):
+        raise UnknownNameError(
+            f"robot: '{text}' is no .urdf, .xacro or .xml (MJCF) file, which could have wheels"
+        )
+    return path
+
+
+def _links(source: str | Path) -> LinkTree:
+    text = str(source)
+    package, colon, inner = text.partition(":")
+    suffix = Path(text).suffix.lower()
+    is_example = package == EXAMPLES and colon
+    if is_example or suffix in (URDF, XACRO):
+        from dqcontrol.robots.files.urdf import urdf_tree
+
+        return urdf_tree(_example(inner) if is_example else text)
+    if suffix == MJCF:
+        return _mjcf_tree(text)
+    raise UnknownNameError(
+        f"robot: '{text}' is no .urdf, .xacro or .xml (MJCF) file, whose links form a tree"
+    )
+
+
+def _mjcf_tree(path: str) -> LinkTree:
+    from dqcontrol.robots.files.mjcf import mjcf_tree
+
+    return mjcf_tree(path)
+
+
+def robot_from(path: str | Path, data: Any) -> Robot:
+    """Make a robot of the plain data of one of our files; ``path`` is for the messages and the places of others."""
+    if isinstance(data, dict) and "parts" in data:
+        from dqcontrol.robots.files.whole_body_file import whole_body_from
+
+        return whole_body_from(path, data, _load_arm, load_mobile)
+    if isinstance(data, dict) and "frames" in data:
+        from dqcontrol.robots.files.tree_file import tree_from
+
+        return tree_from(path, data)
+    if isinstance(data, dict) and ("left" in data or "right" in data):
+        from dqcontrol.robots.files.two_arms_file import two_arms_from
+
+        return two_arms_from(path, data, load_robot)
+    return arm_from(path, data)
+
+
+def _load_arm(source: str | Path, base_link: str | None, tip_link: str | None) -> SerialArm:
+    """Load an arm; others are refused, so that no file can be a part of itself."""
+    found = _read(source, base_link, tip_link)
+    if not isinstance(found, SerialArm):
+        what = next((text for key, text in _SEVERAL.items() if key in found[1]), "two arms")
+        raise ValueRangeError(f"robot: '{source}' is {what}, not an arm; list its parts instead")
+    return found
+
+
+def _read(source: str | Path, base_link: str | None, tip_link: str | None) -> SerialArm | tuple[Path, Any]:
+    """Return an arm, or the file of a whole body or of two arms and its plain data."""
+    text = str(source)
+    package, colon, inner = text.partition(":")
+    suffix = Path(text).suffix.lower()
+    is_example = package == EXAMPLES and colon
+    if is_example or suffix in (URDF, XACRO):
+        from dqcontrol.robots.files.urdf import load_urdf
+
+        return load_urdf(_example(inner) if is_example else text, base_link, tip_link)
+    if suffix == MJCF:
+        return _mjcf_tree(text).chain(base_link, tip_link)
+    if suffix not in (".yaml", ".yml") and text not in robot_names():
+        raise UnknownNameError(
+            f"{unknown_name('robot', text, robot_names())}; or give the path of a "
+            f".yaml, .urdf, .xacro or .xml (MJCF) file, or {EXAMPLES}:PATH.urdf"
+        )
+    for field, link in (("base_link", base_link), ("tip_link", tip_link)):
+        if link is not None:
+            raise ShapeError(
+                f"{field}: only URDF and MJCF files have links to choose from; '{text}' has none, got '{link}'"
+            )
+    path = Path(text) if suffix in (".yaml", ".yml") else _MODELS / f"{text}.yaml"
+    data = parse_yaml(path, read_text(path))
+    several = isinstance(data, dict) and any(key in data for key in ("parts", "left", "right", "frames"))
+    return (path, data) if several else arm_from(path, data)
+
+
+def example_urdfs() -> dict[str, Path]:
+    """Return the URDF files of the installed example-robot-data package by their short names.
+
+    Raises
+    ------
+    MissingExtraError
+        If the package is not installed.
+    """
+    try:
+        files = importlib.metadata.distribution(EXAMPLES).files or []
+    except importlib.metadata.PackageNotFoundError:
+        raise MissingExtraError(
+            f"{EXAMPLES}: is not installed; install it with: pip install 'dqcontrol[robots]'"
+        ) from None
+    marker = f"share/{EXAMPLES}/robots/"
+    return {
+        str(file).split(marker)[1]: Path(str(file.locate()))
+        for file in files
+        if file.suffix == ".urdf" and marker in str(file)
+    }
+
+
+def _example(inner: str) -> Path:
+    known = example_urdfs()
+    if inner not in known:
+        stem = Path(inner).stem.lower()
+        same = [path for path in known if stem and stem in path.lower()]
+        near = f"; did you mean '{same[0]}'?" if same else suggest(inner, known)
+        raise UnknownNameError(
+            f"{EXAMPLES}: unknown file '{inner}'{near} (allowed: {', '.join(sorted(known))})"
+        )
+    return known[inner]

@@ -1,0 +1,351 @@
+"""MJCF files, read by MuJoCo: bodies and joints as a tree, gains of actuators as servo parameters."""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dqcontrol.arrays import Array
+from dqcontrol.errors import Error, FileFormatError
+from dqcontrol.robots.dh import compose, shift
+from dqcontrol.robots.files.link_tree import LinkBody, LinkJoint, LinkTree, Mimic
+from dqcontrol.robots.files.mujoco_package import import_mujoco
+from dqcontrol.robots.inverse.found_base import RoundLink
+from dqcontrol.robots.kinematics.axes import z_onto
+from dqcontrol.robots.poses import inverse7
+
+_FREE, _BALL, _SLIDE, _HINGE = range(4)  # mjtJoint
+_CONNECT, _WELD, _JOINT, _TENDON = range(4)  # mjtEq
+_TO_JOINT = (0, 1)  # mjtTrn: joint, joint in parent
+
+
+@dataclass(frozen=True)
+class ServoGains:
+    """What an MJCF file says of the servo of a joint, as `plants.MujocoPlant` takes it.
+
+    Attributes
+    ----------
+    stiffness, damping
+        k_p and k_d of a position actuator: N·m/rad and N·m·s/rad, or N/m and N·s/m.
+    effort
+        Largest torque or force, N·m or N.
+    armature
+        Rotor inertia seen at the joint, kg m² or kg.
+    """
+
+    stiffness: float
+    damping: float
+    effort: float
+    armature: float
+
+
+def mjcf_tree(path: str | Path) -> LinkTree:
+    """Read an MJCF file, with its includes, defaults and assets, as MuJoCo does.
+
+    Bodies become links, named as there; joints between them are hinges and slides. Sites are links that mark a place
+    on others. Equalities of two joints become mimic joints. Ball joints, and those that other equalities tie, as in
+    the loops of a gripper, stay where the file has them: a chain or tree that needs one of them is refused.
+
+    Raises
+    ------
+    MissingExtraError
+        If mujoco is not installed.
+    FileFormatError
+        If MuJoCo cannot read it.
+    """
+    return MjcfFile(path).tree()
+
+
+def mjcf_servos(path: str | Path) -> dict[str, ServoGains]:
+    """Return the gains of the position actuators of an MJCF file by their joints.
+
+    Raises
+    ------
+    MissingExtraError, FileFormatError
+        As for `mjcf_tree`.
+    """
+    reader = MjcfFile(path)
+    model, found = reader.model, {}
+    for i in range(model.nu):
+        kp, bias = float(model.actuator_gainprm[i, 0]), model.actuator_biasprm[i]
+        if int(model.actuator_trntype[i]) not in _TO_JOINT or not kp > 0 or bias[1] != -kp:
+            continue
+        joint = int(model.actuator_trnid[i, 0])
+        gear = float(model.actuator_gear[i, 0])
+        force = float(model.actuator_forcerange[i, 1]) if model.actuator_forcelimited[i] else math.inf
+        dof = int(model.jnt_dofadr[joint])
+        found[reader.joint_name(joint)] = ServoGains(
+            kp * gear * gear, -float(bias[2]) * gear * gear, force * abs(gear), float(model.dof_armature[dof])
+        )
+    return found
+
+
+def mjcf_round_links(path: str | Path) -> dict[str, RoundLink]:
+    """Return the largest cylinder, sphere, ellipsoid or mesh of each body of an MJCF file, by the bodies' names.
+
+    The radius of a mesh is half the second largest extent of its box: a wheel is as high as it is long.
+
+    Raises
+    ------
+    MissingExtraError, FileFormatError
+        As for `mjcf_tree`.
+    """
+    reader = MjcfFile(path)
+    model, kinds, found = reader.model, reader.mujoco.mjtGeom, {}
+    for i in range(model.ngeom):
+        kind, size = kinds(int(model.geom_type[i])), model.geom_size[i]
+        if kind in (kinds.mjGEOM_CYLINDER, kinds.mjGEOM_SPHERE):
+            radius = float(size[0])
+        elif kind in (kinds.mjGEOM_ELLIPSOID, kinds.mjGEOM_MESH):
+            radius = float(np.sort(model.geom_aabb[i, 3:])[1])
+        else:
+            continue
+        body = reader.name("BODY", int(model.geom_bodyid[i]))
+        if body not in found or found[body].radius < radius:
+            found[body] = RoundLink(radius, model.geom_pos[i].copy())
+    return found
+
+
+class MjcfFile:
+    """A compiled MJCF file, and where in it everything is."""
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = path
+        self.mujoco: Any = import_mujoco(f"{path}: is read by mujoco, which")
+        if not Path(path).is_file():
+            raise FileFormatError(f"{path}: cannot be read: No such file or directory")
+        try:
+            with warnings.catch_warnings():  # on attributes that MuJoCo will drop
+                warnings.simplefilter("ignore")
+                self.spec: Any = self.mujoco.MjSpec.from_file(str(path))
+                self.model: Any = self.spec.compile()
+        except (ValueError, RuntimeError, OSError) as error:
+            raise FileFormatError(f"{path}: MuJoCo cannot read it: {' '.join(str(error).split())}") from None
+
+    def name(self, kind: str, index: int) -> str:
+        """Return the name of an object, or its kind and number."""
+        found = self.mujoco.mj_id2name(self.model, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind}"), index)
+        return found or f"{kind.lower()}_{index}"
+
+    @property
+    def body_names(self) -> list[str]:
+        """Names of the bodies, by their numbers."""
+        return ["world", *(self.name("BODY", b) for b in range(1, self.model.nbody))]
+
+    def joint_name(self, index: int) -> str:
+        """Return the name of a joint."""
+        return self.name("JOINT", index)
+
+    def refuse(self, what: str, text: str, element: Any = None) -> FileFormatError:
+        """Return an error about an element, with its line."""
+        info = re.search(r"line (\d+)", getattr(element, "info", "") or "")
+        line = f":{info[1]}" if info and info[1] != "0" else ""
+        return FileFormatError(f"{self.path}{line}: {what}: {text}")
+
+    def tree(self) -> LinkTree:
+        """Return its bodies and joints, and its sites."""
+        model, names = self.model, self.body_names
+        follows, held = self._equalities()
+        joints: list[LinkJoint] = []
+        for body in range(1, model.nbody):
+            joints += self._body_joints(body, names, follows)
+        sites = list(self._sites(names))
+        bodies = {
+            names[b]: LinkBody(
+                float(model.body_mass[b]),
+                model.body_ipos[b].copy(),
+                _rotated(model.body_iquat[b], model.body_inertia[b]),
+            )
+            for b in range(1, model.nbody)
+            if model.body_mass[b] > 0
+        }
+
+        def error(joint: str, text: str) -> Error:
+            return self.refuse(f"joint '{joint}'", text, self.spec.joint(joint))
+
+        ball = "is a ball joint; a tree of screws has hinges and slides only"
+        held |= {joint.name: error(joint.name, ball) for joint in joints if joint.kind == "other"}
+        stem = self.spec.modelname or Path(self.path).stem
+        name = Path(self.path).stem if stem == "MuJoCo Model" else stem
+        marks = frozenset(site.child for site in sites)
+        return LinkTree(name, str(self.path), "world", (*joints, *sites), bodies, error, held, marks)
+
+    def _sites(self, names: list[str]) -> Iterator[LinkJoint]:
+        """Yield the sites that have a name, fixed to their bodies; one that is named as a body is called a site."""
+        model = self.model
+        for i in range(model.nsite):
+            name = self.mujoco.mj_id2name(model, self.mujoco.mjtObj.mjOBJ_SITE, i)
+            if name:
+                place = np.concatenate([model.site_quat[i], model.site_pos[i]])
+                child = f"{name} site" if name in names else name
+                yield LinkJoint(f"{child} fixed", "fixed", names[int(model.site_bodyid[i])], child, place)
+
+    def _body_joints(self, body: int, names: list[str], follows: dict[int, Mimic]) -> Iterator[LinkJoint]:
+        """Yield the joints of a body, one after the other, or that which fixes it to its parent."""
+        model, parent = self.model, names[int(self.model.body_parentid[body])]
+        place = np.concatenate([model.body_quat[body], model.body_pos[body]])
+        count, first = int(model.body_jntnum[body]), int(model.body_jntadr[body])
+        if model.body_mocapid[body] >= 0 or count == 0:
+            yield LinkJoint(f"{names[body]} fixed", "fixed", parent, names[body], place)
+            return
+        if int(model.jnt_type[first]) == _FREE:
+            adr = int(model.jnt_qposadr[first])
+            place = model.qpos0[[*range(adr + 3, adr + 7), *range(adr, adr + 3)]].copy()
+            yield LinkJoint(self.joint_name(first), "floating", parent, names[body], place)
+            return
+        for j in range(first, first + count):
+            name = self.joint_name(j)
+            kind = int(model.jnt_type[j])
+            child = names[body] if j == first + count - 1 else f"{names[body]} after {name}"
+            if kind == _BALL:
+                yield LinkJoint(name, "other", parent, child, place)
+                parent, place = child, shift()
+                continue
+            anchor = compose(shift(*model.jnt_pos[j]), z_onto(model.jnt_axis[j]))
+            limited = bool(model.jnt_limited[j])
+            lower, upper = model.jnt_range[j] if limited else (-math.inf, math.inf)
+            yield LinkJoint(
+                name,
+                "revolute" if kind == _HINGE else "prismatic",
+                parent,
+                child,
+                compose(place, anchor),
+                inverse7(anchor),
+                float(lower),
+                float(upper),
+                effort=self._effort(j),
+                mimic=follows.get(j),
+                offset=-float(model.qpos0[model.jnt_qposadr[j]]),
+            )
+            parent, place = child, shift()
+
+    def _effort(self, joint: int) -> float:
+        """Return the largest torque or force of a joint."""
+        model = self.model
+        found = [math.inf]
+        if model.jnt_actfrclimited[joint] and model.jnt_actfrcrange[joint, 1] > 0:
+            found.append(float(model.jnt_actfrcrange[joint, 1]))
+        for i in range(model.nu):
+            acts = int(model.actuator_trntype[i]) in _TO_JOINT and int(model.actuator_trnid[i, 0]) == joint
+            if acts and model.actuator_forcelimited[i] and model.actuator_forcerange[i, 1] > 0:
+                found.append(float(model.actuator_forcerange[i, 1] * abs(model.actuator_gear[i, 0])))
+        return min(found)
+
+    def _equalities(self) -> tuple[dict[int, Mimic], dict[str, Error]]:
+        """Return what joints follow, by their numbers, and what else ties joints, by their names."""
+        model, follows = self.model, dict[int, Mimic]()
+        held = dict[str, Error]()
+        placed = set[int]()  # free joints that an equality places: a second one closes a loop
+        for i in range(model.neq):
+            if not model.eq_active0[i]:
+                continue
+            kind = int(model.eq_type[i])
+            if kind in (_CONNECT, _WELD):
+                if kind == _WELD and self._is_mocap(i):
+                    continue  # what drags a body about from outside
+                tied = self._between(self._bodies(i))
+                free = {j for j in tied if int(model.jnt_type[j]) == _FREE} - placed
+                if free:
+                    placed.add(min(free))
+                    continue  # what is free goes where it is tied to
+                pair = " and ".join(f"'{self._object_name(model, i, side)}'" for side in (1, 2))
+                text = f"{'connects' if kind == _CONNECT else 'welds'} {pair}: that closes a loop, and a tree has none"
+            elif kind == _JOINT:
+                text, tied = self._tie(i, follows)
+            elif kind == _TENDON:
+                text, tied = "ties tendons, which a tree of joints cannot hold", self._tendon_joints(i)
+            else:
+                text, tied = "is of a kind, which a tree of joints cannot hold", set(range(model.njnt))
+            what = f"equality '{self.name('EQUALITY', i)}'"
+            error = self.refuse(what, f"{text}; a tip above it leaves it out", self.spec.equalities[i])
+            held |= {self.joint_name(j): error for j in sorted(tied)}
+        return follows, held
+
+    def _tie(self, equality: int, follows: dict[int, Mimic]) -> tuple[str, set[int]]:
+        """Note a joint that follows another; or return which does so in another way, and what to say."""
+        model = self.model
+        first, second = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
+        poly, name = model.eq_data[equality, :5], self.joint_name(first)
+        if second < 0:
+            return f"holds joint '{name}' at a value; make it a fixed body", {first}
+        if np.abs(poly[2:]).max() > 0:
+            other = self.joint_name(second)
+            return (
+                f"ties joint '{name}' to '{other}' by a polynomial; only multiplier and offset are possible",
+                {first},
+            )
+        start = model.qpos0[model.jnt_qposadr[first]], model.qpos0[model.jnt_qposadr[second]]
+        follows[first] = Mimic(
+            self.joint_name(second), float(poly[1]), float(start[0] + poly[0] - poly[1] * start[1])
+        )
+        return "", set()
+
+    def _bodies(self, equality: int) -> list[int]:
+        """Return the bodies that an equality of bodies or sites ties."""
+        model = self.model
+        sites = int(model.eq_objtype[equality]) == int(self.mujoco.mjtObj.mjOBJ_SITE)
+        pair = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
+        return [int(model.site_bodyid[each]) if sites else each for each in pair]
+
+    def _between(self, bodies: Iterable[int]) -> set[int]:
+        """Return the joints that move some of some bodies against others."""
+        above = [self._above(body) for body in bodies]
+        return set[int]().union(*above) - set[int].intersection(*above)
+
+    def _above(self, body: int) -> set[int]:
+        """Return the joints that move a body."""
+        model, found = self.model, set[int]()
+        while body:
+            first = int(model.body_jntadr[body])
+            found |= set(range(first, first + int(model.body_jntnum[body])))
+            body = int(model.body_parentid[body])
+        return found
+
+    def _tendon_joints(self, equality: int) -> set[int]:
+        """Return the joints that the tendons of an equality pull at."""
+        model, wraps = self.model, self.mujoco.mjtWrap
+        tied, bodies = set[int](), list[int]()
+        for tendon in (int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])):
+            if tendon < 0:
+                continue
+            first = int(model.tendon_adr[tendon])
+            for w in range(first, first + int(model.tendon_num[tendon])):
+                kind, index = int(model.wrap_type[w]), int(model.wrap_objid[w])
+                if kind == int(wraps.mjWRAP_JOINT):
+                    tied.add(index)
+                elif kind == int(wraps.mjWRAP_SITE):
+                    bodies.append(int(model.site_bodyid[index]))
+        return tied | self._between(bodies) if bodies else tied
+
+    def _is_mocap(self, equality: int) -> bool:
+        """Return whether one of two welded bodies is moved by hand."""
+        model = self.model
+        if int(model.eq_objtype[equality]) != int(self.mujoco.mjtObj.mjOBJ_BODY):
+            return False
+        pair = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
+        return any(body >= 0 and model.body_mocapid[body] >= 0 for body in pair)
+
+    def _object_name(self, model: Any, equality: int, side: int) -> str:
+        sites = int(model.eq_objtype[equality]) == int(self.mujoco.mjtObj.mjOBJ_SITE)
+        index = int((model.eq_obj1id if side == 1 else model.eq_obj2id)[equality])
+        return self.name("SITE" if sites else "BODY", index) if index else "world"
+
+
+def _rotated(quaternion: Array, moments: Array) -> Array:
+    """Return the tensor of principal moments whose axes are turned by a quaternion."""
+    w, x, y, z = quaternion / np.linalg.norm(quaternion)
+    turn = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    return turn @ np.diag(moments) @ turn.T

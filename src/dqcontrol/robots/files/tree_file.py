@@ -1,0 +1,180 @@
+"""Our files of trees: YAML with joints that say what carries them, and named frames."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from dqcontrol.arrays import Array
+from dqcontrol.errors import Error, FileFormatError, error_prefix, unknown_name
+from dqcontrol.files.yaml_file import convert
+from dqcontrol.robots.dh import shift
+from dqcontrol.robots.files.link_tree import LinkBody, LinkJoint, LinkTree, Mimic
+from dqcontrol.robots.files.robot_file import (
+    FilePart,
+    FixedPose,
+    JointInertia,
+    JointLimits,
+    Position,
+    fixed_pose,
+    plain_inertia,
+    plain_limits,
+    plain_pose,
+)
+from dqcontrol.robots.tree_robot import TreeRobot
+
+_BASE = "base"
+
+
+class MimicPart(FilePart):
+    """What a joint follows: multiplier · q + offset."""
+
+    joint: Annotated[str, Meta(min_length=1)]
+    multiplier: float = 1.0
+    offset: Position = 0.0
+
+
+class TreeJoint(FilePart):
+    """One joint: the pose of its frame in that of the joint that carries it (the base if omitted); about or along z."""
+
+    name: Annotated[str, Meta(min_length=1)]
+    type: Literal["revolute", "prismatic"] = "revolute"
+    carrier: str | None = None
+    pose: FixedPose = msgspec.field(default_factory=FixedPose)
+    limits: JointLimits = msgspec.field(default_factory=JointLimits)
+    mimic: MimicPart | None = None
+    offset: Position = 0.0
+    inertia: JointInertia | None = None
+
+
+class TreeFrame(FilePart):
+    """A named frame: its pose in the frame of a joint after its motion (of the base if omitted)."""
+
+    name: Annotated[str, Meta(min_length=1)]
+    joint: str | None = None
+    pose: FixedPose = msgspec.field(default_factory=FixedPose)
+
+
+class TreeFile(FilePart):
+    """A file of a tree. ``angles`` is the unit of every angle in it; joints come after what carries them."""
+
+    name: Annotated[str, Meta(min_length=1)]
+    angles: Literal["degrees", "radians"]
+    joints: Annotated[list[TreeJoint], Meta(min_length=1, max_length=1000)]
+    frames: Annotated[list[TreeFrame], Meta(min_length=1, max_length=10_000)]
+    task: str | None = None
+    description: str = ""
+    sources: list[str] = []
+
+
+def tree_from(path: str | Path, data: Any) -> TreeRobot:
+    """Make a tree of the plain data of a file; the task is the frame that it names, or the first.
+
+    Raises
+    ------
+    FileFormatError
+        If the data is malformed, or says something impossible: ``path: field: …``.
+    """
+    file = convert(path, data, TreeFile)
+    unit = math.pi / 180 if file.angles == "degrees" else 1.0
+    try:
+        robot = _links(path, file, unit).tree()
+        return robot.with_task(file.task or file.frames[0].name)
+    except Error as error:
+        text = str(error)
+        raise FileFormatError(text if text.startswith(f"{path}:") else f"{path}: {text}") from None
+
+
+def plain_tree(robot: TreeRobot) -> dict[str, Any]:
+    """Return the content of a file for a tree, from which `tree_from` makes it again."""
+    table, names, joints = robot.joints, robot.joints.names, []
+    for i, name in enumerate(names):
+        at = int(table.coordinate[i])
+        leader, multiplier, offset = robot.joint_names[at], float(table.multiplier[i]), float(table.offset[i])
+        joint: dict[str, Any] = {"name": name, "type": "prismatic" if table.kind[i] else "revolute"}
+        if table.parent[i] >= 0:
+            joint["carrier"] = names[int(table.parent[i])]
+        joint["pose"] = plain_pose(table.fixed[i])
+        if leader == name:
+            joint["limits"] = plain_limits(robot.limits, at)
+            if offset:
+                joint["offset"] = offset
+        else:
+            joint["mimic"] = {"joint": leader, "multiplier": multiplier, "offset": offset}
+        if robot.inertia is not None and robot.inertia.mass[i] > 0:
+            joint["inertia"] = plain_inertia(robot.inertia, i)
+        joints.append(joint)
+    frames = []
+    for name, frame in robot.named_frames.items():
+        if name == _BASE and frame.joint < 0:
+            continue
+        carried = {"joint": names[frame.joint]} if frame.joint >= 0 else {}
+        frames.append({"name": name, **carried, "pose": plain_pose(frame.pose)})
+    return {
+        "name": robot.name,
+        "angles": "radians",
+        "joints": joints,
+        "frames": frames,
+        "task": robot.task.frames[0],
+    }
+
+
+def _links(path: str | Path, file: TreeFile, unit: float) -> LinkTree:
+    """Return a file as links and joints: each joint carries a link of its name, each frame is one."""
+    links: list[LinkJoint] = []
+    bodies, known = {}, [_BASE]
+    for i, joint in enumerate(file.joints):
+        where = f"joints[{i}]"
+        if joint.name in known:
+            raise FileFormatError(f"{where}.name: '{joint.name}' is already the name of another joint")
+        carrier = joint.carrier or _BASE
+        if carrier not in known:
+            raise unknown_name(f"{where}.carrier", carrier, known)
+        scale = unit if joint.type == "revolute" else 1.0
+        limits, mimic = joint.limits, joint.mimic
+        bounds = [
+            math.copysign(math.inf, sign) if value is None else value * scale
+            for value, sign in ((limits.lower, -1), (limits.upper, 1), (limits.velocity, 1))
+        ]
+        links.append(
+            LinkJoint(
+                joint.name,
+                joint.type,
+                f"{carrier} link",
+                f"{joint.name} link",
+                fixed_pose(f"{where}.pose", joint.pose, unit),
+                shift(),
+                bounds[0],
+                bounds[1],
+                bounds[2],
+                math.inf if limits.effort is None else limits.effort,
+                mimic and Mimic(mimic.joint, mimic.multiplier, mimic.offset * scale),
+                joint.offset * scale,
+            )
+        )
+        if joint.inertia is not None:
+            bodies[f"{joint.name} link"] = _body(joint.inertia)
+        known.append(joint.name)
+    for i, frame in enumerate(file.frames):
+        with error_prefix(f"frames[{i}]"):
+            if (carrier := frame.joint or _BASE) not in known:
+                raise unknown_name("joint", carrier, known)
+            place = fixed_pose("pose", frame.pose, unit)
+        links.append(LinkJoint(f"{frame.name} fixed", "fixed", f"{carrier} link", frame.name, place))
+
+    def error(name: str, text: str) -> Error:
+        return FileFormatError(f"{path}: joint '{name}': {text}")
+
+    return LinkTree(file.name, str(path), f"{_BASE} link", tuple(links), bodies, error)
+
+
+def _body(given: JointInertia) -> LinkBody:
+    t = given.tensor
+    tensor = np.array([[t.xx, t.xy, t.xz], [t.xy, t.yy, t.yz], [t.xz, t.yz, t.zz]])
+    center: Array = np.array(given.center, dtype=np.float64)
+    return LinkBody(given.mass, center, tensor)

@@ -1,0 +1,308 @@
+"""URDF files: the serial chain between two links."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dqcontrol.arrays import Array
+from dqcontrol.errors import Error, FileFormatError, UnknownNameError, suggest
+from dqcontrol.robots.dh import compose
+from dqcontrol.robots.files.default_tip import default_tip, ways_down
+from dqcontrol.robots.files.link_tree import LinkBody, LinkJoint, LinkTree, Mimic
+from dqcontrol.robots.files.urdf_xml import CheckedXml
+from dqcontrol.robots.kinematics.axes import chain_from_axes, inverse_turn, z_onto
+from dqcontrol.robots.limits import Limits
+from dqcontrol.robots.link_inertias import lump
+from dqcontrol.robots.serial_arm import SerialArm
+
+_MOVABLE = ("revolute", "continuous", "prismatic")
+
+
+def load_urdf(
+    path: str | Path, base_link: str | None = None, tip_link: str | None = None, name: str | None = None
+) -> SerialArm:
+    """Load the serial chain between two links of a URDF file.
+
+    Fixed joints are merged. Everything that hangs on a moving link, with the joints of other branches at
+    zero, is lumped into the inertia of the joint that moves it. Meshes are never opened. A chain without a named
+    tip leaves out the gripper at its end; a `NoteWarning` tells.
+
+    Parameters
+    ----------
+    path
+        URDF file; or a xacro file, which is expanded (extra ``xacro``).
+    base_link
+        Link in whose frame poses are given, and gravity is; the root if omitted.
+    tip_link
+        Link whose frame is the tool. If omitted: the end of the chain with most joints, if there is one such, or the
+        link that carries its gripper: joints named like one (grip, finger, thumb, jaw, claw, knuckle).
+    name
+        Name of the arm; the file's if omitted.
+
+    Returns
+    -------
+    SerialArm
+        Limits are those of the file; a velocity or effort limit that is zero or missing is unlimited.
+        ``inertia`` is None if no moving link has a mass. The frames of the joints are the URDF's, turned so
+        that z is the axis.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is missing, unsafe, malformed or no tree, or a joint is floating, planar or mimic.
+    UnknownNameError
+        If a link does not exist, the tip is not below the base, or the default tip is ambiguous.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "lever.urdf"
+    >>> _ = path.write_text('''<robot name="lever"><link name="base"/><link name="bar"/>
+    ... <joint name="hinge" type="continuous"><parent link="base"/><child link="bar"/></joint></robot>''')
+    >>> load_urdf(path)
+    SerialArm('lever', 1 joints)
+    """
+    tree = UrdfTree(CheckedXml(path))
+    base = tree.link("base_link", base_link) if base_link is not None else tree.root
+    tip = tree.link("tip_link", tip_link) if tip_link is not None else tree.default_tip(base)
+    joints = tree.path(base, tip)
+
+    poses, axes, moving, before = [], [], [], np.eye(4)
+    for joint in joints:
+        before = before @ origin_matrix(joint)
+        if joint.type == "fixed":
+            continue
+        tree.check_movable(joint)
+        poses.append(_pose7(before))
+        axes.append(_axis(tree, joint))
+        moving.append(joint)
+        before = np.eye(4)
+    if not moving:
+        raise UnknownNameError(f"tip_link: no joint moves between '{base}' and '{tip}' in {path}")
+    fixed, turns = chain_from_axes(poses, axes, _pose7(before))
+    arm = SerialArm(
+        np.array(fixed),
+        ["prismatic" if joint.type == "prismatic" else "revolute" for joint in moving],
+        limits=_limits(tree, moving),
+        joint_names=[joint.name for joint in moving],
+        name=name or tree.name,
+        inertia=lump(moving, tree.children, tree.links, turns),
+    )
+    arm.urdf, arm.links = (Path(path), base), (base, *(joint.child for joint in joints))
+    return arm
+
+
+def urdf_tree(path: str | Path) -> LinkTree:
+    """Read all links and joints of a URDF or xacro file.
+
+    Raises
+    ------
+    FileFormatError
+        As for `load_urdf`, but mimic joints are allowed, and floating ones.
+    """
+    tree = UrdfTree(CheckedXml(path))
+    joints = [_link_joint(tree, tree.parent[link]) for link in tree.below(tree.root) if link != tree.root]
+    bodies = {}
+    for name, link in tree.links.items():
+        if link.inertial is not None and link.inertial.mass:
+            frame = np.eye(4) if link.inertial.origin is None else link.inertial.origin
+            own = np.zeros((3, 3)) if link.inertial.inertia is None else link.inertial.inertia
+            tensor = frame[:3, :3] @ own @ frame[:3, :3].T
+            bodies[name] = LinkBody(float(link.inertial.mass), frame[:3, 3].copy(), tensor)
+
+    def error(joint: str, text: str) -> Error:
+        return tree.xml.error("joint", joint, text)
+
+    allowed = f"a tree has only {', '.join(_MOVABLE)}, floating and fixed joints"
+    held = {
+        joint.name: error(joint.name, f"is {joint.type}; {allowed}")
+        for joint in tree.parent.values()
+        if joint.type not in (*_MOVABLE, "fixed", "floating")
+    }
+    return LinkTree(tree.name, str(path), tree.root, tuple(joints), bodies, error, held)
+
+
+def _link_joint(tree: UrdfTree, joint: Any) -> LinkJoint:
+    """Return a joint of a file, turned so that its axis is z."""
+    place = _pose7(origin_matrix(joint))
+    if joint.type in ("fixed", "floating"):
+        return LinkJoint(joint.name, joint.type, joint.parent, joint.child, place)
+    if joint.type not in _MOVABLE:
+        return LinkJoint(joint.name, "other", joint.parent, joint.child, place)
+    turn = z_onto(_axis(tree, joint))
+    limits, mimic = _limits(tree, [joint]), joint.mimic
+    follows = None
+    if mimic is not None:
+        multiplier = 1.0 if mimic.multiplier is None else float(mimic.multiplier)
+        follows = Mimic(mimic.joint, multiplier, float(mimic.offset or 0.0))
+    return LinkJoint(
+        joint.name,
+        "prismatic" if joint.type == "prismatic" else "revolute",
+        joint.parent,
+        joint.child,
+        compose(place, turn),
+        inverse_turn(turn),
+        float(limits.lower[0]),
+        float(limits.upper[0]),
+        float(limits.velocity[0]),
+        float(limits.effort[0]),
+        follows,
+    )
+
+
+class UrdfTree:
+    """The links and joints of a robot, checked to be a tree."""
+
+    def __init__(self, xml: CheckedXml) -> None:
+        import yourdfpy  # half a second
+
+        self.xml = xml
+        try:
+            model = yourdfpy.URDF.load(io.BytesIO(xml.data), build_scene_graph=False, load_meshes=False)
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise FileFormatError(f"{xml.path}: cannot be read as URDF: {error}") from None
+        self.name: str = model.robot.name
+        self.links: dict[str, Any] = model.link_map
+        for name, link in self.links.items():
+            if link.inertial is not None and (link.inertial.mass or 0.0) < 0:
+                raise xml.error("link", name, f"mass must be ≥ 0, got {link.inertial.mass:g}")
+        self.parent: dict[str, Any] = {}
+        self.children: dict[str, list[Any]] = {link: [] for link in self.links}
+        for joint in model.robot.joints:
+            for field, link in (("parent", joint.parent), ("child", joint.child)):
+                if link not in self.links:
+                    raise xml.error(
+                        "joint", joint.name, f"unknown {field} link '{link}'{suggest(link, self.links)}"
+                    )
+            if joint.child in self.parent:
+                other = self.parent[joint.child].name
+                raise xml.error(
+                    "joint", joint.name, f"link '{joint.child}' is already the child of '{other}'"
+                )
+            self.parent[joint.child] = joint
+            self.children[joint.parent].append(joint)
+        roots = [link for link in self.links if link not in self.parent]
+        if len(roots) != 1:
+            text = f"several links have no parent: {', '.join(roots)}" if roots else "every link has a parent"
+            raise FileFormatError(f"{xml.path}: the links are not a tree: {text}")
+        self.root: str = roots[0]
+        if len(reached := list(self.below(self.root))) != len(self.links):
+            loop = ", ".join(link for link in self.links if link not in reached)
+            raise FileFormatError(f"{xml.path}: the links are not a tree: {loop} form a loop")
+
+    def link(self, field: str, name: str) -> str:
+        """Return a link's name, or say that there is none such."""
+        if name not in self.links:
+            raise UnknownNameError(
+                f"{field}: unknown link '{name}'{suggest(name, self.links)} "
+                f"(links of {self.xml.path}: {', '.join(self.links)})"
+            )
+        return name
+
+    def below(self, link: str) -> Iterator[str]:
+        """Yield a link and all links below it."""
+        pending = [link]
+        while pending:
+            link = pending.pop()
+            yield link
+            pending += [joint.child for joint in reversed(self.children[link])]
+
+    def places(self, moving: tuple[str, ...]) -> Iterator[tuple[str, Array, int]]:
+        """Yield the pose of each link with all joints at zero, and how many joints of a chain carry it."""
+        pending = [(self.root, np.eye(4), 0)]
+        while pending:
+            link, place, carrier = pending.pop()
+            yield link, place, carrier
+            for joint in reversed(self.children[link]):
+                number = moving.index(joint.name) + 1 if joint.name in moving else carrier
+                pending.append((joint.child, place @ origin_matrix(joint), number))
+
+    def path(self, base: str, tip: str) -> list[Any]:
+        """Return the joints from one link down to another."""
+        joints, link = [], tip
+        while link != base:
+            if link not in self.parent:
+                way = " < ".join([tip, *(joint.parent for joint in joints)])
+                raise UnknownNameError(
+                    f"tip_link: '{tip}' is not below base link '{base}' in {self.xml.path}, but on {way}"
+                )
+            joints.append(self.parent[link])
+            link = joints[-1].parent
+        return joints[::-1]
+
+    def default_tip(self, base: str) -> str:
+        """Return the end of the chain with most joints, without its gripper."""
+        joints = (self.parent[link] for link in self.below(base) if link != base)
+        ways = ways_down(joints, base)
+        return default_tip(str(self.xml.path), self.name, base, ways, _is_movable, _follows)
+
+    def check_movable(self, joint: Any) -> None:
+        """Raise if a serial arm cannot have this joint."""
+        if joint.mimic is not None:
+            raise self.xml.error(
+                "joint",
+                joint.name,
+                f"follows joint '{joint.mimic.joint}' (mimic), which a serial arm cannot hold",
+            )
+        if joint.type not in _MOVABLE:
+            raise self.xml.error(
+                "joint",
+                joint.name,
+                f"is {joint.type}; a serial arm has only {', '.join(_MOVABLE)} and fixed joints",
+            )
+
+
+def _is_movable(joint: Any) -> bool:
+    return joint.type in _MOVABLE and joint.mimic is None
+
+
+def _follows(joint: Any) -> bool:
+    return joint.type in _MOVABLE and joint.mimic is not None
+
+
+def origin_matrix(joint: Any) -> Array:
+    """Return where a joint or visual is, as a homogeneous matrix."""
+    return np.eye(4) if joint.origin is None else joint.origin
+
+
+def _pose7(matrix: Array) -> Array:
+    """Return [quaternion, position] of a homogeneous matrix."""
+    from trimesh.transformations import quaternion_from_matrix
+
+    return np.concatenate([quaternion_from_matrix(matrix), matrix[:3, 3]])
+
+
+def _axis(tree: UrdfTree, joint: Any) -> Array:
+    if np.linalg.norm(joint.axis) < 1e-9:
+        raise tree.xml.error("joint", joint.name, f"axis must not be zero, got {joint.axis}")
+    return joint.axis
+
+
+def _limits(tree: UrdfTree, joints: list[Any]) -> Limits:
+    table = np.full((4, len(joints)), np.inf)
+    for i, joint in enumerate(joints):
+        limit = joint.limit
+        table[0, i] = -math.inf
+        if joint.type != "continuous":
+            lower, upper = (limit.lower or 0.0, limit.upper or 0.0) if limit is not None else (0.0, 0.0)
+            if lower >= upper:
+                hint = "; a joint without limits has type 'continuous'" if joint.type == "revolute" else ""
+                raise tree.xml.error(
+                    "joint",
+                    joint.name,
+                    f"limit: lower {lower:g} ≥ upper {upper:g}; lower must be below upper{hint}",
+                )
+            table[:2, i] = lower, upper
+        for row, value in ((2, limit and limit.velocity), (3, limit and limit.effort)):
+            if value is not None and value < 0:
+                raise tree.xml.error(
+                    "joint", joint.name, f"limit: velocity and effort must be ≥ 0, got {value:g}"
+                )
+            table[row, i] = value or math.inf
+    return Limits(table[0], table[1], table[2], table[3])

@@ -1,0 +1,1 @@
+"""Kinematics of chains and trees: poses, Jacobians and their rates, compiled."""

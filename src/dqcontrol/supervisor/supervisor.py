@@ -1,0 +1,354 @@
+"""The supervisor: the last stage between a law and a robot, which lets out what is safe."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, ClassVar, Literal
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from dqcontrol.arrays import Array
+from dqcontrol.errors import ValueRangeError, as_array, as_each_positive, as_positive, unknown_name
+from dqcontrol.named_fields import NamedFields
+from dqcontrol.robots.kinematics.driving import TURNING_RADIUS
+from dqcontrol.robots.robot import Robot, base_coordinates
+from dqcontrol.robots.tree_robot import TreeRobot
+from dqcontrol.supervisor import supervisor_layout as layout
+from dqcontrol.supervisor.keep_out_zones import KeepOutZones
+from dqcontrol.supervisor.prepared_supervisor import PreparedSupervisor
+
+_LONGEST_WINDOW = 10_000  # samples
+_STALE_PERIODS = 1.5
+_LONGEST_STEP = 0.05  # s between two steps, if that is more than what is stale
+_FROZEN_PERIODS = (
+    5  # at least, before joints that do not change count as frozen: commands take a while to arrive
+)
+_LONGEST_RAMP = 60.0  # s
+_GRAVITY = 9.81  # m/s², along −z of the inertial frame
+_NEVER = 1e9  # as a bound of what is not to be watched
+
+
+class LinkPoint(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A point fixed to the link that a joint moves, m, in the frame of that joint: its centre if omitted."""
+
+    joint: str
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class WorkspaceBox(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where the hand may be: a box with sides along the inertial axes, m; and other points that are to stay in it."""
+
+    spec_key: ClassVar[str] = "supervisor.workspace"
+    lower: tuple[float, float, float]
+    upper: tuple[float, float, float]
+    points: list[LinkPoint] = msgspec.field(default_factory=list)
+
+
+class DeclaredPayload(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What hangs beyond the wrench sensor, tool included: mass, kg, and its centre, m, in the hand's frame."""
+
+    spec_key: ClassVar[str] = "supervisor.payload"
+    mass: Annotated[float, Meta(ge=0, le=1e4, description="kg")]
+    center: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Bounds on what leaves for the robot, whatever the law says, and when to stop.
+
+    The hand is the end of a chain; of a tree, and of two arms, it is each frame of what the law drives: both are to be
+    in the box and below the speed. The singular values are those of what the law drives.
+
+    The supervisor keeps a position command p and moves it; all bounds are on p and its rates, not on the law's u (where
+    u is counted from the measured joints, it also holds the arm against gravity: 14 rad/s on average in [P16]). Each
+    period p moves by T v with |v| ≤ velocity (the whole command scaled, so that the hand keeps its direction),
+    |v − v_before| ≤ T acceleration, and such that braking at that acceleration ends within the position limits and in
+    the box. Jerk is bounded by the mean of the last rates, which keeps the other bounds. Where limits that change, or a
+    start outside them, cannot be kept at once, p brakes and comes back within its acceleration, and that is said.
+
+    It stops, at the acceleration limit, on two bad samples in a row (measurement too old, not finite or out of reach
+    of the last one, command not finite; the first of them brakes already), and at once on a gap in time, on joints or a
+    hand measured outside, too fast or frozen, on too large efforts and forces, on a tracking error |q − p| beyond its
+    bound and on request; it then stays so until it is reset, and brings p back to the measured joints before it follows
+    the law again. This is software in a loop that is not hard real time: it stands beside the robot's own safety, not
+    in its place.
+
+    Parameters
+    ----------
+    velocity
+        Of inputs, rad/s or m/s: one number, or one an input; the robot's own limits if omitted.
+    acceleration
+        rad/s² or m/s²: one number, or one an input.
+    jerk
+        rad/s³ or m/s³; not bounded if omitted. It delays commands by about acceleration/jerk.
+    position_margin
+        Kept from the robot's position limits, rad or m.
+    tracking_error
+        |q − p| that stops, rad or m, joints only: one number, or one an input.
+    stale_after
+        Age of a measurement at which it no longer counts, and time between two steps that stops, s; for steps 1.5
+        periods at least. If omitted 1.5 periods, and for steps 50 ms if that is more.
+    slow_below, hold_below
+        Smallest singular value of the hand's Jacobian [ω ; ṗ] (rad and m) below which motions towards a singularity
+        are slowed, and below which they are held until it exceeds the mean of both. Motions away are free. 0: off.
+    workspace
+        Box that the hand, and other points of links, stay in; anywhere if omitted.
+    ramp
+        Time in which speed comes up after a start and goes down at a soft stop, s.
+    hand_speed
+        Of the commanded hand, m/s; not bounded if omitted. While joints brake, up to a tenth more.
+    hand_acceleration
+        Of the commanded hand while it follows the law, m/s²; not bounded if omitted. Stops brake as hard as joints may.
+    measured_tolerance
+        How far measured joints may be beyond the robot's limits, and the measured hand outside the box, rad or m.
+    overspeed
+        Measured speed of a joint, smoothed over 20 ms, that stops: in velocity limits, and 0.1 rad/s or m/s more.
+    jump
+        Way of a measured joint beyond what that speed allows, at which a sample is bad, rad or m.
+    base_jump
+        Way of a measured mobile base beyond what its speed allows, at which a sample is bad: of x and y, m, and of its
+        heading, rad. Corrections of a localisation are to be below it.
+    frozen_after
+        Time that a measured joint may stay the same number while it is told to move by more than 0.02 rad or m, s; five
+        periods at least.
+    effort
+        Measured effort that stops, N·m or N: one number, or one an input; not bounded if omitted.
+    contact_force, contact_torque
+        Of the wrench measured at the hand, less the weight of the payload, that stop, N and N·m; not bounded if
+        omitted. The wrench is what payload and environment exert on the hand, along the axes of the hand's frame and
+        about its origin.
+    payload
+        Whose weight is in the measured wrench; none if omitted. Its inertia is not taken off.
+    contact_effort
+        Change of a measured effort against its mean over 0.2 s that stops, N·m or N; not bounded if omitted.
+    keep_out
+        Zones on the floor that a mobile base is never commanded into: it brakes before them, and may leave them; none
+        if omitted.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
+    >>> supervisor = dqc.supervisor.Supervisor(acceleration=5.0, ramp=0.0).prepare(arm, dt=0.01)
+    >>> state = supervisor.start(q)
+    >>> supervisor.command(q, np.full(7, 100.0), state).round(3).tolist()[0]  # after one period: 5 rad/s² · 0.01 s
+    0.05
+    >>> supervisor.reasons(state)
+    ('velocity limit', 'acceleration limit')
+    """
+
+    spec_key: ClassVar[str] = "supervisor"
+    velocity: Annotated[float | list[float] | None, Meta(description="> 0, rad/s or m/s")] = None
+    acceleration: Annotated[float | list[float], Meta(description="> 0, rad/s² or m/s²")] = 10.0
+    jerk: Annotated[float | list[float] | None, Meta(description="> 0, rad/s³ or m/s³")] = None
+    position_margin: Annotated[float, Meta(ge=0, description="rad or m")] = 0.0
+    tracking_error: Annotated[float | list[float], Meta(description="> 0, rad or m")] = 0.3
+    stale_after: Annotated[float, Meta(gt=0, description="s")] | None = None
+    slow_below: Annotated[float, Meta(ge=0, description="singular value")] = 0.04
+    hold_below: Annotated[float, Meta(ge=0, description="singular value")] = 0.02
+    workspace: WorkspaceBox | None = None
+    ramp: Annotated[float, Meta(ge=0, le=_LONGEST_RAMP, description="s")] = 0.5
+    hand_speed: Annotated[float, Meta(gt=0, description="m/s")] | None = None
+    hand_acceleration: Annotated[float, Meta(gt=0, description="m/s²")] | None = None
+    measured_tolerance: Annotated[float, Meta(ge=0, description="rad or m")] = 0.05
+    overspeed: Annotated[float, Meta(gt=0, description="velocity limits")] = 1.5
+    jump: Annotated[float, Meta(ge=0, description="rad or m")] = 0.05
+    base_jump: Annotated[float, Meta(ge=0, description="m and rad")] = 0.2
+    frozen_after: Annotated[float, Meta(gt=0, description="s")] = 0.1
+    effort: Annotated[float | list[float] | None, Meta(description="> 0, N·m or N")] = None
+    contact_force: Annotated[float, Meta(gt=0, description="N")] | None = None
+    contact_torque: Annotated[float, Meta(gt=0, description="N·m")] | None = None
+    payload: DeclaredPayload | None = None
+    contact_effort: Annotated[float, Meta(gt=0, description="N·m or N")] | None = None
+    keep_out: KeepOutZones | None = None
+
+    def limits_alone(self) -> Supervisor:
+        """Return what keeps position, velocity and acceleration limits and watches nothing, as a robot itself does."""
+        return msgspec.structs.replace(
+            self,
+            ramp=0.0,
+            slow_below=0.0,
+            hold_below=0.0,
+            jerk=None,
+            workspace=None,
+            hand_speed=None,
+            hand_acceleration=None,
+            effort=None,
+            contact_force=None,
+            contact_torque=None,
+            payload=None,
+            contact_effort=None,
+            keep_out=None,
+            tracking_error=_NEVER,
+            stale_after=_NEVER,
+            measured_tolerance=_NEVER,
+            overspeed=_NEVER,
+            jump=_NEVER,
+            base_jump=_NEVER,
+            frozen_after=_NEVER,
+        )
+
+    def prepare(
+        self, robot: Robot, dt: float, command_mode: Literal["integrated", "measured"] = "integrated"
+    ) -> PreparedSupervisor:
+        """Check the parameters for a robot and a period.
+
+        Parameters
+        ----------
+        robot
+            The robot to guard.
+        dt
+            Control period, s.
+        command_mode
+            What a plant moves by T u: its last target (``integrated``), or its measured joints (``measured``).
+
+        Raises
+        ------
+        ShapeError, UnknownNameError, ValueRangeError
+            If a parameter is not allowed, or the robot has no velocity limits and none are given.
+        """
+        if isinstance(robot, TreeRobot) and len(robot.task.frames) > 1:
+            for field in ("contact_force", "contact_torque"):
+                if getattr(self, field) is not None:
+                    raise ValueRangeError(
+                        f"supervisor.{field}: is of one hand, and {robot.task.label} of {robot.name} has two; bound "
+                        "'effort' or 'contact_effort', or drive one hand"
+                    )
+        dt, m = as_positive("dt", dt), robot.input_size
+        velocity = robot.limits.velocity if self.velocity is None else _each("velocity", self.velocity, m)
+        if not np.isfinite(velocity).all():
+            raise ValueRangeError(
+                f"supervisor.velocity: {robot.name} has no limits of its own; give them here"
+            )
+        acceleration = _in_curves(robot, _each("acceleration", self.acceleration, m))
+        margin = self.position_margin
+        input_coordinates = robot.input_coordinates
+        lower, upper = (
+            robot.limits.lower[input_coordinates] + margin,
+            robot.limits.upper[input_coordinates] - margin,
+        )
+        if (lower > upper).any():
+            raise ValueRangeError(
+                f"supervisor.position_margin: {margin:g} leaves "
+                f"{robot.input_names[int((lower > upper).argmax())]} no room"
+            )
+        head = np.zeros(layout.HEAD)
+        head[layout.DT], head[layout.WINDOW] = dt, self._window(acceleration, dt)
+        head[layout.FROM_MEASURED] = command_mode == "measured"
+        self._fill_head(head, margin)
+        points, zones = self._workspace(robot, head), self._zones(robot, head)
+        head[layout.COORDINATES], head[layout.INPUTS] = robot.configuration_size, m
+        head[layout.DRIVES], head[layout.ROLLERS] = len(robot.drives), len(robot.rollers)
+        head[layout.POINTS], head[layout.ZONES] = len(points), len(zones)
+        bounds = layout.bounds_layout.pack(
+            head=head,
+            acceleration=acceleration,
+            lower=lower,
+            upper=upper,
+            tracking=_each("tracking_error", self.tracking_error, m),
+            effort=np.full(m, np.inf) if self.effort is None else _each("effort", self.effort, m),
+            coordinate=input_coordinates,
+            is_joint=~base_coordinates(robot)[input_coordinates],
+            velocity=velocity,
+            drives=robot.drives,
+            rollers=robot.rollers,
+            points=points,
+            zones=zones,
+        )
+        return PreparedSupervisor(robot, bounds)
+
+    def _fill_head(self, head: Array, margin: float) -> None:
+        dt, ramp = head[layout.DT], self.ramp
+        head[layout.STALE] = _STALE_PERIODS * dt if self.stale_after is None else self.stale_after
+        longest = _LONGEST_STEP if self.stale_after is None else self.stale_after
+        head[layout.LONGEST_STEP] = max(longest, _STALE_PERIODS * dt)
+        head[layout.SLOW] = self.slow_below
+        head[layout.HOLD] = self.hold_below
+        if self.slow_below < self.hold_below:
+            raise ValueRangeError(
+                f"supervisor.slow_below: must be ≥ hold_below {self.hold_below:g}, got {self.slow_below:g}"
+            )
+        head[layout.RAMP] = min(dt / ramp, 1.0) if ramp else 1.0
+        head[layout.HAND_TOLERANCE] = self.measured_tolerance
+        head[layout.JOINT_TOLERANCE] = head[layout.HAND_TOLERANCE] + margin
+        head[layout.OVERSPEED] = self.overspeed
+        head[layout.JUMP] = self.jump
+        head[layout.LONGEST_BASE_JUMP] = self.base_jump
+        head[layout.FROZEN_AFTER] = max(self.frozen_after, _FROZEN_PERIODS * dt)
+        head[layout.HAND_SPEED_LIMIT] = _or_infinite(self.hand_speed)
+        head[layout.HAND_ACCELERATION_LIMIT] = _or_infinite(self.hand_acceleration)
+        head[layout.CONTACT_FORCE] = _or_infinite(self.contact_force)
+        head[layout.CONTACT_TORQUE] = _or_infinite(self.contact_torque)
+        head[layout.CONTACT_EFFORT] = _or_infinite(self.contact_effort)
+        if self.payload is not None:
+            head[layout.PAYLOAD_WEIGHT] = _GRAVITY * self.payload.mass
+            head[layout.PAYLOAD_CENTER : layout.PAYLOAD_CENTER + 3] = self.payload.center
+
+    def _window(self, acceleration: Array, dt: float) -> int:
+        """Return how many periods the rates are smoothed over, to keep the jerk."""
+        if self.jerk is None:
+            return 1
+        with np.errstate(over="ignore", divide="ignore"):
+            needed = (2 * (acceleration / _each("jerk", self.jerk, len(acceleration))) / dt).max() - 1e-9
+        if not needed <= _LONGEST_WINDOW:
+            raise ValueRangeError(
+                f"supervisor.jerk: smooths over {np.ceil(needed):.7g} periods; at most {_LONGEST_WINDOW}: "
+                "allow more jerk"
+            )
+        return max(1, math.ceil(needed))
+
+    def _workspace(self, robot: Robot, head: Array) -> Array:
+        """Note the box; return its points as rows (index of the joint, offset)."""
+        if self.workspace is None:
+            return np.zeros((0, 4))
+        head[layout.BOXED] = 1.0
+        head[layout.BOX : layout.BOX + 6] = _box(self.workspace)
+        rows = []
+        for k, point in enumerate(self.workspace.points):
+            field = f"supervisor.workspace.points[{k}]"
+            names = robot.joints.names if isinstance(robot, TreeRobot) else robot.joint_names
+            if point.joint not in names:
+                raise unknown_name(f"{field}.joint", point.joint, names)
+            offset = as_array(f"{field}.offset", point.offset, (3,))
+            rows.append([names.index(point.joint), *offset])
+        return np.array(rows, dtype=np.float64).reshape(-1, 4)
+
+    def _zones(self, robot: Robot, head: Array) -> Array:
+        """Note the footprint; return the zones as rows."""
+        if self.keep_out is None:
+            return np.zeros((0, layout.ZONE_COLUMNS))
+        head[layout.FOOTPRINT] = self.keep_out.footprint_of(robot)
+        head[layout.KEEP_OUT_MARGIN] = self.keep_out.margin
+        return self.keep_out.rows()
+
+
+def _or_infinite(bound: float | None) -> float:
+    return math.inf if bound is None else bound
+
+
+def _each(field: str, value: float | list[float], m: int) -> Array:
+    return as_each_positive(f"supervisor.{field}", value, m)
+
+
+def _box(workspace: WorkspaceBox) -> Array:
+    """Return lower and upper corner, (6,)."""
+    lower = as_array("supervisor.workspace.lower", workspace.lower, (3,))
+    upper = as_array("supervisor.workspace.upper", workspace.upper, (3,))
+    if (lower >= upper).any():
+        raise ValueRangeError(f"supervisor.workspace: lower {lower} must be below upper {upper}")
+    return np.concatenate([lower, upper])
+
+
+def _in_curves(robot: Robot, acceleration: Array) -> Array:
+    """Return accelerations of which v's is small enough for ω to follow it in the sharpest curve of a base that steers.
+
+    There ω is v over the turning radius: who brakes to reverse would turn with an acceleration beyond its limit.
+    """
+    kept = np.array(acceleration)
+    if robot.input_size < robot.configuration_size:
+        for k, drive in enumerate(robot.drives):
+            i = int(drive[0]) - k
+            if drive[TURNING_RADIUS]:
+                kept[i] = min(kept[i], drive[TURNING_RADIUS] * kept[i + 1])
+    return kept

@@ -1,0 +1,243 @@
+"""Where a supervisor's numbers stand in its arrays: each array is taken apart once, into parts with names."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import READ, STATUS, WRITE, inline
+from dqcontrol.compiled.intrinsics import ADDRESS
+from dqcontrol.compiled.memory_layout import MemoryLayout
+from dqcontrol.robots.kinematics.driving import DRIVE_COLUMNS, ROLLER_COLUMNS
+from dqcontrol.robots.kinematics.pose_task_kernels import COLUMNS
+
+# kinematics, memory, moment, measured, wanted, measured effort and wrench (empty: not measured), state, out
+SUPERVISOR = STATUS(ADDRESS, WRITE, READ, READ, READ, READ, READ, WRITE, WRITE)
+
+AT_REST = 50  # status: stopped, and no longer moving
+OUTSIDE_BOX, IN_ZONE = 51, 52  # what a start is refused for
+GO, END, STOP, RESET, FINISH = range(5)  # requests
+RUNNING, STOPPED, RETURNING = 0.0, 1.0, 2.0  # modes
+
+# head of the parameters: single numbers, those of limits inf where there is none
+(
+    DT,
+    WINDOW,
+    STALE,
+    LONGEST_STEP,
+    SLOW,
+    HOLD,
+    RAMP,
+    FROM_MEASURED,
+    JOINT_TOLERANCE,
+    HAND_TOLERANCE,
+    OVERSPEED,
+    JUMP,
+    LONGEST_BASE_JUMP,
+    FROZEN_AFTER,
+    HAND_SPEED_LIMIT,
+    HAND_ACCELERATION_LIMIT,
+    CONTACT_FORCE,
+    CONTACT_TORQUE,
+    CONTACT_EFFORT,
+    PAYLOAD_WEIGHT,
+    FOOTPRINT,
+    KEEP_OUT_MARGIN,
+    BOXED,
+    BOX,
+) = range(24)
+PAYLOAD_CENTER = BOX + 6  # (3)
+# sizes: of the robot, of drives, wheels with rollers, points and rows of zones; rows and columns of what its kinematics
+# read, rows of its tree (none of a chain) and of all its frames, and how many of these, the last, are hands
+(
+    COORDINATES,
+    INPUTS,
+    DRIVES,
+    ROLLERS,
+    POINTS,
+    ZONES,
+    TABLE_ROWS,
+    TABLE_COLUMNS,
+    TREE,
+    FRAMES,
+    HANDS,
+) = range(PAYLOAD_CENTER + 3, PAYLOAD_CENTER + 14)
+HEAD = PAYLOAD_CENTER + 14
+
+ZONE_COLUMNS = 6
+MOST_HANDS = 2  # as many frames as a task has
+
+# memory: single numbers of the state; the last are the commanded hands one period ago
+MODE, FAULT, SCALE, HOLDING, ENDING, BAD, NOW, INDEX, SILENT, LATENESS, STARTED, HAND_BEFORE = range(12)
+MEMORY = HAND_BEFORE + 3 * MOST_HANDS
+
+
+class Moment(NamedTuple):
+    """Of a step.
+
+    Attributes
+    ----------
+    age, elapsed
+        Of the measurement, and since the last step, s.
+    request
+        See above.
+    known
+        1 if the scratch buffer holds what kinematics writes for this measurement: who asked the law has it. Else 0.
+    still
+        How long steps have been taken while the robot's clock has not moved, s.
+    """
+
+    age: float
+    elapsed: float
+    request: float
+    known: float
+    still: float
+
+
+class Bounds(NamedTuple):
+    """Parameters by name; each row has one number an input.
+
+    Attributes
+    ----------
+    head
+        Single numbers, see above.
+    coordinate, is_joint
+        Index of the coordinate that an input moves, and whether that is a joint.
+    drives, rollers
+        Bases that cannot move sideways, and wheels with rollers; see `dqcontrol.robots.kinematics.driving`.
+    points
+        Rows of 4: row of a joint, and a point fixed to its link, m.
+    zones
+        That a base keeps out of, see `keep_out_step.clearance`.
+    """
+
+    head: Annotated[Array, HEAD]
+    acceleration: Annotated[Array, "inputs"]
+    lower: Annotated[Array, "inputs"]
+    upper: Annotated[Array, "inputs"]
+    tracking: Annotated[Array, "inputs"]
+    effort: Annotated[Array, "inputs"]
+    coordinate: Annotated[Array, "inputs"]
+    is_joint: Annotated[Array, "inputs"]
+    velocity: Annotated[Array, "inputs"]
+    drives: Annotated[Array, "drives", DRIVE_COLUMNS]
+    rollers: Annotated[Array, "rollers", ROLLER_COLUMNS]
+    points: Annotated[Array, "points", 4]
+    zones: Annotated[Array, "zones", ZONE_COLUMNS]
+
+
+class Memory(NamedTuple):
+    """State by name.
+
+    Attributes
+    ----------
+    numbers
+        Single numbers, see above.
+    good
+        Last good measurement.
+    sent, sent_rate
+        Position command and its rate.
+    position, rate
+        The same before smoothing.
+    speed
+        Measured speed, smoothed.
+    sent_then, unchanged
+        Position command when the measured joint last changed, and time since then, s.
+    usual_effort
+        Slow mean of the measured effort; NaN before the first.
+    past
+        Last rates before smoothing, a row each period of the window.
+    """
+
+    numbers: Annotated[Array, MEMORY]
+    good: Annotated[Array, "coordinates"]
+    sent: Annotated[Array, "inputs"]
+    sent_rate: Annotated[Array, "inputs"]
+    position: Annotated[Array, "inputs"]
+    rate: Annotated[Array, "inputs"]
+    speed: Annotated[Array, "inputs"]
+    sent_then: Annotated[Array, "inputs"]
+    unchanged: Annotated[Array, "inputs"]
+    usual_effort: Annotated[Array, "inputs"]
+    past: Annotated[Array, ..., "inputs"]
+
+
+class Scratch(NamedTuple):
+    """Work memory by name: of kinematics, of the look ahead, and of the rates that are being limited."""
+
+    buffer: Annotated[Array, "8 + 14 * inputs"]
+    jacobian: Annotated[Array, 6, "inputs"]
+    gram: Annotated[Array, 6, 6]
+    vectors: Annotated[Array, 6, 6]
+    column: Annotated[Array, 6]
+    frames: Annotated[Array, "8 * frames"]
+    hand: Annotated[Array, 3 * MOST_HANDS]
+    ahead: Annotated[Array, 3 * MOST_HANDS]
+    config: Annotated[Array, "coordinates"]
+    look: Annotated[Array, "inputs"]
+    trial: Annotated[Array, "inputs"]
+    sums: Annotated[Array, "inputs"]
+    asked: Annotated[Array, "inputs"]
+    rates: Annotated[Array, "inputs"]
+
+
+moment_layout: MemoryLayout[Moment] = MemoryLayout(Moment)
+bounds_layout: MemoryLayout[Bounds] = MemoryLayout(Bounds, "inputs", "drives", "rollers", "points", "zones")
+state_layout: MemoryLayout[Memory] = MemoryLayout(Memory, "coordinates", "inputs")
+scratch_layout: MemoryLayout[Scratch] = MemoryLayout(Scratch, "coordinates", "inputs", "frames")
+
+
+class SupervisorMemory(NamedTuple):
+    """What a supervisor was prepared with, and scratch: `Bounds`, the robot's table and its tree, `Scratch`.
+
+    The table is what its kinematics read. The tree has the rows of all joints, then those of the hands; a chain has
+    none: its frames are found from its table.
+    """
+
+    bounds: Annotated[Array, bounds_layout.sized("inputs", "drives", "rollers", "points", "zones")]
+    table: Annotated[Array, "table_rows", "table_columns"]
+    tree: Annotated[Array, "tree", COLUMNS]
+    scratch: Annotated[Array, scratch_layout.sized("coordinates", "inputs", "frames")]
+
+
+supervisor_memory: MemoryLayout[SupervisorMemory] = MemoryLayout(
+    SupervisorMemory,
+    "coordinates",
+    "inputs",
+    "drives",
+    "rollers",
+    "points",
+    "zones",
+    "table_rows",
+    "table_columns",
+    "tree",
+    "frames",
+)
+
+
+class Parts(NamedTuple):
+    """All that a supervisor's two arrays hold, by name."""
+
+    table: Array
+    tree: Array
+    bounds: Bounds
+    memory: Memory
+    scratch: Scratch
+
+
+@inline
+def taken_apart(memory, state):
+    """Return the parts of what a supervisor was prepared with, and of its state."""
+    n, m = int(memory[COORDINATES]), int(memory[INPUTS])
+    drives, rollers = int(memory[DRIVES]), int(memory[ROLLERS])
+    points, zones = int(memory[POINTS]), int(memory[ZONES])
+    rows, columns = int(memory[TABLE_ROWS]), int(memory[TABLE_COLUMNS])
+    tree, frames = int(memory[TREE]), int(memory[FRAMES])
+    prepared = supervisor_memory(memory, n, m, drives, rollers, points, zones, rows, columns, tree, frames)
+    return Parts(
+        prepared.table,
+        prepared.tree,
+        bounds_layout(prepared.bounds, m, drives, rollers, points, zones),
+        state_layout(state, n, m),
+        scratch_layout(prepared.scratch, n, m, frames),
+    )

@@ -1,0 +1,316 @@
+"""One step of the supervisor, compiled: what leaves of what a law wants."""
+
+from __future__ import annotations
+
+import math
+
+from dqcontrol.compiled.compile import OK, STATUS, WRITE, WRONG_SIZE, inline, kernel
+from dqcontrol.limits.braking import braking_share, fastest_stoppable, surely_stops
+from dqcontrol.limits.velocity_limit import SpeedLimits, scale_down, scale_down_rollers
+from dqcontrol.robots.kinematics.driving import RIM_LEVER, drive_speeds, rim_load, steer
+from dqcontrol.supervisor.interventions import (
+    ACCELERATION,
+    IMPOSSIBLE,
+    POSITION,
+    REJOINING,
+    SOFT_STOP,
+    VELOCITY,
+)
+from dqcontrol.supervisor.keep_out_step import clearance, keep_out
+from dqcontrol.supervisor.supervisor_geometry import (
+    avoid_singularity,
+    is_inside,
+    keep_safe,
+    limit_hand_acceleration,
+    limit_hand_speed,
+)
+from dqcontrol.supervisor.supervisor_layout import (
+    AT_REST,
+    BOXED,
+    COORDINATES,
+    DT,
+    ENDING,
+    FAULT,
+    FOOTPRINT,
+    FROM_MEASURED,
+    HAND_ACCELERATION_LIMIT,
+    HAND_BEFORE,
+    HAND_SPEED_LIMIT,
+    IN_ZONE,
+    INDEX,
+    INPUTS,
+    MODE,
+    MOST_HANDS,
+    NOW,
+    OUTSIDE_BOX,
+    RAMP,
+    RETURNING,
+    RUNNING,
+    SCALE,
+    SLOW,
+    STARTED,
+    STOPPED,
+    SUPERVISOR,
+    WINDOW,
+    ZONES,
+    moment_layout,
+    taken_apart,
+)
+from dqcontrol.supervisor.supervisor_watch import judge
+
+_MOST = 1e9  # of wanted rates: beyond that only the direction matters
+_ROUNDING = 1e-9  # relative
+
+# memory, state
+START = STATUS(WRITE, WRITE)
+
+
+@inline
+def _want(wanted, following, wrong, bounds, memory, rates):
+    """Write the rates that law, return or stop want."""
+    head, numbers, dt = bounds.head, memory.numbers, bounds.head[DT]
+    for i in range(rates.shape[0]):
+        goal = memory.good[int(bounds.coordinate[i])]
+        rates[i] = 0.0
+        if following:
+            rates[i] = min(max(wanted[i], -_MOST), _MOST)
+            if head[FROM_MEASURED] != 0.0 and bounds.is_joint[i] != 0.0:
+                rates[i] += (goal - memory.position[i]) / dt
+            rates[i] = min(max(rates[i], -_MOST), _MOST) * numbers[SCALE]
+        elif numbers[MODE] == RETURNING and not wrong and bounds.is_joint[i] != 0.0:
+            room = abs(goal - memory.position[i])
+            rates[i] = math.copysign(
+                min(fastest_stoppable(room, bounds.acceleration[i], dt), _MOST), goal - memory.position[i]
+            )
+
+
+@inline
+def _accelerate(bounds, memory, rates):
+    """Bring both inputs of each drive within reach by the same share, so that the rims keep their limit."""
+    done, rate = 0, memory.rate
+    for k in range(bounds.drives.shape[0]):
+        first = int(bounds.drives[k, 0]) - k
+        share = 1.0
+        for i in range(first, first + 2):
+            change, step = abs(rates[i] - rate[i]), bounds.acceleration[i] * bounds.head[DT]
+            if change * share > step:
+                share = step / change
+        if share < 1.0:
+            done |= ACCELERATION
+            for i in range(first, first + 2):
+                rates[i] = rate[i] + share * (rates[i] - rate[i])
+    return done
+
+
+@inline
+def _keep(bounds, memory, rates, inwards):
+    """Bring rates within reach of the present ones, and to those from which joints stop within their limits.
+
+    A joint that is outside, because it started there or its limits moved, is brought in by a share ``inwards`` of what
+    it can stop from. Where not all is possible together, the acceleration is kept.
+    """
+    done, dt = 0, bounds.head[DT]
+    for i in range(rates.shape[0]):
+        rate, step = memory.rate[i], bounds.acceleration[i] * dt
+        low, high = -bounds.velocity[i], bounds.velocity[i]
+        below, above = memory.position[i] - bounds.lower[i], bounds.upper[i] - memory.position[i]
+        fastest = max(bounds.velocity[i], abs(rates[i]))
+        is_free = high > 0.0 and surely_stops(min(below, above), fastest, bounds.acceleration[i], dt)
+        if bounds.is_joint[i] != 0.0 and not is_free:
+            least = -fastest_stoppable(below, bounds.acceleration[i], dt)
+            most = fastest_stoppable(above, bounds.acceleration[i], dt)
+            if below < 0.0:
+                least = inwards * fastest_stoppable(-below, bounds.acceleration[i], dt)
+            if above < 0.0:
+                most = -inwards * fastest_stoppable(-above, bounds.acceleration[i], dt)
+            low, high = min(max(low, least), bounds.velocity[i]), max(min(high, most), -bounds.velocity[i])
+            if low > high:
+                low, high = 0.0, 0.0
+            if rates[i] < least or rates[i] > most:
+                done |= POSITION
+        reached = min(max(rates[i], low), high)
+        kept = min(max(reached, rate - step), rate + step)
+        if abs(kept - reached) > _ROUNDING:
+            done |= ACCELERATION
+        rates[i] = kept
+    return done
+
+
+@inline
+def _keep_rims(bounds, memory, rates):
+    """Mix the rates of each base on rollers with braking it along its way, until each rim keeps its limit.
+
+    Both are within reach of the present rates, and so is all between them; a rim's speed is linear in the share.
+    """
+    done, rollers, rate, dt = 0, bounds.rollers, memory.rate, bounds.head[DT]
+    for k in range(rollers.shape[0]):
+        first, load = int(rollers[k, 0]), rim_load(rollers, k, memory.good, rates)
+        if abs(load) <= 1.0:
+            continue
+        left = 1.0
+        for i in range(first, first + 3):
+            left = min(left, braking_share(rate[i], bounds.acceleration[i] * dt))
+        left = 1.0 - left
+        safe = left * rim_load(rollers, k, memory.good, rate)
+        share = 0.0
+        if abs(safe) < 1.0:
+            share = (math.copysign(1.0, load) - safe) / (load - safe)
+        for i in range(first, first + 3):
+            rates[i] = left * rate[i] + share * (rates[i] - left * rate[i])
+        done |= VELOCITY
+    return done
+
+
+@inline
+def _breaks_bounds(bounds, memory):
+    """Return whether what leaves is beyond a limit of position or speed, which moved or was exceeded at the start."""
+    found = False
+    m, n = memory.sent.shape[0], memory.good.shape[0]
+    for i in range(m):
+        sent, lower, upper = memory.sent[i], bounds.lower[i], bounds.upper[i]
+        found = found or abs(memory.sent_rate[i]) > bounds.velocity[i] * (1.0 + _ROUNDING)
+        if bounds.is_joint[i] != 0.0 and not lower <= sent <= upper:
+            slack = _ROUNDING * max(1.0, abs(sent))
+            found = found or sent < lower - slack or sent > upper + slack
+    for k in range(bounds.drives.shape[0]):
+        v, omega = drive_speeds(bounds.drives, k, memory.sent_rate, memory.good)
+        fastest = bounds.velocity[int(bounds.drives[k, 0]) - (k if m < n else 0)]
+        found = found or abs(v) + bounds.drives[k, RIM_LEVER] * abs(omega) > fastest * (1.0 + _ROUNDING)
+    for k in range(bounds.rollers.shape[0]):
+        found = found or abs(rim_load(bounds.rollers, k, memory.good, memory.sent_rate)) > 1.0 + _ROUNDING
+    return found
+
+
+@inline
+def _moved(position, way, lower, upper):
+    """Return a position after a way; what ends beyond a limit by rounding alone ends on it."""
+    after = position + way
+    if lower <= after <= upper:
+        return after
+    slack = _ROUNDING * max(1.0, abs(after))
+    if position <= upper < after <= upper + slack:
+        return upper
+    if position >= lower > after >= lower - slack:
+        return lower
+    return after
+
+
+@inline
+def _commit(bounds, memory, rates):
+    """Move the position command, smoothed over the window; return whether all is at rest."""
+    numbers, past, dt = memory.numbers, memory.past, bounds.head[DT]
+    window = past.shape[0]
+    row = int(numbers[INDEX])
+    numbers[INDEX] = float((row + 1) % window)
+    still = True
+    for i in range(rates.shape[0]):
+        lower, upper = bounds.lower[i], bounds.upper[i]
+        if bounds.is_joint[i] == 0.0:
+            lower, upper = -math.inf, math.inf
+        memory.rate[i] = past[row, i] = rates[i]
+        memory.position[i] = _moved(memory.position[i], dt * rates[i], lower, upper)
+        total = 0.0
+        for k in range(window):
+            total += past[k, i]
+        mean = total / window
+        if abs(mean) <= bounds.velocity[i] * (1.0 + _ROUNDING):
+            mean = min(max(mean, -bounds.velocity[i]), bounds.velocity[i])
+        memory.sent_rate[i] = mean
+        memory.sent[i] = _moved(memory.sent[i], dt * mean, lower, upper)
+        still = still and mean == 0.0
+    return still
+
+
+@kernel(START)
+def check_start(memory, state):
+    """Return OK if a robot may start where its state has it: hands and points in their box, its base in no zone."""
+    parts = taken_apart(memory, state)
+    bounds, kept, scratch = parts.bounds, parts.memory, parts.scratch
+    if not is_inside(parts, kept.good, bounds, 0.0, scratch.frames, scratch.ahead):
+        return OUTSIDE_BOX
+    room = clearance(bounds.zones, kept.good[0], kept.good[1]) if bounds.zones.shape[0] > 0 else math.inf
+    return IN_ZONE if room < bounds.head[FOOTPRINT] else OK
+
+
+@kernel(SUPERVISOR)
+def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, state, out):
+    """Write the inputs that leave, and move the position command in the state; return AT_REST once stopped.
+
+    Effort and wrench are arrays of their own, as the robot's driver hands them over: to copy them takes longer.
+    """
+    n, m, parts = int(memory[COORDINATES]), int(memory[INPUTS]), taken_apart(memory, state)
+    bounds, kept, scratch = parts.bounds, parts.memory, parts.scratch
+    if (
+        measured.shape[0] != n
+        or wanted.shape[0] != m
+        or out.shape[0] != m
+        or kept.past.shape[0] != int(memory[WINDOW])
+        or (effort.shape[0] != 0 and effort.shape[0] != m)
+        or (wrench.shape[0] != 0 and wrench.shape[0] != 6)
+    ):
+        return WRONG_SIZE
+    head, numbers, rates = bounds.head, kept.numbers, scratch.rates
+
+    at_rest = True
+    for i in range(m):
+        at_rest = at_rest and kept.sent_rate[i] == 0.0
+    said = moment_layout(moment)
+    wrong = judge(memory, state, parts, said, measured, wanted, effort, wrench, at_rest)
+    now = wrong
+    aim = 1.0 if numbers[MODE] == RUNNING and numbers[ENDING] == 0.0 else 0.0
+    numbers[SCALE] = min(max(aim, numbers[SCALE] - head[RAMP]), numbers[SCALE] + head[RAMP])
+
+    following = numbers[MODE] == RUNNING and not wrong
+    returning = numbers[MODE] == RETURNING and not wrong
+    _want(wanted, following, wrong, bounds, kept, rates)
+    if numbers[ENDING] != 0.0 and numbers[MODE] == RUNNING:
+        now |= SOFT_STOP
+    if numbers[MODE] == RETURNING:
+        now |= REJOINING
+    if following and head[SLOW] > 0.0:
+        now |= avoid_singularity(
+            kinematics, said.known, memory, state, parts
+        )  # good is measured: nothing was wrong
+    for i in range(m):
+        scratch.asked[i] = rates[i]
+    if bounds.rollers.shape[0] > 0:
+        scale_down_rollers(kept.good, bounds.rollers, rates)
+    scale_down(kept.good, SpeedLimits(bounds.velocity, bounds.drives), rates)
+    for i in range(m):
+        if rates[i] != scratch.asked[i] and following:
+            now |= VELOCITY
+        rates[i] = min(max(rates[i], -bounds.velocity[i]), bounds.velocity[i])
+    looks_at_hand = (
+        head[BOXED] != 0.0 or head[HAND_SPEED_LIMIT] < math.inf or head[HAND_ACCELERATION_LIMIT] < math.inf
+    )
+    if looks_at_hand:
+        now |= limit_hand_speed(memory, state, following or returning)
+    done = _accelerate(bounds, kept, rates)
+    if following and head[HAND_ACCELERATION_LIMIT] < math.inf:
+        now |= limit_hand_acceleration(memory, state)
+    inwards = numbers[SCALE] if following else (1.0 if returning else 0.0)
+    done |= _keep(bounds, kept, rates, inwards)
+    if m < n:
+        steer(bounds.drives, rates)
+    if head[BOXED] != 0.0 or head[HAND_SPEED_LIMIT] < math.inf:
+        now |= keep_safe(memory, state)
+    done |= _keep_rims(bounds, kept, rates)
+    if following:
+        now |= done
+    if head[ZONES] > 0.0:
+        now |= keep_out(memory, state)
+    if looks_at_hand:
+        numbers[STARTED] = 1.0
+        for i in range(3 * MOST_HANDS):
+            numbers[HAND_BEFORE + i] = scratch.hand[i]
+    still = _commit(bounds, kept, rates)
+    if _breaks_bounds(bounds, kept):
+        now |= IMPOSSIBLE
+    for i in range(m):
+        out[i] = kept.sent_rate[i]
+        if head[FROM_MEASURED] != 0.0 and bounds.is_joint[i] != 0.0:
+            out[i] = (kept.sent[i] - kept.good[int(bounds.coordinate[i])]) / head[DT]
+    if numbers[MODE] == STOPPED:
+        now |= int(numbers[FAULT])
+    numbers[NOW] = float(now)
+    return AT_REST if numbers[MODE] == STOPPED and still else OK

@@ -1,0 +1,236 @@
+"""One model of a table, and its four renderings: terminal, Markdown, CSV and LaTeX."""
+
+from __future__ import annotations
+
+import csv
+import io
+import shutil
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dqcontrol.errors import ExistsError, ShapeError, unknown_name
+from dqcontrol.tables.latex import latex, latex_number
+from dqcontrol.tables.table_cells import Cell, Column, PlusMinus, known
+
+if TYPE_CHECKING:
+    from rich.table import Table as RichTable
+
+
+_UNWATCHED = 200  # letters a line, where there is no window
+
+
+@dataclass(frozen=True, repr=False)
+class Table:
+    """Rows of texts, numbers and numbers with their spread (`PlusMinus`) under columns.
+
+    Parameters
+    ----------
+    columns
+        Their titles, units and formats.
+    rows
+        Each as long as ``columns``.
+    title
+        Caption; empty for none.
+
+    Raises
+    ------
+    ShapeError
+        If a row has another length.
+
+    Examples
+    --------
+    >>> from dqcontrol.tables.tables import Column, Table
+    >>> table = Table([Column("Law"), Column("Length", "m", ".2f")], [["K", 1.2345], ["LQR", None]])
+    >>> print(table.markdown(), end="")
+    | Law | Length [m] |
+    |:----|-----------:|
+    | K   |       1.23 |
+    | LQR |          – |
+    """
+
+    columns: Sequence[Column]
+    rows: Sequence[Sequence[Cell]]
+    title: str = ""
+
+    def __post_init__(self) -> None:
+        for i, row in enumerate(self.rows):
+            if len(row) != len(self.columns):
+                raise ShapeError(f"rows[{i}]: expected {len(self.columns)} cells, got {len(row)}")
+
+    def __repr__(self) -> str:
+        title = f"{self.title!r}, " if self.title else ""
+        return f"Table({title}{len(self.rows)} × {len(self.columns)})"
+
+    def __str__(self) -> str:
+        """Return it as the terminal shows it, with as many columns as fit."""
+        from rich.console import Console
+
+        from dqcontrol.tables.fitted import fitted
+
+        width = shutil.get_terminal_size((_UNWATCHED, 24)).columns
+        console = Console(file=io.StringIO(), width=width, color_system=None)
+        with console.capture() as capture:
+            for part in fitted(self, width, "markdown()"):
+                console.print(part)
+        return capture.get().rstrip("\n")
+
+    def texts(self) -> list[list[str]]:
+        """Return all cells as they are shown, the signs ± of a column one below the other."""
+        columns = [
+            _aligned([column.parts(row[i]) for row in self.rows]) for i, column in enumerate(self.columns)
+        ]
+        return [[column[k] for column in columns] for k in range(len(self.rows))]
+
+    def numeric(self) -> list[bool]:
+        """Tell which columns hold numbers (and align right)."""
+        cells = list(zip(*self.rows, strict=True)) or [()] * len(self.columns)
+        return [
+            any(c is not None for c in column) and not any(isinstance(c, str) for c in column)
+            for column in cells
+        ]
+
+    def spread(self) -> list[bool]:
+        """Tell which columns hold numbers with their spread."""
+        return [any(isinstance(row[i], PlusMinus) for row in self.rows) for i in range(len(self.columns))]
+
+    def with_columns(self, names: Iterable[str]) -> Table:
+        """Return its first column and those whose titles begin so, in the order asked for.
+
+        Raises `UnknownNameError` for a name that begins none.
+        """
+        chosen = [0]
+        for name in names:
+            wanted = name.strip().casefold()
+            found = [i for i, column in enumerate(self.columns) if column.title.casefold().startswith(wanted)]
+            if not found:
+                raise unknown_name("columns", name.strip(), (column.title for column in self.columns))
+            chosen += [i for i in found if i not in chosen]
+        columns = [self.columns[i] for i in chosen]
+        return Table(columns, [[row[i] for i in chosen] for row in self.rows], self.title)
+
+    def rich(self, widths: Sequence[int] | None = None) -> RichTable:
+        """Return it for ``rich.print``, safe against markup in cells; columns perhaps of given widths, in letters."""
+        from rich.table import Table as RichTable
+        from rich.text import Text
+
+        table = RichTable(title=Text(self.title) if self.title else None)
+        given = widths or [None] * len(self.columns)
+        for column, numeric, width in zip(self.columns, self.numeric(), given, strict=True):
+            justify = "right" if numeric else "left"
+            table.add_column(Text(column.heading), justify=justify, overflow="fold", width=width)
+        for row in self.texts():
+            table.add_row(*map(Text, row))
+        return table
+
+    def markdown(self) -> str:
+        """Return it as a GitHub table."""
+        headings = [_one_line(column.heading) for column in self.columns]
+        rows = [[_one_line(cell) for cell in row] for row in self.texts()]
+        widths = [max(3, *(len(row[i]) for row in (headings, *rows))) for i in range(len(headings))]
+        numeric = self.numeric()
+
+        def line(cells: Sequence[str]) -> str:
+            padded = (
+                c.rjust(w) if right else c.ljust(w)
+                for c, w, right in zip(cells, widths, numeric, strict=True)
+            )
+            return f"| {' | '.join(padded)} |"
+
+        rule = "".join(
+            f"|{'-' * (w + 1)}:" if right else f"|:{'-' * (w + 1)}"
+            for w, right in zip(widths, numeric, strict=True)
+        )
+        caption = [f"**{_one_line(self.title)}**", ""] if self.title else []
+        return "\n".join([*caption, line(headings), rule + "|", *map(line, rows)]) + "\n"
+
+    _repr_markdown_ = markdown  # what notebooks show
+
+    def csv(self) -> str:
+        """Return it as CSV with all digits; missing numbers are empty, a spread has a column of its own."""
+        stream = io.StringIO()
+        writer = csv.writer(stream, lineterminator="\n")
+        headings: list[Cell] = [column.heading for column in self.columns]
+        writer.writerow(self._with_spread(headings, [f"± {heading}" for heading in headings]))
+        for row in self.rows:
+            values, spreads = zip(*map(_raw, row), strict=True)
+            writer.writerow(self._with_spread(values, spreads))
+        return stream.getvalue()
+
+    def _with_spread(self, values: Sequence[Cell], spreads: Sequence[Cell]) -> list[Cell]:
+        """Return a row of raw values, each followed by its spread in the columns that have one."""
+        cells: list[Cell] = []
+        for value, spread, two in zip(values, spreads, self.spread(), strict=True):
+            cells += [value, spread] if two else [value]
+        return cells
+
+    def latex(self) -> str:
+        r"""Return it as a ``tabular`` for the package booktabs, in a ``table`` if it has a title."""
+        numeric, spread = self.numeric(), self.spread()
+        alignment = "".join(
+            r"r@{${}\pm{}$}l" if two else "r" if right else "l"
+            for right, two in zip(numeric, spread, strict=True)
+        )
+        headings = [
+            rf"\multicolumn{{2}}{{c}}{{{latex(column.heading)}}}" if two else latex(column.heading)
+            for column, two in zip(self.columns, spread, strict=True)
+        ]
+        lines = [rf"\begin{{tabular}}{{{alignment}}}", r"\toprule", _latex_row(headings), r"\midrule"]
+        for row in self.rows:
+            columns = zip(self.columns, row, numeric, spread, strict=True)
+            lines.append(
+                _latex_row([_latex_cell(column.parts(cell), *kind) for column, cell, *kind in columns])
+            )
+        lines += [r"\bottomrule", r"\end{tabular}"]
+        if self.title:
+            caption = rf"\caption{{{latex(self.title)}}}"
+            lines = [r"\begin{table}", r"\centering", caption, *lines, r"\end{table}"]
+        return "\n".join(lines) + "\n"
+
+    def write(self, path: str | Path) -> Path:
+        """Write a new file, in the format that its suffix says: ``.md``, ``.csv`` or ``.tex``.
+
+        Raises `UnknownNameError` for another suffix and `ExistsError` if the file exists.
+        """
+        path = Path(path)
+        formats: dict[str, Callable[[], str]] = {".md": self.markdown, ".csv": self.csv, ".tex": self.latex}
+        if path.suffix not in formats:
+            raise unknown_name(f"{path}: suffix", path.suffix, formats)
+        try:
+            with open(path, "x", encoding="utf-8", newline="") as stream:
+                stream.write(formats[path.suffix]())
+        except FileExistsError:
+            raise ExistsError(f"{path}: exists already; choose another name or remove it") from None
+        return path
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.splitlines()).replace("|", "\\|")
+
+
+def _aligned(parts: Sequence[tuple[str, str]]) -> list[str]:
+    """Join values and their spreads with ±, so that all signs stand in one place."""
+    if not any(spread for _, spread in parts):
+        return [value for value, _ in parts]
+    left, right = (max(map(len, side)) for side in zip(*parts, strict=True))
+    return [
+        f"{value:>{left}} ± {spread:<{right}}" if spread else f"{value:>{left}}{'':{right + 3}}"
+        for value, spread in parts
+    ]
+
+
+def _raw(cell: Cell) -> tuple[Cell, Cell]:
+    return (known(cell.value), known(cell.spread)) if isinstance(cell, PlusMinus) else (known(cell), None)
+
+
+def _latex_cell(parts: tuple[str, str], numeric: bool, two: bool) -> str:
+    value, spread = map(latex_number if numeric else latex, parts)
+    if not two:
+        return value
+    return f"{value} & {spread}" if spread else rf"\multicolumn{{2}}{{c}}{{{value}}}"
+
+
+def _latex_row(cells: Sequence[str]) -> str:
+    row = " & ".join(cells)
+    return ("{}" if row[:1] in ("[", "*") else "") + row + r" \\"  # \\ before it would take those as its own
