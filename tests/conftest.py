@@ -78,4 +78,5 @@ def few_figures(monkeypatch):
 @pytest.fixture
 def without_growth(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let damping depend on the Jacobian alone, as the laws' definitions have it, also far from the target."""
-    monkeypatch.setattr("dqcontrol.laws.law.growth_for", lambda rates, late, period: np.zeros(1))
+    none = np.zeros(1), np.ones(1), np.full(1, np.inf)
+    monkeypatch.setattr("dqcontrol.controller.controller.growth_for", lambda *_: none)

@@ -51,7 +51,7 @@ def test_evaluate_prints_the_metrics_and_writes_the_results(run, here, monkeypat
     line = "dqcontrol evaluate log.csv --robot iiwa7 --reference circle.yaml --out found"
     code, out, err = call(line, monkeypatch, capsys)
     assert (code, err) == (1, "")  # the law lags: it is measured, and said
-    assert out.splitlines()[:2] == ["results: found", run.verdict.words]
+    assert out.splitlines()[:2] == [run.verdict.words, "results: found"]
     assert re.search(rf"Position error RMS +│ {run.metrics.position.rms:.4g} +│ mm", out)
     assert {"record.mcap", "report.html", "metrics.json"} <= {p.name for p in (here / "found").iterdir()}
     assert call(line, monkeypatch, capsys)[0] == 2  # nothing is overwritten unasked

@@ -8,5 +8,4 @@ from dqcontrol.reports import study_report
 @pytest.fixture
 def without_pictures(monkeypatch):
     """Save studies without their figures, which take a hundred times as long as a study of a few short runs."""
-    monkeypatch.setattr(study_report, "write_comparison_figures", lambda *_: {})
-    monkeypatch.setattr(study_report, "_write_repeats", lambda study, folder: {})
+    monkeypatch.setattr(study_report, "_figures", lambda *_: {})

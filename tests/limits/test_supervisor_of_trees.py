@@ -76,7 +76,7 @@ def test_a_run_of_two_arms_under_the_supervisor_is_the_same_interpreted():
         for each in (True, False)
     ]
     assert np.array_equal(runs[0].q, runs[1].q)
-    assert runs[0].metrics.position.peak < 60
+    assert dqc.measures.evaluate(runs[0]).position.peak < 60
 
 
 def test_what_is_refused_of_several_hands():

@@ -90,9 +90,9 @@ def evaluate(
     filtered = ""
     if result.low_pass is not None:
         filtered = f"; speeds, accelerations and joint steps low-passed at {result.low_pass:g} Hz"
+    print(result.verdict.words)
     if out is not None:
         print(f"results: {out}")
-    print(result.verdict.words)
     print_table(summary_table(result.metrics, f"{result.label}{filtered}"))
     if result.verdict.failure:
         sys.exit(FAILED)

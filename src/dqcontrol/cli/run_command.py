@@ -34,8 +34,8 @@ def run(
 ) -> None:
     """Run an experiment and write its table, recordings and plots; rerun it to resume after an interruption.
 
-    The first lines say where the results are and what came of it. Exit status: 0 if every run did what was asked and
-    kept what it was to keep; 1 if one did not; 2 if nothing ran, because something is wrong or out of reach.
+    The first line says what came of it, the second where the results are. Exit status: 0 if every run did what was
+    asked and kept what it was to keep; 1 if one did not; 2 if nothing ran, because something is wrong or out of reach.
 
     Parameters
     ----------
@@ -95,8 +95,8 @@ def run(
 
 def _show(study: Study, folder: Path) -> None:
     """Print what came of a study, before its figures are drawn."""
-    print(f"results: {folder}")
     print(study.headline)
+    print(f"results: {folder}")
     print_table(study.table())
     for line in study.failures():
         print(line)
@@ -115,8 +115,8 @@ def _in_real_time(
         print(f"{time:8.3f} s: {', '.join(reasons) or 'follows the law'}", file=sys.stderr)
 
     def show(done: Run) -> None:
-        print(f"results: {folder}")
         print(done.verdict.words)
+        print(f"results: {folder}")
         print_table(summary({done.label: done}))
         if done.timing:
             print_table(timing_table(done.timing))

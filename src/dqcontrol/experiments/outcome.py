@@ -209,10 +209,10 @@ def felt(record: Record, links: tuple[str, ...]) -> list[str]:
     return found
 
 
-def length_text(value: float) -> str:
+def length_text(value: float, digits: int = 3) -> str:
     """Return a length in mm, one of a metre and more in m; negative inside of something."""
     sign, size = "−" if value < 0 else "", abs(value)
-    return f"{sign}{size:.3g} m" if size >= 1 else f"{sign}{1e3 * size:.3g} mm"
+    return f"{sign}{size:.{digits}g} m" if size >= 1 else f"{sign}{1e3 * size:.{digits}g} mm"
 
 
 def force_text(value: float) -> str:

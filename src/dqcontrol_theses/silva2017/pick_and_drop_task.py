@@ -158,8 +158,7 @@ def pick_and_drop(
 
     Examples
     --------
-    >>> from dqcontrol_theses.printed import PRINTED_IN_BODY_TWISTS
-    from dqcontrol_theses.silva2017.pick_and_drop_task import pick_and_drop
+    >>> from dqcontrol_theses.silva2017.pick_and_drop_task import pick_and_drop
     >>> pick_and_drop().is_in_basket  # doctest: +SKIP
     True
     """
