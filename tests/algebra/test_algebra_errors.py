@@ -97,7 +97,10 @@ def call(function, argument=None, value=None):
 
 
 def test_the_table_is_complete():
-    functions = {name for name in algebra.__all__ if callable(getattr(algebra, name))} - {"DualQuaternion", "apply"}
+    functions = {name for name in algebra.__all__ if callable(getattr(algebra, name))} - {
+        "DualQuaternion",
+        "apply",
+    }
     assert functions == set(ARGUMENTS) | OBJECTS
 
 

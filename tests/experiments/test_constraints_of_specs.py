@@ -50,7 +50,7 @@ def test_a_hand_before_a_wall_stands_there_and_the_report_says_so(run):
 
 def test_distances_are_drawn(run):
     figure = distances(run.record)
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["wall [mm]", "self-collision [mm]"]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["wall", "self-collision"]
 
 
 def test_a_start_that_violates_is_refused_with_all_that_it_violates():

@@ -240,7 +240,7 @@ def test_a_hand_that_sways_below_its_goal_is_not_late(comes, words):
         goal = dqc.algebra.pose(goal[:4], np.add(dqc.algebra.translation(goal), [0, 0, 0.02]))
     desired = np.hstack([np.tile(goal, (len(time), 1)), np.zeros((len(time), 13))])
     record = Record(time, q, q, np.zeros_like(q), robot.fkm(q), desired, robot.joint_names)
-    assert Judge(robot).verdict(record, record.metrics).words.startswith(words)
+    assert Judge(robot).verdict(record, dqc.measures.evaluate(record)).words.startswith(words)
 
 
 TWO_ARMS = {

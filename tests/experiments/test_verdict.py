@@ -5,7 +5,6 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.experiments.verdict import Judge
-from dqcontrol.limits import CircularZone
 from dqcontrol.loop import Record
 from dqcontrol.loop.signals import Signal
 from dqcontrol.plants import MobilePlant
@@ -45,9 +44,10 @@ def to_and_fro(size):
 
 def test_a_base_in_a_zone_of_the_supervisor():
     q = STANDS + np.outer(to_and_fro(0.5), np.eye(8)[0])
-    zones = KeepOutZones(zones={"stairs": CircularZone(center=(0.8, 0.0), radius=0.2)}, footprint=0.17)
+    stairs = Body(cylinder=(0.2, 1.0), position=(0.8, 0.0, 0.5))
+    zones = KeepOutZones(world=World(bodies={"stairs": stairs}), footprint=0.17)
     words, failure = said(recorded(BASE, q), BASE, supervisor=Supervisor(keep_out=zones))
-    assert words == "crossed: zone stairs −70 mm (base) at 1 s; reached"
+    assert words == "crossed: stairs −70 mm (base) at 1 s; reached"
     assert failure == "crossed"
 
 

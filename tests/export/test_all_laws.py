@@ -58,8 +58,10 @@ LAWS = {
     "h-infinity, left": {"kind": "h-infinity", "form": "left", **H_INFINITY},
     "h-infinity-tracking": {"kind": "h-infinity-tracking", **H_INFINITY},
     "linear-quadratic-r8": {"kind": "linear-quadratic-r8", **WEIGHTS},
+    "linear-quadratic-r8-euler": {"kind": "linear-quadratic-r8-euler", **WEIGHTS},
     "linear-quadratic-dq": {"kind": "linear-quadratic-dq", **WEIGHTS},
     "feedback-linearization": {"kind": "feedback-linearization", **SECOND_ORDER},
+    "published-linearization": {"kind": "published-linearization", **SECOND_ORDER},
     "open-loop": {"kind": "open-loop"},
     "joint-motion": {"kind": "joint-motion", "file": "motion.csv", "gain": 2},
 }

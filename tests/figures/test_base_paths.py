@@ -55,7 +55,7 @@ def test_all_of_a_long_way_is_seen(body):
     law = dqc.laws.FeedbackLinearization(stiffness=1.0, damping=1.0)
     record = dqc.simulate(body, goal, law, dqc.plants.Integrator(), q, 0.05, 10.0)
     figure = superimposed(body, {"": record})
-    figure.canvas.draw()
+    figure.draw_without_rendering()
     width, height = figure.canvas.get_width_height()
     axes = figure.axes[0]
     for line in axes.lines:

@@ -89,3 +89,13 @@ def test_a_cylinder_is_drawn_whole_seen_along_its_axis_too(direction):
         x, y = (face @ onto.T).T
         areas.append(0.5 * abs(x @ np.roll(y, 1) - y @ np.roll(x, 1)))
     assert max(areas) == pytest.approx(np.pi * 0.05**2, rel=0.02)
+
+
+@pytest.mark.parametrize("x", [0.5, 1.3], ids=["inside", "half outside"])
+def test_a_short_cylinder_is_drawn_to_its_own_ends_and_no_farther_than_the_picture(x):
+    path = np.array([[0.0, 0, 0.5], [1, 0.2, 0.5]])
+    can = dqc.world.Body(cylinder=(0.05, 0.2), position=(x, 0.1, 0.5), rpy=(0, np.pi / 2, 0))
+    things = dqc.constraints.Constraints(world=dqc.World(bodies={"can": can}), clear_of="all")
+    (drawn,) = faces_near(things, path, recorded([0.0, 1.0]))
+    corners = corners_of([drawn])[:, 0]
+    assert [corners.min(), corners.max()] == pytest.approx([x - 0.1, min(x + 0.1, 1.25)])

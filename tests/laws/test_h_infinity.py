@@ -8,7 +8,10 @@ import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.errors import Error
 from dqcontrol.laws import DampedInverse, HInfinity, HInfinityTracking, Schedule
+from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.plants import Integrator
+
+FIRST = inverse_parameters.size() + 1  # of a law's own parameters: behind the inverse's and the hysteresis
 
 pytestmark = pytest.mark.usefixtures("without_growth")
 
@@ -94,12 +97,12 @@ def test_tracking_does_not_lag(form):
 def test_gains_from_gamma_and_schedules():
     arm, times = dqc.load_robot("iiwa7"), np.array([0.0])
     rows = HInfinity(orientation_gamma=0.5, translation_gamma=0.25).parameter_rows(arm, times)
-    assert rows[0, 7] * 0.5 == pytest.approx(2.0)
-    assert rows[0, 8] * 0.25 == pytest.approx(np.sqrt(2))
+    assert rows[0, FIRST] * 0.5 == pytest.approx(2.0)
+    assert rows[0, FIRST + 1] * 0.25 == pytest.approx(np.sqrt(2))
     ramp = Schedule([0, 2], [1.0, 3.0])
     prepared = HInfinity(orientation_gain=ramp, translation_gain=2.0).prepare(arm, None, 0.5)
-    np.testing.assert_allclose(prepared.parameters[:, 7], [1, 1.5, 2, 2.5, 3])
-    np.testing.assert_allclose(prepared.parameters[:, 8], 2.0)
+    np.testing.assert_allclose(prepared.parameters[:, FIRST], [1, 1.5, 2, 2.5, 3])
+    np.testing.assert_allclose(prepared.parameters[:, FIRST + 1], 2.0)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,10 @@ import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.errors import Error
 from dqcontrol.laws import LinearQuadraticDQ, LinearQuadraticR8, Proportional, Steps, riccati
+from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.plants import Integrator
+
+FIRST = inverse_parameters.size() + 1  # of a law's own parameters: behind the inverse's and the hysteresis
 
 pytestmark = pytest.mark.usefixtures("without_growth")
 
@@ -109,7 +112,7 @@ def test_tracking_sweep_against_ode(arm):
         lambda tau: algebra.hamilton_minus(velocity(tau)),
         lambda tau: -velocity(tau),
     )
-    gains, offsets = rows[:, 7:71].reshape(-1, 8, 8), rows[:, 71:79]
+    gains, offsets = rows[:, FIRST : FIRST + 64].reshape(-1, 8, 8), rows[:, FIRST + 64 : FIRST + 72]
     scale = np.sqrt(270 / 0.01)
     np.testing.assert_allclose(gains[::-1][20:], p[20:] / 0.01, atol=1e-4 * scale)
     np.testing.assert_allclose(offsets[::-1][20:], xi[20:] / 0.01, atol=1e-4 * np.abs(xi / 0.01).max())
@@ -149,7 +152,7 @@ def test_lqr_in_r8_tracks_without_lag_and_lowers_its_gain_at_the_end(arm):
     law = LinearQuadraticR8(error_weight=4.0, control_weight=0.01)
     record = dqc.simulate(arm, circle, law, Integrator(), START, 0.008)
     assert record.position_error[50:-60].max() < 1e-3
-    gains = law.rows(arm, circle, 0.008)[:, 7]
+    gains = law.rows(arm, circle, 0.008)[:, FIRST]
     assert gains[100] == pytest.approx(20.0, rel=1e-3)
     assert gains[-1] == 0.0
 
@@ -196,7 +199,7 @@ def test_lqr_in_dual_quaternions_is_the_optimum_of_the_pose_problem(arm):
 
 def test_matrix_weights_make_each_direction_decay_at_its_own_rate(arm):
     law = LinearQuadraticDQ(error_weight=[1, 1, 1, 4, 16, 64], control_weight=1.0)
-    gain = law.rows(arm, None, 0.01)[0, 7:43].reshape(6, 6)
+    gain = law.rows(arm, None, 0.01)[0, FIRST : FIRST + 36].reshape(6, 6)
     np.testing.assert_allclose(gain, np.diag([1, 1, 1, 2, 4, 8]), atol=1e-12)
 
 

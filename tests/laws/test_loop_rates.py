@@ -21,6 +21,7 @@ from dqcontrol.laws import (
     Schedule,
     Steps,
 )
+from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.laws.linear_quadratic import pose_feedback
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol_theses.variants import Cascade, ClassicProportional, PublishedLinearization
@@ -125,7 +126,9 @@ def test_rates_that_turn():
     law = LinearQuadraticR8(error_weight=1.0, control_weight=1.0)
     turning = np.eye(8)
     turning[1:3, 1:3] = [[2.0, -3.0], [3.0, 2.0]]
-    row = pose_feedback.pack(inverse=np.zeros(6), hysteresis=0.0, gain=turning.ravel(), offset=np.zeros(8))
+    row = pose_feedback.pack(
+        inverse=np.zeros(inverse_parameters.size()), hysteresis=0.0, gain=turning.ravel(), offset=np.zeros(8)
+    )
     rates = claims(law, row[None])
     assert rates.orientation[0].real == pytest.approx(2)
     assert abs(rates.orientation[0].imag) == pytest.approx(3)

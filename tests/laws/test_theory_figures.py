@@ -16,9 +16,12 @@ from dqcontrol.laws import (
     Steps,
     riccati,
 )
+from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.measures import evaluate
 from dqcontrol.plants import Integrator
 from dqcontrol.references import Circle, SetPoint, ViaPoints
+
+FIRST = inverse_parameters.size() + 1  # of a law's own parameters: behind the inverse's and the hysteresis
 
 pytestmark = pytest.mark.usefixtures("without_growth")
 
@@ -129,7 +132,7 @@ def test_cost_of_the_linear_tracking_model_is_the_value_function(arm):
     path, dt = turning_path(arm, 1.0), 1e-3
     law = LinearQuadraticR8(error_weight=q.tolist(), control_weight=r.tolist(), final_weight=s.tolist())
     rows = law.rows(arm, path, dt)
-    gains, offsets = rows[:, 7:71].reshape(-1, 8, 8), rows[:, 71:79]
+    gains, offsets = rows[:, FIRST : FIRST + 64].reshape(-1, 8, 8), rows[:, FIRST + 64 : FIRST + 72]
     velocity = rates(path, np.minimum(dt * np.arange(len(rows)), path.duration - 1e-8))  # it ends at speed
     drift, c = algebra.hamilton_minus(velocity), -velocity
     e0 = 0.1 * rng.standard_normal(8)
@@ -232,7 +235,7 @@ def test_pieces_of_matrix_weights_against_a_library(arm, law, size, tolerance):
     expected = np.concatenate(
         [(inverses @ p).reshape(len(times), -1), (inverses @ xi[:, :, None])[:, :, 0]], 1
     )
-    got = rows[:, 7 : 7 + size * size + size]
+    got = rows[:, FIRST : FIRST + size * size + size]
     parts = [slice(0, size * size), slice(size * size, None)]
     if law is LinearQuadraticDQ:  # it has no offset
         assert not expected[:, parts.pop()].any()
@@ -249,7 +252,7 @@ def test_the_gain_of_a_horizon_falls_to_the_final_weight_in_its_last_seconds(arm
     q, r, end, dt = 25.0, 0.25, 2.0, 0.01
     kappa, w = math.sqrt(q / r), math.sqrt(q * r)
     tuned = law(error_weight=q, control_weight=r, final_weight=final, horizon_time=end)
-    gains = tuned.rows(arm, SetPoint(arm.fkm(START)), dt)[:, 7]
+    gains = tuned.rows(arm, SetPoint(arm.fkm(START)), dt)[:, FIRST]
     to_go = end - dt * np.arange(201)
     rise = np.tanh(kappa * to_go)
     assert gains == pytest.approx(kappa * (final + w * rise) / (w + final * rise), rel=2e-4, abs=1e-9)
@@ -292,7 +295,7 @@ def test_scalar_weights_of_a_moving_target_do_not_make_a_scalar_gain(arm):
     """A + Aᵀ ≠ 0 where the target translates, so P is full: the error of the linear model turns into translation."""
     circle = Circle(arm.fkm(START), radius=0.07, duration=2.0)
     rows = LinearQuadraticR8(error_weight=4.0, control_weight=1.0).rows(arm, circle, 0.01)
-    gains = rows[:, 7:71].reshape(-1, 8, 8)
+    gains = rows[:, FIRST : FIRST + 64].reshape(-1, 8, 8)
     steady = gains[100] - 2 * np.eye(8)
     assert 1e-2 < np.abs(steady).max() < 0.2
     at_rest = riccati.steady_solution(4 * np.eye(8), np.eye(8))

@@ -148,7 +148,7 @@ def test_poses_of_the_log_keep_its_clock(tmp_path):
 
 
 def test_the_reference_begins_at_the_start(run, folder, tmp_path):
-    """A log with half a second of rest before the motion: --start finds the run again."""
+    """A log with half a second of rest before the motion: --start-time finds the run again."""
     rest = np.arange(25) * 0.02
     time = np.concatenate([rest, 0.5 + run.time, 2.52 + rest])
     q = np.vstack([np.tile(run.q[0], (25, 1)), run.q, np.tile(run.q[-1], (25, 1))])

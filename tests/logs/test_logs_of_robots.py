@@ -208,7 +208,7 @@ def test_align_finds_when_the_motion_begins(tmp_path, arm):
         with pytest.raises(ValueRangeError, match=message):
             evaluate_log(path, "iiwa7", align=True, **arguments)
     still = write(tmp_path / "still.csv", time, np.tile(Q0, (len(time), 1)), names)
-    with pytest.raises(ValueRangeError, match="align: the logged hand hardly moves; give --start"):
+    with pytest.raises(ValueRangeError, match="align: the logged hand hardly moves; give --start-time"):
         evaluate_log(still, "iiwa7", taught, align=True)
     (tmp_path / "rest.yaml").write_text("reference: {kind: set-point}\n")
     with pytest.raises(ValueRangeError, match="align: the reference has no end"):

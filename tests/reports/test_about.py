@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
+import dqcontrol as dqc
 from dqcontrol.experiments.spec import read_spec
-from dqcontrol.reports.about import _of_spec, _words
+from dqcontrol.reports.about import _constraints, _of_spec, _words
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.yaml"))
 BLOCKS = {"learn", "sweep", "tune"}  # run by commands of their own
@@ -28,6 +29,16 @@ def test_constraints_are_told_by_name_and_kind():
     assert dict(_of_spec(spec))["Constraints"] == (
         "clear of table (plane) and ball (moving sphere) by 10 mm; upright at most 35°; joint limits"
     )
+
+
+def test_margins_that_differ_are_told_of_each_body():
+    bodies = {"table": dqc.world.Body(box=0.1), "post": dqc.world.Body(cylinder=(0.1, 1), position=(1, 0, 0))}
+    given = dqc.constraints.Constraints(
+        world=dqc.World(bodies=bodies),
+        clear_of={"table": dqc.constraints.ClearOf(margin=0.005), "post": dqc.constraints.ClearOf()},
+        joint_limits=False,
+    )
+    assert _constraints(given) == "clear of table (box) by 5 mm and post (cylinder) by 10 mm"
 
 
 @pytest.mark.parametrize(

@@ -119,7 +119,7 @@ def test_a_law_that_cannot_be_judged_is_said_or_refused(spec, made, capfd):
         "law: proportional · servo: cannot be decided: plant and supervisor have a model of"
         in capfd.readouterr().err
     )
-    law = {"kind": "feedback-linearization", "stiffness": 20.0, "damping": 9.0, "logarithm": "inertial"}
+    law = {"kind": "published-linearization", "stiffness": 20.0, "damping": 9.0, "logarithm": "inertial"}
     loaded = load(spec(law=law))
     prepared = loaded.prepared_law("spec")
     assert check_stable(loaded, loaded.law, prepared, loaded.supervisor, moves=False) == ""

@@ -443,8 +443,8 @@ def test_gains_check_and_tune_speak_with_one_voice():
     found = dqc.tune(spec, budget=20)
     best, faster = found.best, found.best.faster
     gain = best.result.law["gain"]
-    advised = advise_gains("iiwa7", period, delay, lag).table.rows[0][1]
-    assert advised == "gain: 6.3"
+    advised = advise_gains("iiwa7", period, delay, lag).parameters["proportional"]
+    assert advised == {"gain": 6.3}
     assert gain == pytest.approx(6.34, rel=0.01)
     assert (best.verdict, best.overshoot < 0.05) == ("good", True)
     (row,) = dqc.experiments.check(found.best_spec)

@@ -89,7 +89,7 @@ def faces_near(constraints: Constraints | None, points: Array, record: Record) -
         for shift, strength, words in shown:
             every = faces_of(thing.shape, size)
             if isinstance(thing.shape, Cylinder):
-                every = _round(*_inside(thing.shape, low - shift, high - shift, size), thing.shape.radius, 1)
+                every = _round(*_inside(thing.shape, low - shift, high - shift), thing.shape.radius, 1)
             cut = [_cut(face + shift, low, high) for face in every]
             near = [face for face in cut if len(face) > 2]
             if near:
@@ -105,23 +105,23 @@ def _nearest_sample(record: Record, name: str) -> int:
     return int(np.nanargmin(signal.values[:, signal.parts.index(name)]))
 
 
-def _inside(cylinder: Cylinder, low: Array, high: Array, size: float) -> tuple[Array, Array]:
+def _inside(cylinder: Cylinder, low: Array, high: Array) -> tuple[Array, Array]:
     """Return the ends of the longest piece of a cylinder that ends in a box with its whole caps, or ends beyond it."""
-    along = cylinder.direction
+    axis = cylinder.end - cylinder.start
+    length = float(np.linalg.norm(axis))
+    along = axis / length
     inset = cylinder.radius * np.sqrt(np.maximum(1 - along**2, 0.0))
     low, high = low + inset, high - inset
     with np.errstate(divide="ignore", invalid="ignore"):
-        bounds = np.sort(np.stack([low - cylinder.point, high - cylinder.point]) / along, axis=0)
+        bounds = np.sort(np.stack([low - cylinder.start, high - cylinder.start]) / along, axis=0)
     across = np.abs(along) < _PARALLEL
-    first = float(np.where(across, -size, bounds[0]).max())
-    last = float(np.where(across, size, bounds[1]).min())
+    first = max(float(np.where(across, 0.0, bounds[0]).max()), 0.0)
+    last = min(float(np.where(across, length, bounds[1]).min()), length)
     if first >= last:  # only its rim may be inside
-        first, last = -size, size
-    middle, half = (
-        0.5 * (first + last),
-        0.5 * (last - first) * (1 - _ROUNDING),
-    )  # caps on a wall of the box are kept
-    return cylinder.point + (middle - half) * along, cylinder.point + (middle + half) * along
+        first, last = 0.0, length
+    middle, half = 0.5 * (first + last), 0.5 * (last - first)
+    half *= 1 - _ROUNDING  # caps on a wall of the box are kept
+    return cylinder.start + (middle - half) * along, cylinder.start + (middle + half) * along
 
 
 def corners_of(drawn: Sequence[DrawnFaces]) -> Array:

@@ -25,7 +25,7 @@ from dqcontrol.laws.law import Law
 from dqcontrol.references.previewed import Previewed
 
 if TYPE_CHECKING:
-    from dqcontrol.laws.inverses import Inverse
+    from dqcontrol.laws.inverses import FilteredInverse, Inverse
     from dqcontrol.references import Reference
     from dqcontrol.robots import Robot
 
@@ -110,8 +110,8 @@ class FeedforwardLaw(Law, frozen=True, kw_only=True):
     parameters_before: ClassVar[int]
     state_before: ClassVar[int] = signed_state.place("last", 0)
     if TYPE_CHECKING:  # of the law itself
-        feedforward: Feedforward
-        inverse: Inverse
+        feedforward: Feedforward = "second-order"
+        inverse: Inverse = FilteredInverse()
 
     def rows(self, robot: Robot, reference: Reference | None, dt: float) -> Array:
         """Return the rows of the law itself, and what feed-forward of second order needs."""

@@ -55,7 +55,7 @@ def align(time: Array, poses: Array, reference: Reference) -> Alignment:
     """
     if not np.isfinite(reference.duration):
         raise ValueRangeError(
-            "align: the reference has no end and no motion to find in the log; give --start"
+            "align: the reference has no end and no motion to find in the log; give --start-time"
         )
     chosen = np.unique(np.linspace(0, len(time) - 1, _SAMPLES).round().astype(int))
     at, logged = time[chosen], _points(poses[chosen])
@@ -65,7 +65,7 @@ def align(time: Array, poses: Array, reference: Reference) -> Alignment:
     desired = _points(reference.samples(grid)[:, :8])
     for name, points in (("the reference", desired), ("the logged hand", logged)):
         if np.ptp(points, axis=0).max() < _STILL:
-            raise ValueRangeError(f"align: {name} hardly moves; give --start")
+            raise ValueRangeError(f"align: {name} hardly moves; give --start-time")
 
     def cost(begin: float) -> float:
         shifted = np.column_stack([np.interp(at - begin, grid, each) for each in desired.T])

@@ -164,7 +164,7 @@ def evaluate_log(
     if align:
         if begin or target is None or target.begin is not None:
             raise ValueRangeError(
-                "align: the start is given, too (--start); give one of them"
+                "align: the start is given, too (--start-time); give one of them"
                 if begin
                 else "align: the reference is in the log itself and keeps its clock; leave it out"
             )

@@ -25,7 +25,8 @@ class Previewed(Reference):
     feed-forward are given (ξ(t + D) − a ξ(t + D − h))/(1 − a) with a = exp(−h/τ), which for short h is
     ξ(t + D) + τ ξ̇(t + D), as twist of the pose at t. Where a twist jumps by Δ, at corners and at a start at speed, that
     would be a pulse of about Δ τ/h for h: no joint follows it. Jumps are led by Δ for τ instead, which makes up for the
-    same way that the lag costs. Errors are corrected as before, so no loop's stability changes. What cannot be done in
+    same way that the lag costs; points that follow one another within the lag are samples of a smooth motion, and
+    led exactly. Errors are corrected as before, so no loop's stability changes. What cannot be done in
     advance is not: the first D seconds.
 
     Parameters
@@ -65,6 +66,8 @@ class Previewed(Reference):
         starts = np.concatenate([[0.0], self.reference.corners])
         jumps = self._moving(starts)[:, :6]
         jumps[1:] -= self._moving(starts[1:] - 2 * SNAP)[:, :6]
+        close = np.diff(starts) < lag
+        jumps[np.append(False, close) | np.append(close, False)] = 0.0  # samples of a smooth motion
         ends = starts[1:] - delay
         moved = np.unique(np.concatenate([ends, starts - delay + lag])) if lag else ends
         moved = moved[(moved > 0) & (moved < self.reference.duration)]

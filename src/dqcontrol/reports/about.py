@@ -118,10 +118,9 @@ def _listed(name: str, texts: Mapping[str, str]) -> Iterator[Fact]:
 
 def _constraints(given: Constraints) -> str:
     """Return what is kept, as ``clear of table (plane) and ball (moving sphere) by 10 mm; upright at most 35°``."""
-    solids = [f"{name} ({_kind(each)})" for name, each in given.obstacles.items()]
-    words = [f"clear of {_listing(solids)} by {1e3 * given.margin:g} mm"] if solids else []
+    words = [f"clear of {_bodies(given)}"] if given.obstacles else []
     if given.zones:
-        words.append(f"inside {_listing([f'{name} ({_kind(each)})' for name, each in given.zones.items()])}")
+        words.append(f"inside {_listing([f'{name} ({each.kind})' for name, each in given.zones.items()])}")
     for name, angle in given.angles.items():
         bounds = (("at least", angle.at_least), ("at most", angle.at_most), ("not parallel by", angle.apart))
         said = [f"{which} {math.degrees(value):.3g}°" for which, value in bounds if value is not None]
@@ -130,9 +129,18 @@ def _constraints(given: Constraints) -> str:
     return "; ".join([*words, *(["joint limits"] if given.joint_limits else [])])
 
 
-def _kind(each: msgspec.Struct) -> str:
-    moves = any(getattr(each, name, None) is not None for name in ("velocity", "path"))
-    return f"{'moving ' if moves else ''}{type(each).__struct_config__.tag}"
+def _bodies(given: Constraints) -> str:
+    """Return the bodies that are kept clear of, each with its kind, and by how much."""
+    bodies = given.world.bodies if given.world is not None else {}
+    said, margins = [], []
+    for name, each in given.obstacles.items():
+        moves = each.moves.velocity is not None or each.moves.path is not None
+        said.append(f"{name} ({'moving ' if moves else ''}{bodies[name].kind})")
+        margin = given.margin if each.clear.margin is None else each.clear.margin
+        margins.append(f"by {1e3 * margin:g} mm")
+    if len(set(margins)) == 1:
+        return f"{_listing(said)} {margins[0]}"
+    return _listing([f"{one} {margin}" for one, margin in zip(said, margins, strict=True)])
 
 
 def _listing(names: Sequence[str]) -> str:

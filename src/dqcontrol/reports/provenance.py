@@ -44,6 +44,7 @@ def evaluation_command(evaluation: dict[str, Any]) -> str:
     robot = evaluation["robot"]
     ends = {key: robot.get(key) for key in ("base_link", "tip_link")}
     joints = options.pop("joints")
+    options["start_time"] = options.pop("start", None)
     options["joints"] = ",".join(joints) if joints else None
     return command("evaluate", evaluation["log"], robot=robot["source"], **ends, **options, out=RERUN_FOLDER)
 

@@ -40,7 +40,7 @@ class World(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     >>> import dqcontrol as dqc
     >>> table = dqc.world.Body(box=(1.2, 0.8, 0.04), position=(0.6, 0, 0.38))
     >>> world = dqc.World(bodies={"table": table})
-    >>> [round(shape.size[2], 3) for _, shape in world.shapes]
+    >>> [round(float(shape.size[2]), 3) for _, shape in world.shapes]
     [0.04]
     """
 
