@@ -1,0 +1,13 @@
+"""What the tests of commands share."""
+
+import pytest
+
+from dqcontrol.cli import screen
+
+
+@pytest.fixture(autouse=True)
+def _own_columns(monkeypatch):
+    """Forget after each test what ``--wide`` and ``--columns`` said: commands are processes of their own, tests are not."""
+    for name in (screen.WIDE, screen.COLUMNS):
+        monkeypatch.setenv(name, "")
+        monkeypatch.delenv(name)
