@@ -113,7 +113,8 @@ def test_lists_of_kinds(capsys, what, some):
     assert "`" not in out
 
 
-def test_joint_angles_for_a_pose(capsys):
+def test_joint_angles_for_a_pose(capsys, monkeypatch):
+    monkeypatch.delenv("COLUMNS", raising=False)  # that workers of the tests have: all columns are printed
     at = ["--position", "0.4", "-0.2", "0.4", "--rpy", "180deg", "0", "-30deg"]
     code, out, _ = call("robots", "solve", "ur5", *at, "--top", "3", capsys=capsys)
     assert code == 0
