@@ -50,6 +50,12 @@ def _short_sweep(folder: Path) -> None:
     path.write_text(text.replace("points: 512", "points: 16"), encoding="utf-8")
 
 
+def _room(folder: Path) -> None:
+    """The map of a room, far from where the page's robot is."""
+    corners = [[8.0, 8.0], [9.0, 8.0], [9.0, 9.0]]
+    (folder / "examples" / "room.yaml").write_text(yaml.safe_dump({"polygons": [corners]}), encoding="utf-8")
+
+
 def _circle_and_demo(folder: Path) -> None:
     _demo(folder)
     _save(dqc.run(CIRCLE), folder / "results" / "circle")
@@ -97,6 +103,7 @@ def _measured_poses(folder: Path) -> None:
 
 
 _OWN_FILES = {
+    "real-time.md": _room,
     "reports.md": _circle_and_demo,
     "sweeps.md": _short_sweep,
     "own-data.md": _logs,

@@ -220,3 +220,11 @@ def test_a_base_on_rollers_is_at_least_as_wide_as_its_wheels(base, half):
     bare = dqc.WholeBody([dqc.HolonomicBase(speed=0.5, turn_rate=1.0), dqc.load_robot("ax18")])
     with pytest.raises(ShapeError, match="a holonomic base a size"):
         DriveTo.pose(bare, start, goal, floor=floor)
+
+
+@pytest.mark.parametrize("x", [1e308, -1e308])
+def test_a_goal_that_takes_no_finite_time_is_refused(x):
+    with pytest.raises(
+        dqc.Error, match=r"^goal: takes no finite time from start, with coordinates up to 1e\+"
+    ):
+        dqc.references.DriveTo(dqc.load_robot("little-john"), np.zeros(8), [x, 0, 0, 0, 0.5, 1, 0, 0])

@@ -162,8 +162,9 @@ class DriveTo(PlannedWay):
             fold[base_coordinates(self.robot)] = 0.0
             joints = np.array([fold, others - fold])
         joint_inputs = joints[:, self.robot.input_coordinates]
-        lasts = _least_durations(self.robot, inputs, fraction, fastest)
-        joint_lasts = _least_durations(self.robot, joint_inputs, fraction, fastest)
+        with np.errstate(all="ignore"):  # what is not finite is said below
+            lasts = _least_durations(self.robot, inputs, fraction, fastest)
+            joint_lasts = _least_durations(self.robot, joint_inputs, fraction, fastest)
         driving = lasts.sum()
         if self.folded is None:
             if 0 < driving < joint_lasts[0]:
@@ -173,6 +174,9 @@ class DriveTo(PlannedWay):
         else:
             first = joint_lasts[0]
             joint_begins, duration = [0.0, first + driving], float(first + driving + joint_lasts[1])
+        if not math.isfinite(duration):
+            farthest = max(float(np.abs(start).max()), float(np.abs(goal).max()))
+            raise ValueRangeError(f"goal: takes no finite time from start, with coordinates up to {farthest:.3g}")
         plan = {
             "_moves": np.vstack([moves, joints]),
             "_inputs": np.vstack([inputs, joint_inputs]),
