@@ -176,7 +176,9 @@ class DriveTo(PlannedWay):
             joint_begins, duration = [0.0, first + driving], float(first + driving + joint_lasts[1])
         if not math.isfinite(duration):
             farthest = max(float(np.abs(start).max()), float(np.abs(goal).max()))
-            raise ValueRangeError(f"goal: takes no finite time from start, with coordinates up to {farthest:.3g}")
+            raise ValueRangeError(
+                f"goal: takes no finite time from start, with coordinates up to {farthest:.3g}"
+            )
         plan = {
             "_moves": np.vstack([moves, joints]),
             "_inputs": np.vstack([inputs, joint_inputs]),
