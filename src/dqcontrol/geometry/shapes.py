@@ -159,9 +159,8 @@ class Capsule(Shape):
         return np.pi * self.radius**2 * (length + 4 / 3 * self.radius)
 
     def _fill(self, row: Array) -> None:
-        row[kernels.CORE : kernels.CORE + 3] = self.start
-        row[kernels.ALONG : kernels.ALONG + 3] = self.end - self.start
-        row[kernels.RADIUS], row[kernels.LAST] = self.radius, 1.0
+        _fill_segment(row, self.start, self.end)
+        row[kernels.RADIUS] = self.radius
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -237,9 +236,8 @@ class Cylinder(Shape):
 
     def _fill(self, row: Array) -> None:
         row[kernels.KIND] = kernels.CYLINDER
-        row[kernels.CORE : kernels.CORE + 3] = self.start
-        row[kernels.ALONG : kernels.ALONG + 3] = self.end - self.start
-        row[kernels.RADIUS], row[kernels.LAST] = self.radius, 1.0
+        _fill_segment(row, self.start, self.end)
+        row[kernels.RADIUS] = self.radius
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -387,6 +385,12 @@ def _keep_direction(shape: Shape, field: str) -> float:
         raise ValueRangeError(f"{field}: must not be zero, got {value.tolist()}")
     _freeze(shape, field, value / length)
     return length
+
+
+def _fill_segment(row: Array, start: Array, end: Array) -> None:
+    row[kernels.CORE : kernels.CORE + 3] = start
+    row[kernels.ALONG : kernels.ALONG + 3] = end - start
+    row[kernels.LAST] = 1.0
 
 
 def _fill_line(row: Array, point: Array, direction: Array) -> None:
