@@ -35,6 +35,7 @@ STARTS = {
     "little-john": [0, 0, 0, 0.3, -0.8, 1.2, 0.6, 0.4],
 }
 PERIODS = (0.001, 0.01, 0.033)  # s
+SCALED = CommandLimits(velocity=True)
 SERVOS = ((0.0, 0.0), (0.03, 0.0), (0.1, 0.02), (0.3, 0.05), (0.0, 0.05))  # lag and delay, s
 
 
@@ -139,14 +140,14 @@ def worst_at_rest(
     """
     robot, q = dqc.load_robot(name), np.array(STARTS[name], dtype=float)
     k = min(most, 0.5 / period)
-    prepared = with_growth(all_laws(k, period)[law], growth).prepare(robot, None, period)
-    worst, where = 0.0, ""
+    prepared = with_growth(all_laws(k, period)[law], growth).prepare(robot, None, period, SCALED)
+    worst, where, steps = 0.0, "", max(round(4.0 / period), 600)
     for target, pose in resting_targets(robot, q).items():
         if targets and target not in targets:
             continue
-        sample, steps = dqc.Sample(pose), max(round(4.0 / period), 600)
-        sent, _ = follow(prepared, q, lambda _, sample=sample: sample, steps)
-        share = reversing(sent[-steps // 4 :])
+        samples = np.repeat(dqc.Sample(pose).numbers[None], steps, axis=0)
+        trace = close_loop(prepared, Integrator().start(robot, q, period, steps, SEED), samples)
+        share = reversing(trace.command[-steps // 4 :])
         if share > worst:
             worst, where = share, target
     return worst, where
@@ -246,7 +247,7 @@ def stream_table() -> None:
                 law = laws.DecoupledProportional(gain=min(10.0, 0.3 / (lag + delay + period)))
                 for growth in (None, 0.0):
                     prepared = with_growth(law, growth).prepare(
-                        robot, None, period, CommandLimits(velocity=True), lag=servo.lag(robot)
+                        robot, None, period, SCALED, lag=servo.lag(robot)
                     )
                     for stream, samples in given.items():
                         plant = servo.start(robot, q, period, len(samples), SEED)
