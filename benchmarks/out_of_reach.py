@@ -328,7 +328,7 @@ def reach_table() -> None:
                     for growth in (None, 0.0)
                 ]
                 ratio = errors(robot, both[0], samples) / errors(robot, both[1], samples)
-                cells.append(f"{ratio:.4f}" if middle is not q else str(np.array_equal(*both)))
+                cells.append(f"{ratio:.4f}" if middle is not q else str(np.array_equal(both[0], both[1])))
         print(f"  {name:12}" + "".join(f"{cell:>10}" for cell in cells), flush=True)
 
 
