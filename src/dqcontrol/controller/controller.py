@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from dqcontrol.constraints.prepared_constraints import PreparedConstraints
     from dqcontrol.laws.law import Law
 
-_GROWTH = inverse_parameters.place("growth")  # share and farthest follow
+_GROWTH = inverse_parameters.place("growth")  # its share follows
 
 
 class Controller:
@@ -154,8 +154,8 @@ class Controller:
         self._parts = prepared_memory(self.memory, *(self._sizes[name] for name in prepared_memory.sizes))
         if tasks and self._grows:
             at = task_levels.place("growth")
-            growth, share, farthest = parameters[:, _GROWTH : _GROWTH + 3].max(axis=0)
-            self._parts.tasking[at : at + 4] = growth, 0.5 * (period + lag.late), share, farthest
+            growth, share = parameters[:, _GROWTH : _GROWTH + 2].max(axis=0)
+            self._parts.tasking[at : at + 3] = growth, 0.5 * (period + lag.late), share
         self.parameters: Array = self._parts.parameters
         if law.lag_at:
             self.parameters[:, law.lag_at] = sum(lag.mean)
