@@ -11,7 +11,7 @@ from dqcontrol.constraints.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.geometry import Shape, distance
 from dqcontrol.robots.robot import Robot
-from dqcontrol.world import Motion
+from dqcontrol.world import Body, Motion
 
 NEAR = 0.02  # m beyond what is asked: a pair that has less room is near
 
@@ -71,6 +71,8 @@ class Surroundings:
     ----------
     things
         What is kept clear of, in its order, then zones, then what else stands around.
+    free
+        The bodies of the world, by name, of which only a recording says where they are; they are no things.
     """
 
     def __init__(self, given: Constraints) -> None:
@@ -83,6 +85,8 @@ class Surroundings:
             if name not in given.obstacles and not body.is_moved_by_physics
         ]
         self._others = [body.moves or Motion() for _, body in others for _ in body.shapes]
+        bodies = given.world.bodies if given.world else {}
+        self.free: dict[str, Body] = {name: body for name, body in bodies.items() if body.is_moved_by_physics}
         further = [Thing(name, shape, False) for name, body in others for shape in body.shapes]
         solids = [Thing(name, shape, False) for name, each in named for shape in each.shapes]
         self.things: list[Thing] = [*solids, *walls, *further]

@@ -20,7 +20,7 @@ from dqcontrol.errors import CollisionWarning
 from dqcontrol.experiments.contact_kernels import add_up_ways, pair_distances
 from dqcontrol.geometry import Capsule, FloorMap, Plane, Shape, Sphere, distance_kernels as kernels
 from dqcontrol.loop.record import Record
-from dqcontrol.plants import CompliantPlant, MobilePlant, Plant
+from dqcontrol.plants import MobilePlant, Plant
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot, SerialArm, TwoArms, WholeBody
 from dqcontrol.robots.bases import CLEARANCE, Chassis, DifferentialDrive
@@ -96,7 +96,7 @@ class Contacts:
         Of its law: links that an obstacle does not name are watched here, as are the shapes that are not kept apart
         by it.
     plant
-        What moves it: its obstacles.
+        What moves it.
     walls
         Map of the reference.
     world
@@ -127,7 +127,7 @@ class Contacts:
         self._levers = _levers(robot, self._bodies)
         felt = world is not None and plant is not None and plant.touches_world
         self._watched = [] if felt else [*self._floor(constraints, world), *self._itself(constraints)]
-        self._watched += [*self._scene(plant), *self._walls(walls)]
+        self._watched += list(self._walls(walls))
         if not felt:
             self._watched += [*self._obstacles(constraints), *self._bodies_of(world, constraints)]
         shapes = list({id(each): each for pair in self._watched for each in pair[:2]}.values())
@@ -216,16 +216,6 @@ class Contacts:
             chassis = [each for each in (first, second) if 0 < each.frame < self._first]
             if not any(isinstance(each.shape, Capsule) for each in chassis):
                 yield _Watched(first, second, f"in itself: {first.name} and {second.name}")
-
-    def _scene(self, plant: Plant | None) -> Iterator[_Watched]:
-        if isinstance(
-            plant, CompliantPlant
-        ):  # its balls touch the end effector alone, their radius is of both
-            for i, ball in enumerate(plant.obstacles):
-                still = _still("obstacle", Sphere(np.zeros(3), ball.radius))
-                for each in self._carried:
-                    if each.name != HAND and each.frame < len(self._robot.chain) - 1:
-                        yield _Watched(_core(each), still, f"in obstacle {i + 1}: {each.name}", ball.centers)
 
     def _walls(self, walls: FloorMap | None) -> Iterator[_Watched]:
         for box in [] if walls is None else walls.boxes():
@@ -328,7 +318,7 @@ def contacts_of(
 ) -> Contacts:
     """Return `Contacts`; those of a robot with nothing around it, which the runs of a study share, are made once."""
     around = constraints, walls, world
-    if any(each is not None for each in around) or isinstance(plant, MobilePlant | CompliantPlant):
+    if any(each is not None for each in around) or isinstance(plant, MobilePlant):
         return Contacts(robot, constraints, plant, walls, world)
     return _alone(robot if plant is None else plant.body_of(robot))
 
@@ -340,20 +330,6 @@ def _alone(robot: Robot) -> Contacts:
 
 def _still(name: str, shape: Shape) -> LinkShape:
     return LinkShape(name, 0, shape)  # type: ignore[arg-type]  # also a plane or an endless cylinder, as none is a link
-
-
-def _core(link: LinkShape) -> LinkShape:
-    """Return what is in the middle of a round shape."""
-    shape = link.shape
-    if isinstance(shape, Capsule):
-        return (
-            link
-            if shape.radius == 0
-            else LinkShape(link.name, link.frame, Capsule(shape.start, shape.end, 0.0))
-        )
-    return LinkShape(
-        link.name, link.frame, Sphere(shape.row[2:5] if isinstance(shape, Sphere) else shape.row[4:7], 0.0)
-    )
 
 
 def _bodies(robot: Robot, first: int, *, fitted: bool) -> list[LinkShape]:

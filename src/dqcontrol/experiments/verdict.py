@@ -166,7 +166,7 @@ class Judge:
         touched = list(self._touched(record))
         judged = judge_outcome(self._outcome, record, self.robot, self._world, self._period, touched)
         met = [each.words for each in judged if each.holds]
-        hit = felt(record, () if self.robot.shapes is None else self.robot.shapes.names)
+        hit = self._felt(record)
         found: list[tuple[Failure, str]] = [
             *(("outcome", f"not so: {each.words}") for each in judged if not each.holds),
             *(("crossed", words) for words in (*self._crossed(record), *self._supervised(record))),
@@ -204,6 +204,9 @@ class Judge:
         if len(breaches) > _SAID:
             words.append(f"and {len(breaches) - _SAID} more")
         return Verdict("; ".join([*words, end]), found[0][0])
+
+    def _felt(self, record: Record) -> list[str]:
+        return felt(record, () if self.robot.shapes is None else self.robot.shapes.names)
 
     def _may_be_hit(self, words: str) -> bool:
         """Return whether what was hit is a body that gives way."""
@@ -434,9 +437,7 @@ class Judge:
             shares = (record.readings[PRESSURE].values > 0).mean(axis=0)
             name = record.readings[PRESSURE].parts[int(shares.argmax())]
             yield f"pushed aside by {name} for {100 * shares.max():.2g} % of the time"
-        if "contact" in record.readings and metrics.peak_contact > 0:
-            at = int(row_norms(record.readings["contact"].values).argmax())
-            yield f"touched: {metrics.peak_contact:.3g} N{_at(record, at)}"
+        yield from (words for words in self._felt(record) if self._may_be_hit(words))
         if "wheel_slip" in record.readings:
             slip = np.abs(record.readings["wheel_slip"].values).max(axis=1)
             if (share := float(np.mean(slip > SLIDING))) > _OFTEN:

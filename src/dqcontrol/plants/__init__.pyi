@@ -10,7 +10,6 @@ from .compliant.loads_and_faults import (
     Push as Push,
     WristFault as WristFault,
 )
-from .compliant.obstacle import Obstacle as Obstacle
 from .compliant.payload_compensation import PayloadCompensation as PayloadCompensation
 from .coppeliasim import CoppeliaPlant as CoppeliaPlant
 from .disturbance import (

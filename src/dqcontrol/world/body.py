@@ -266,7 +266,7 @@ class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
     hinge, slide
         The axis on which physics moves it.
     stiffness, damping
-        It gives way by that, N/m and N·s/m, along the face that is pressed, and comes back.
+        It gives way by that, N/m and N·s/m, along the face that is pressed, and comes back; also while it moves.
 
     Examples
     --------
@@ -287,7 +287,7 @@ class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     @property
     def role(self) -> str:
-        """``fixed``, ``moving`` as it says, ``free``, on a ``hinge`` or ``slide``, or ``springy``.
+        """``fixed``, ``moving`` as it says, ``free``, on a ``hinge`` or ``slide``, or ``springy``, moving or not.
 
         Raises
         ------
@@ -295,7 +295,7 @@ class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
             If it says two of them.
         """
         said = {
-            "moving": self.moves is not None,
+            "moving": self.moves is not None and self.stiffness is None,
             "hinge": self.hinge is not None,
             "slide": self.slide is not None,
             "springy": self.stiffness is not None,

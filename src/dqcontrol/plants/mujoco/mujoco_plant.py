@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -11,12 +10,12 @@ from msgspec.structs import replace
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_each
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.mujoco.carried_box import BOX_POSITION, BOX_QUATERNION, CarriedBox
+from dqcontrol.plants.mujoco.carried_box import CarriedBox
 from dqcontrol.plants.mujoco.mujoco_live import LiveMujoco
 from dqcontrol.plants.mujoco.mujoco_model import add_inertias, compiled, import_mujoco, skeleton
 from dqcontrol.plants.mujoco.mujoco_servos import JointServos, mass_matrix
 from dqcontrol.plants.mujoco.world_model import add_links, add_world
-from dqcontrol.plants.plant import MovingBox, plants_that_drive, start_within_limits
+from dqcontrol.plants.plant import plants_that_drive, start_within_limits
 from dqcontrol.robots.robot import base_coordinates
 from dqcontrol.world import World
 
@@ -136,18 +135,6 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         if self.box is not None:
             data.act[:] += self.box.squeezed(robot, start)
         return LiveMujoco(self, robot, model, data, substeps, seed)
-
-    def boxes(self, robot: Robot, q: Array, readings: Mapping[str, Array]) -> list[MovingBox]:
-        """Return the box that is carried, and those that are free in the world; see `Plant.boxes`."""
-        if self.box is None or BOX_POSITION not in readings:
-            bodies = {} if self.world is None else self.world.bodies
-            return [
-                MovingBox(readings[f"{name}_position"], readings[f"{name}_quaternion"], 0.5 * body.size)
-                for name, body in bodies.items()
-                if body.role == "free" and body.box is not None and f"{name}_position" in readings
-            ]
-        size = self.box.half_sizes(robot, q[0])
-        return [MovingBox(readings[BOX_POSITION], readings[BOX_QUATERNION], size)]
 
     def _model(self, robot: Robot, start: Array) -> Any:
         """Build the model; gains are set later, at the start configuration."""

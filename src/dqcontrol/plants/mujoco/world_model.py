@@ -41,8 +41,17 @@ _COLOURS = {
 }
 
 
-def add_links(spec: Any, robot: Robot, timestep: float) -> None:
+def add_links(spec: Any, robot: Robot, timestep: float, hand: str = "") -> None:
     """Give the links of a `skeleton` their collision shapes, and let those touch that the robot's file keeps apart.
+
+    Parameters
+    ----------
+    spec, robot
+        ``mjSpec`` and whose it is.
+    timestep
+        s; contacts are as stiff as it allows.
+    hand
+        Body at the tool's pose that has the last link's shapes in the link's place; none if empty.
 
     Raises
     ------
@@ -53,10 +62,13 @@ def add_links(spec: Any, robot: Robot, timestep: float) -> None:
         raise ValueRangeError(
             f"world: {robot.name} has no shapes to touch it with; give it some ('dqcontrol robots shapes' fits them)"
         )
-    shapes = robot.shapes.shapes
+    shapes, last = robot.shapes.shapes, robot.configuration_size
     for each in shapes:
-        body = spec.body(f"link_{each.frame}") if each.frame else spec.worldbody
-        geom = _add_geom(body, each.shape)
+        body, shape = spec.body(f"link_{each.frame}") if each.frame else spec.worldbody, each.shape
+        if hand and each.frame == last:
+            tool = algebra.pose(robot.chain[-1, :4], robot.chain[-1, 4:7])
+            body, shape = spec.body(hand), each.shape.moved(algebra.conjugate(tool))
+        geom = _add_geom(body, shape)
         geom.name, geom.mass, geom.group = _link_name(each.name), 0.0, 3  # drawn where links have no meshes
         geom.contype, geom.conaffinity, geom.friction = _LINKS, 0, [0.0, 0.0, 0.0]
         geom.solref[:2] = _SOLREF * timestep, 1.0
@@ -79,7 +91,7 @@ def add_world(spec: Any, bodies: Mapping[str, Body], timestep: float) -> None:
         place = spec.worldbody.add_body(
             name=_body_name(name), pos=body.position, quat=algebra.rotation(body.pose)
         )
-        place.mocap = role == "moving"
+        place.mocap = body.moves is not None
         joint = body.hinge or body.slide
         if role == "free":
             place.add_freejoint(name=_body_name(name))
@@ -96,6 +108,8 @@ def add_world(spec: Any, bodies: Mapping[str, Body], timestep: float) -> None:
                 added.range, added.limited = joint.range, mujoco.mjtLimited.mjLIMITED_TRUE
                 added.solref_limit = (_SOLREF * timestep, 1.0)
         elif body.stiffness is not None:
+            if body.moves is not None:  # what moves as it says carries what gives way
+                place = place.add_body(name=_geoms_of(name, body))
             _hang(mujoco, place, name, body, timestep)
         geoms = list(_solid_geoms(spec, place, body, meshes))
         mass = body.mass or (_PLATE if role == "springy" else 1.0)
@@ -195,6 +209,11 @@ def _body_name(name: str) -> str:
     return f"world: {name}"
 
 
+def _geoms_of(name: str, body: Body) -> str:
+    """Return which body in MuJoCo has its geoms."""
+    return f"{_body_name(name)} pad" if body.moves and body.role == "springy" else _body_name(name)
+
+
 class WorldBodies:
     """The bodies of a world at work in MuJoCo: those that move as they say, and where physics moves the others.
 
@@ -210,7 +229,7 @@ class WorldBodies:
         self._data = data
         self.channels: tuple[Channel, ...] = tuple(body_channels(bodies))
         self.size: int = sum(channel.size for channel in self.channels)
-        moving = {name: body for name, body in bodies.items() if body.role == "moving"}
+        moving = {name: body for name, body in bodies.items() if body.moves is not None}
         self._moving = [(int(model.body(_body_name(name)).mocapid[0]), body) for name, body in moving.items()]
         self.moves: bool = bool(self._moving)
         self._at = _coordinates_at(bodies, model)
@@ -288,7 +307,9 @@ class WorldContacts:
         self.bodies: WorldBodies = WorldBodies(world.bodies, model, data)
         self._model, self._data, self._force = model, data, mujoco.mj_contactForce
         self._names, self._links = list(world.bodies), robot.shapes.names
-        number = {model.body(_body_name(name)).id: i for i, name in enumerate(self._names)}
+        number = {
+            model.body(_geoms_of(name, body)).id: i for i, (name, body) in enumerate(world.bodies.items())
+        }
         # of each geom
         self._body_of: NDArray[np.intp] = np.array([number.get(int(each), -1) for each in model.geom_bodyid])
         links = {model.geom(_link_name(name)).id: i for i, name in enumerate(self._links)}
