@@ -8,7 +8,7 @@ from dqcontrol.experiments.verdict import Judge
 from dqcontrol.loop import Record
 from dqcontrol.loop.signals import Signal
 from dqcontrol.plants import MobilePlant
-from dqcontrol.plants.mobile.gripper import Gripper, GripperEvent
+from dqcontrol.plants.mujoco.gripper import Gripper, GripperEvent
 from dqcontrol.supervisor import KeepOutZones, Supervisor, WorkspaceBox
 from dqcontrol.world import Body, World
 

@@ -1,4 +1,4 @@
-"""A compliant arm among the bodies of a world: press at rest, impact, what is refused, and numbers that judge contact."""
+"""A compliant arm among bodies of a world: press at rest, impact, what is refused, numbers that judge contact."""
 
 from pathlib import Path
 from typing import Any

@@ -25,9 +25,10 @@ from dqcontrol.measures.deadlock import deadlocks
 from dqcontrol.measures.margins import AT_LIMIT, UNSEEN, joint_margins
 from dqcontrol.measures.metrics import Metrics
 from dqcontrol.measures.task_result import TaskResult, further_results, task_result
-from dqcontrol.plants import MobilePlant, Plant
+from dqcontrol.plants import MobilePlant, MujocoPlant, Plant
 from dqcontrol.plants.mobile.mobile_live import SLIDING
-from dqcontrol.plants.mujoco.carried_box import GRIP_FORCE
+from dqcontrol.plants.mujoco.gripper import GRIPPER_OPENING
+from dqcontrol.plants.mujoco.pads import GRIP_FORCE
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
 from dqcontrol.supervisor import Supervisor, list_interventions
@@ -304,9 +305,9 @@ class Judge:
             if len(lost):
                 yield f"let go of the box{_at(record, int(held[0] + lost[0]) if len(held) else 0)}"
         plant = self._plant
-        if not isinstance(plant, MobilePlant) or plant.gripper is None or not _free(plant):
+        if not isinstance(plant, MobilePlant | MujocoPlant) or plant.gripper is None or not _free(plant):
             return
-        opening = record.readings["gripper_opening"].values[:, 0]
+        opening = record.readings[GRIPPER_OPENING].values.min(axis=1)
         end = float(record.time[-1])
         times = [event for event in plant.gripper.schedule if event.time < end]
         holds = [(a.time, b.time if b else end) for a, b in pairwise([*times, None]) if a and a.closed]
@@ -323,7 +324,7 @@ class Judge:
 
     def _not_placed(self, record: Record, carried: int) -> Iterator[str]:
         """Yield the body that is nearest to a container, and in none, if fewer are in one than were gripped."""
-        assert isinstance(self._plant, MobilePlant)
+        assert isinstance(self._plant, MobilePlant | MujocoPlant)
         free, containers, outside = _free(self._plant), _containers(self._plant), {}
         for name in free:
             place = record.readings[f"{name}_position"].values[-1]
@@ -393,11 +394,12 @@ class Judge:
         plant = self._plant
         if GRIP_FORCE in record.readings:
             yield "held the box"
-        if isinstance(plant, MobilePlant):
-            if plant.gripper is not None and (free := _free(plant)) and plant.gripper.schedule:
+        if isinstance(plant, MobilePlant | MujocoPlant) and plant.gripper and plant.gripper.schedule:
+            if free := _free(plant):
                 places = [record.readings[f"{name}_position"].values[-1] for name in free]
                 held = [any(body.holds(place) for body in _containers(plant).values()) for place in places]
                 yield f"placed {sum(held)} of {len(places)}" if any(held) else "gripped"
+        if isinstance(plant, MobilePlant):
             yield f"stands (tilt ≤ {math.degrees(float(record.readings['tilt'].values.max())):.2g}°)"
 
     # Why a task was not done
@@ -468,12 +470,16 @@ class Judge:
             yield f"at its limit: {metrics.limit_joint}"
 
 
-def _free(plant: MobilePlant) -> dict[str, Body]:
-    return {name: body for name, body in plant.bodies.items() if body.role == "free"}
+def _bodies(plant: MobilePlant | MujocoPlant) -> dict[str, Body]:
+    return {} if plant.world is None else plant.world.bodies
 
 
-def _containers(plant: MobilePlant) -> dict[str, Body]:
-    return {name: body for name, body in plant.bodies.items() if body.container is not None}
+def _free(plant: MobilePlant | MujocoPlant) -> dict[str, Body]:
+    return {name: body for name, body in _bodies(plant).items() if body.role == "free"}
+
+
+def _containers(plant: MobilePlant | MujocoPlant) -> dict[str, Body]:
+    return {name: body for name, body in _bodies(plant).items() if body.container is not None}
 
 
 def _braked(record: Record) -> str:

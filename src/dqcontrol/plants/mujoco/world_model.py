@@ -15,6 +15,8 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
 from dqcontrol.plants.channels import Channel
+from dqcontrol.plants.mujoco.gripper import fingers
+from dqcontrol.plants.mujoco.pads import GRIP_FORCE, PADS
 from dqcontrol.robots.files.mujoco_package import import_mujoco
 from dqcontrol.world import Body, World
 from dqcontrol.world.mesh import convex_parts
@@ -41,7 +43,7 @@ _COLOURS = {
 }
 
 
-def add_links(spec: Any, robot: Robot, timestep: float, hand: str = "") -> None:
+def add_links(spec: Any, robot: Robot, timestep: float, hand: str = "", *, padded: bool = False) -> None:
     """Give the links of a `skeleton` their collision shapes, and let those touch that the robot's file keeps apart.
 
     Parameters
@@ -52,6 +54,8 @@ def add_links(spec: Any, robot: Robot, timestep: float, hand: str = "") -> None:
         s; contacts are as stiff as it allows.
     hand
         Body at the tool's pose that has the last link's shapes in the link's place; none if empty.
+    padded
+        Whether hands touch bodies with their pads instead of the shapes of their links.
 
     Raises
     ------
@@ -63,6 +67,7 @@ def add_links(spec: Any, robot: Robot, timestep: float, hand: str = "") -> None:
             f"world: {robot.name} has no shapes to touch it with; give it some ('dqcontrol robots shapes' fits them)"
         )
     shapes, last = robot.shapes.shapes, robot.configuration_size
+    ends = {int(robot.parents[row]) + 1 for row in robot.ends}
     for each in shapes:
         body, shape = spec.body(f"link_{each.frame}") if each.frame else spec.worldbody, each.shape
         if hand and each.frame == last:
@@ -70,7 +75,8 @@ def add_links(spec: Any, robot: Robot, timestep: float, hand: str = "") -> None:
             body, shape = spec.body(hand), each.shape.moved(algebra.conjugate(tool))
         geom = _add_geom(body, shape)
         geom.name, geom.mass, geom.group = _link_name(each.name), 0.0, 3  # drawn where links have no meshes
-        geom.contype, geom.conaffinity, geom.friction = _LINKS, 0, [0.0, 0.0, 0.0]
+        bare = padded and each.frame in ends
+        geom.contype, geom.conaffinity, geom.friction = 0 if bare else _LINKS, 0, [0.0, 0.0, 0.0]
         geom.solref[:2] = _SOLREF * timestep, 1.0
     for a, b in robot.shapes.pairs:
         pair = spec.add_pair(geomname1=_link_name(shapes[a].name), geomname2=_link_name(shapes[b].name))
@@ -313,6 +319,13 @@ class WorldContacts:
         # of each geom
         self._body_of: NDArray[np.intp] = np.array([number.get(int(each), -1) for each in model.geom_bodyid])
         links = {model.geom(_link_name(name)).id: i for i, name in enumerate(self._links)}
+        names = [model.geom(i).name for i in range(model.ngeom)]
+        self._pads = [names.index(name) for name in PADS if name in names]
+        for k, row in enumerate(robot.ends):  # what a hand has counts as the link that carries it
+            carrier = int(robot.parents[row]) + 1
+            last = max((i for i, each in enumerate(robot.shapes.shapes) if each.frame == carrier), default=0)
+            held = {names.index(name): last for name in (*fingers(k), *PADS[k : k + 1]) if name in names}
+            links.update(held)
         self._link_of: NDArray[np.intp] = np.array([links.get(i, -1) for i in range(model.ngeom)])
         self._wrench = np.zeros(6)
         parts = (*self._names, ITSELF)
@@ -321,8 +334,9 @@ class WorldContacts:
             Channel(DEPTH, parts, "m"),
             Channel(LINK, parts, ""),
             *self.bodies.channels,
+            *([Channel(GRIP_FORCE, ("first", "second"), "N")] if self._pads else []),
         )
-        self.readings: Array = np.zeros(3 * len(parts) + self.bodies.size)
+        self.readings: Array = np.zeros(sum(channel.size for channel in self.channels))
 
     def read(self) -> None:
         """Update the readings."""
@@ -330,15 +344,19 @@ class WorldContacts:
         force, depth, link = out[:parts], out[parts : 2 * parts], out[2 * parts : 3 * parts]
         force[:], depth[:], link[:] = 0.0, 0.0, -1.0
         hardest = np.full(parts, -1.0)
-        for thing, which, deep, pressed in self.contacts():
+        grip = out[3 * parts + self.bodies.size :]
+        grip[:] = 0.0
+        for thing, which, deep, pressed, geom in self.contacts():
+            if geom in self._pads:
+                grip[self._pads.index(geom)] += pressed
             force[thing] += pressed
             depth[thing] = max(depth[thing], deep)
             if pressed > hardest[thing]:
                 hardest[thing], link[thing] = pressed, which
-        self.bodies.read(out[3 * parts :])
+        self.bodies.read(out[3 * parts : 3 * parts + self.bodies.size])
 
-    def contacts(self) -> list[tuple[int, int, float, float]]:
-        """Return of each contact of a link the number of the body, of the link, depth (m) and normal force (N)."""
+    def contacts(self) -> list[tuple[int, int, float, float, int]]:
+        """Return of each contact of a link the body, the link, depth (m), normal force (N) and the geom of the link."""
         if not self._data.ncon:
             return []
         pairs, apart, found = self._data.contact.geom, self._data.contact.dist, []
@@ -346,7 +364,8 @@ class WorldContacts:
             a, b = pairs[i] if self._link_of[pairs[i, 0]] >= 0 else pairs[i, ::-1]
             thing = len(self._names) if self._link_of[b] >= 0 else int(self._body_of[b])
             self._force(self._model, self._data, int(i), self._wrench)
-            found.append((thing, int(self._link_of[a]), max(-float(apart[i]), 0.0), float(self._wrench[0])))
+            deep, force = max(-float(apart[i]), 0.0), float(self._wrench[0])
+            found.append((thing, int(self._link_of[a]), deep, force, int(a)))
         return found
 
     def check_start(self) -> None:
@@ -357,7 +376,7 @@ class WorldContacts:
         ValueRangeError
             With the worst: which link, how deep, in what.
         """
-        deep = sorted(((depth, thing, link) for thing, link, depth, _ in self.contacts()), reverse=True)
+        deep = sorted(((depth, thing, link) for thing, link, depth, *_ in self.contacts()), reverse=True)
         if deep and deep[0][0] > _DEEP:
             depth, thing, link = deep[0]
             what = (*self._names, "another link")[thing]
