@@ -17,7 +17,6 @@ from dqcontrol.experiments.contacts import HAND, contacts_of
 from dqcontrol.experiments.outcome import Expectation, felt, judge_outcome, length_text
 from dqcontrol.experiments.spec import Spec
 from dqcontrol.experiments.spec.reference_base import ReferenceSpec
-from dqcontrol.geometry import load_map
 from dqcontrol.laws import Law, PartialProportional
 from dqcontrol.loop.kept_signals import DISTANCE, PRESSURE, ROOM
 from dqcontrol.loop.record import Record, has_failed, row_norms
@@ -132,8 +131,8 @@ class Judge:
         self._constraints: Constraints | None = None if law is None else law.constraints
         kind = "" if reference is None else str(reference.__struct_config__.tag)
         self._motion = kind if kind in _SHAPES else "reference"
-        file = getattr(reference, "map", None)
-        self._contacts = contacts_of(robot, self._constraints, plant, load_map(file) if file else None, world)
+        planned = getattr(reference, "clear_of", None) is not None
+        self._contacts = contacts_of(robot, self._constraints, plant, world, fitted=planned)
         self._world, self._outcome = world, list(outcome)
 
     @classmethod
@@ -394,11 +393,11 @@ class Judge:
         plant = self._plant
         if GRIP_FORCE in record.readings:
             yield "held the box"
-        if isinstance(plant, MobilePlant | MujocoPlant) and plant.gripper and plant.gripper.schedule:
-            if free := _free(plant):
-                places = [record.readings[f"{name}_position"].values[-1] for name in free]
-                held = [any(body.holds(place) for body in _containers(plant).values()) for place in places]
-                yield f"placed {sum(held)} of {len(places)}" if any(held) else "gripped"
+        gripper = plant.gripper if isinstance(plant, MobilePlant | MujocoPlant) else None
+        if isinstance(plant, MobilePlant | MujocoPlant) and gripper and gripper.schedule and _free(plant):
+            places = [record.readings[f"{name}_position"].values[-1] for name in _free(plant)]
+            held = [any(body.holds(place) for body in _containers(plant).values()) for place in places]
+            yield f"placed {sum(held)} of {len(places)}" if any(held) else "gripped"
         if isinstance(plant, MobilePlant):
             yield f"stands (tilt ≤ {math.degrees(float(record.readings['tilt'].values.max())):.2g}°)"
 

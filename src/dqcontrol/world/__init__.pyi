@@ -7,6 +7,7 @@ from .body import (
 )
 from .footprint import (
     Footprint as Footprint,
+    floor_around as floor_around,
     footprint as footprint,
 )
 from .world import World as World

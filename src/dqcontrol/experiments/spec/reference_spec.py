@@ -22,6 +22,7 @@ from dqcontrol.extensions.user_code import function_at, place_from
 from dqcontrol.references.sample import as_pose
 from dqcontrol.references.yaml_form import SpecStart, Yaml
 from dqcontrol.robots import Robot
+from dqcontrol.world import World
 
 __all__ = ["AnyReference", "Part"]
 
@@ -108,8 +109,10 @@ def _written(shape: type[shapes.Reference]) -> type[ReferenceSpec]:
     def _shape(self: ReferenceSpec, start: SpecStart) -> shapes.Reference:
         return shape.from_spec(start, **{name: getattr(self, name) for name in names})
 
-    def of_robot(self: Any, reference: shapes.Reference, robot: Robot, start: Array) -> shapes.Reference:
-        return shape.of_robot(reference, robot, start, **{name: getattr(self, name) for name in names})
+    def of_robot(
+        self: Any, reference: shapes.Reference, robot: Robot, start: Array, world: World | None
+    ) -> shapes.Reference:
+        return shape.of_robot(reference, robot, start, world, **{name: getattr(self, name) for name in names})
 
     contents = {
         "__doc__": said,

@@ -148,8 +148,8 @@ class FurtherTaskSpec(Part, frozen=True, kw_only=True):
     part: TaskPart = "pose"
     posture: Annotated[list[float] | None, Meta(description="rad or m")] = None
 
-    def further_task(self, robot: Robot, start: Array, folder: Path) -> FurtherTask:
-        """Return the task of a robot that starts somewhere, shape (n,)."""
+    def further_task(self, robot: Robot, start: Array, folder: Path, world: World | None) -> FurtherTask:
+        """Return the task of a robot that starts somewhere, shape (n,), in a world."""
         own = self.task.task() if isinstance(self.task, TaskSpec) else self.task
         reference, part = None, self.part
         if own == POSTURE:
@@ -163,7 +163,7 @@ class FurtherTaskSpec(Part, frozen=True, kw_only=True):
             if self.reference is not None:
                 reference = self.reference.build(tree.pose_of(own, start), folder)
                 if not is_mass:
-                    reference = self.reference.of_robot(reference, tree.with_task(own), start)
+                    reference = self.reference.of_robot(reference, tree.with_task(own), start, world)
         return FurtherTask(own, self.gain, reference, self.level, self.weight, part, self.posture)
 
 
@@ -398,7 +398,7 @@ class Spec(Part, frozen=True, kw_only=True):
         further = []
         for i, each in enumerate(self.tasks):
             with error_prefix(f"tasks[{i}]"):
-                further.append(each.further_task(robot, start, folder))
+                further.append(each.further_task(robot, start, folder, self.surroundings))
         return PreparedTasks(robot, further, start, times)
 
     def limits_of(self, plant: AnyPlant, robot: Robot) -> CommandLimits:
