@@ -76,6 +76,7 @@ class Surroundings:
     """
 
     def __init__(self, given: Constraints) -> None:
+        given = given.unwatched
         walls = [Thing(name, wall, True) for name, zone in given.zones.items() for wall in zone.shapes]
         named = list(given.obstacles.items())
         self._obstacles = [each.moves for _, each in named for _ in each.shapes]
@@ -117,7 +118,7 @@ class KeptScene(Surroundings):
     def __init__(self, given: Constraints, robot: Robot, period: float) -> None:
         super().__init__(given)
         self._robot = robot
-        self._prepared = PreparedConstraints(given, robot, period, "measured")
+        self._prepared = PreparedConstraints(given.unwatched, robot, period, "measured")
 
     def nearest(self, q: Array, time: float) -> NearestPair | None:
         """Return the nearest pair at a configuration (n,), rad or m; None if only angles are kept."""

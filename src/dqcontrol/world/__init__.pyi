@@ -4,6 +4,7 @@ from .body import (
     Motion as Motion,
     Slide as Slide,
     Solid as Solid,
+    Watch as Watch,
 )
 from .footprint import (
     Footprint as Footprint,

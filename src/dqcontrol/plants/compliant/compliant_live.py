@@ -94,13 +94,15 @@ class LiveCompliant(LivePlant):
         self._wrist = LiveWrist(arm.file.wrist_sensor, self.memory.wrench, plant.wrist_fault)
         self._draw()
         settle(self._plan, self._numbers, self._physics, self._noise[0])
-        self._world = WorldContacts(plant.world, arm.robot, model, data) if plant.world else None
+        world, period = plant.world, arm.ticks * TICK
+        self._world = WorldContacts(world, arm.robot, model, data, period, seed) if world else None
         own = _channels(arm.robot.joint_names, bool(arm.scale))
         self._own_size = sum(channel.size for channel in own)
         self.channels: tuple[Channel, ...] = own
         self.readings: Array = np.zeros(self._own_size)
         if self._world is not None:
             self._world.check_start()
+            self.seen = self._world.bodies.seen
             self.channels = (*own, *self._world.channels)
             self.readings = np.zeros(self._own_size + len(self._world.readings))
         self._joint_readings = self.readings[: len(_JOINT_CHANNELS) * n].reshape(-1, n)

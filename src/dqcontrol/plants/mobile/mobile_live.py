@@ -72,7 +72,8 @@ class LiveMobile(LivePlant):
         self.dofs: NDArray[np.intp] = dofs_of(model, joints)
         self._wheels, self._wheel_dofs = coordinates_of(model, gear.joints), dofs_of(model, gear.joints)
         self._gripper = LiveGripper(plant.gripper, model, self.data) if plant.gripper is not None else None
-        self._bodies = WorldBodies(plant.bodies, model, self.data)
+        self._bodies = WorldBodies(plant.bodies, model, self.data, run[0], run[2])
+        self.seen = self._bodies.seen
         self._encoders = JointEncoders(plant, len(joints), run[2])
         self._slid = 0.0  # s
         inputs = robot.in_form("constrained").acceleration_limits("plant")

@@ -47,9 +47,12 @@ class LiveMujoco(LivePlant):
         self.measured: Array = np.empty(n)
         hands = len(robot.ends)
         self._gripper = LiveGripper(plant.gripper, model, data, hands) if plant.gripper else None
-        self._world = WorldContacts(plant.world, robot, model, data) if plant.world else None
+        period = substeps * plant.timestep
+        world, self.seen = plant.world, {}
+        self._world = WorldContacts(world, robot, model, data, period, seed) if world else None
         if self._world is not None:
             self._world.check_start()
+            self.seen = self._world.bodies.seen
             self.channels: tuple[Channel, ...] = self._world.channels
             self.readings: Array = self._world.readings
         if self._gripper is not None:
@@ -59,7 +62,7 @@ class LiveMujoco(LivePlant):
         self._rate, self._target = data.ctrl[:n], data.act
         self._advance = import_mujoco().mj_step
         self._substeps = substeps
-        self._period = substeps * plant.timestep
+        self._period = period
         self._from_measured = plant.command_mode == "measured"
         self._encoders = JointEncoders(plant, n, seed)
         self._encoders.read(self.q, self.measured)

@@ -17,6 +17,7 @@ from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.mujoco.gripper import fingers
 from dqcontrol.plants.mujoco.pads import GRIP_FORCE, PADS
+from dqcontrol.plants.mujoco.watched_bodies import WatchedBodies, seen_channels
 from dqcontrol.robots.files.mujoco_package import import_mujoco
 from dqcontrol.world import Body, World
 from dqcontrol.world.mesh import convex_parts
@@ -229,11 +230,17 @@ class WorldBodies:
         What is recorded of them.
     moves
         Whether a body moves as it says.
+    seen
+        By name where watched bodies are measured, poses (8,), updated in place at each sample.
     """
 
-    def __init__(self, bodies: Mapping[str, Body], model: Any, data: Any) -> None:
+    def __init__(self, bodies: Mapping[str, Body], model: Any, data: Any, dt: float, seed: int) -> None:
         self._data = data
-        self.channels: tuple[Channel, ...] = tuple(body_channels(bodies))
+        watched = {name: body for name, body in bodies.items() if body.watch is not None}
+        places = {name: data.body(_body_name(name)) for name in watched}
+        self._watched = WatchedBodies(watched, places, dt, seed)
+        self.seen: dict[str, Array] = self._watched.seen
+        self.channels: tuple[Channel, ...] = (*body_channels(bodies), *seen_channels(watched))
         self.size: int = sum(channel.size for channel in self.channels)
         moving = {name: body for name, body in bodies.items() if body.moves is not None}
         self._moving = [(int(model.body(_body_name(name)).mocapid[0]), body) for name, body in moving.items()]
@@ -257,7 +264,10 @@ class WorldBodies:
 
     def read(self, out: Array) -> None:
         """Write the readings, shape (size,)."""
-        out[:] = self._data.qpos[self._at]
+        moved = len(self._at)
+        out[:moved] = self._data.qpos[self._at]
+        if self.seen:
+            self._watched.look(out[moved:])
 
 
 def body_channels(bodies: Mapping[str, Body]) -> Iterator[Channel]:
@@ -307,10 +317,10 @@ class WorldContacts:
         Of contacts and bodies.
     """
 
-    def __init__(self, world: World, robot: Robot, model: Any, data: Any) -> None:
+    def __init__(self, world: World, robot: Robot, model: Any, data: Any, dt: float, seed: int) -> None:
         mujoco = import_mujoco()
         assert robot.shapes is not None
-        self.bodies: WorldBodies = WorldBodies(world.bodies, model, data)
+        self.bodies: WorldBodies = WorldBodies(world.bodies, model, data, dt, seed)
         self._model, self._data, self._force = model, data, mujoco.mj_contactForce
         self._names, self._links = list(world.bodies), robot.shapes.names
         number = {
