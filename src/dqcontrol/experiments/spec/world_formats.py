@@ -194,7 +194,7 @@ def _add_link(robot: ElementTree.Element, name: str, body: Body) -> None:
             place = algebra.translation(pose) - at
             rpy = algebra.rpy_from_rotation(algebra.rotation(pose))
             ElementTree.SubElement(part, "origin", xyz=_text(place), rpy=_text(rpy))
-            ElementTree.SubElement(ElementTree.SubElement(part, "geometry"), kind, **size)
+            ElementTree.SubElement(ElementTree.SubElement(part, "geometry"), kind, size)
     kind = "revolute" if body.hinge else "prismatic" if body.slide else "floating" if body.mass else "fixed"
     if body.hinge is not None and body.hinge.range is None:
         kind = "continuous"

@@ -155,6 +155,9 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
             add_world(spec, self.world.bodies, self.timestep)
             spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC  # with friction as stiff as pressure allows:
             spec.option.impratio = 50.0  # no creeping
+            spec.option.enableflags |= getattr(
+                mujoco.mjtEnableBit, "mjENBL_SLEEP", 0
+            )  # what lies costs nothing
         if self.pads is not None:
             self.pads.add(spec, robot, start, self.timestep)
         if self.gripper is not None:

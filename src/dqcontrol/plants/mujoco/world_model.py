@@ -118,6 +118,9 @@ def add_world(spec: Any, bodies: Mapping[str, Body], timestep: float) -> None:
             if body.moves is not None:  # what moves as it says carries what gives way
                 place = place.add_body(name=_geoms_of(name, body))
             _hang(mujoco, place, name, body, timestep)
+        is_still = role in ("fixed", "moving", "free") or body.moves is not None
+        if not is_still and hasattr(mujoco, "mjtSleepPolicy"):  # what is on its way, however slowly, moves on
+            place.sleep = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
         geoms = list(_solid_geoms(spec, place, body, meshes))
         mass = body.mass or (_PLATE if role == "springy" else 1.0)
         volume = sum(each for _, each in geoms) or 1.0
