@@ -248,7 +248,6 @@ def test_bad_controller_files_are_named(tmp_path, edit, words):
         ({"duty": 2.0}, ValueRangeError, "plant.duty: must lie in -1 … 1"),
         ({"hand": 3}, ShapeError, "plant.hand: expected true or false or text, got a whole number"),
         ({"pushes": {"time": 1}}, ShapeError, "plant.pushes: expected a list, got a mapping"),
-        ({"obstacles": [3]}, ShapeError, r"plant.obstacles\[0\]: expected Obstacle, got a whole number"),
         ({"payload": 0.9}, ShapeError, "plant.payload: expected Payload or a list or nothing, got a number"),
         (
             {"wrist_fault": True},

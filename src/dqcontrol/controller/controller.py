@@ -312,6 +312,11 @@ class Controller:
         parameters = self.parameters[min(row, len(self.parameters) - 1)]
         return q, *split(self._parts.kinematics), sample, parameters, state, self.work
 
+    def place(self, name: str, pose: Array) -> None:
+        """Tell its constraints where a watched body of the world is measured, pose (8,), inertial frame."""
+        if self.constraints is not None:
+            self.constraints.place(self._parts.constraining, name, pose)
+
     def sent(self, state: Array, command: Array) -> None:
         """Tell the law what left in place of its last command, as a supervisor changes it, shape (m,)."""
         if any(self._feedback):

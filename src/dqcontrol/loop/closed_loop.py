@@ -24,6 +24,7 @@ from dqcontrol.loop.trace import Stop, Trace, empty_records, ended
 from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance
 from dqcontrol.plants.live_plant import LivePlant, PlantProtocol, live_plant
 from dqcontrol.plants.plant import CompiledPlant
+from dqcontrol.references.follow import Follow
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE
 from dqcontrol.supervisor.supervisor_layout import GO, moment_layout
 
@@ -44,6 +45,7 @@ def close_loop(
     clock: Clock | None = None,
     supervision: Supervision | None = None,
     recording: SampleSink | None = None,
+    follow: Follow | None = None,
 ) -> Trace:
     """Drive a plant along samples with a law.
 
@@ -73,6 +75,8 @@ def close_loop(
         to rest within the supervisor's limits, and an exception raised only then.
     recording
         Gets every sample at once; the loop is then interpreted, and ends, braking if it can, when it cannot be written.
+    follow
+        Displaces the samples to where its body is measured.
 
     Returns
     -------
@@ -105,7 +109,13 @@ def close_loop(
             )
     if supervision is not None:
         _ = supervision.supervisor.kernel.pointer  # compiled now, not while the robot moves
-    steps = _Steps(law, plant, samples, disturbance, clock, supervision, recording)
+    if follow is not None:
+        if follow.body not in live.seen:
+            raise ValueRangeError(
+                f"reference.body: nothing measures '{follow.body}' here; its 'watch' needs a plant that moves it"
+            )
+        samples = samples.copy()
+    steps = _Steps(law, plant, samples, disturbance, clock, supervision, recording, follow)
     if clock is not None:
         _warm_up(law, live, samples, disturbance)
         asked = first_interrupt(supervision.end) if supervision else nullcontext()
@@ -200,10 +210,12 @@ class _Steps:
         clock: Clock | None,
         supervision: Supervision | None,
         recording: SampleSink | None,
+        follow: Follow | None,
     ) -> None:
         self.law, self.samples, self.disturbance = law, samples, disturbance
         self.plant = live = live_plant(plant)
         self.clock, self.supervision, self.recording = clock, supervision, recording
+        self._follow_body, self._followed = follow, np.zeros(8)
         self.desired, self.senses = samples, None
         if supervision is not None:
             self.desired = long_array(len(samples) + most_steps_to_rest(supervision.supervisor), SAMPLE_SIZE)
@@ -334,6 +346,7 @@ class _Steps:
         q, measured, command, kept = (record[k] for record in self.records)
         q[:], measured[:] = plant.q, plant.measured
         self._readings.take(k)
+        self._see(k, row)
         command[:] = 0.0
         failure = _ask(self.law, plant.measured, row, k, self.law_state, command) if asks else None
         kept[:] = self.law.report
@@ -354,6 +367,18 @@ class _Steps:
         if self.clock:
             self.clock.commanded()
         return failure
+
+    def _see(self, k: int, row: Array) -> None:
+        """Let law and desired sample know where watched bodies are measured."""
+        for name, pose in self.plant.seen.items():
+            self.law.place(name, pose)
+        follow = self._follow_body
+        if follow is None or k >= len(self.samples):
+            return
+        if row[TIME] <= follow.until:
+            self._followed[:] = self.plant.seen[follow.body]
+        row[:] = follow.carried(row, self._followed)
+        self.desired[k] = row
 
     def _move(self) -> None:
         """Send the last command, and let the robot move for a period."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from dqcontrol.errors import DivergedError
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.closed_loop import close_loop
 from dqcontrol.loop.record import has_failed
+from dqcontrol.loop.signals import Signal
 from dqcontrol.loop.simulate import supervise
 from dqcontrol.loop.trace import FARTHEST
 from dqcontrol.plants.disturbance import Disturbance
@@ -35,6 +37,8 @@ class RolloutView(NamedTuple):
         As of a `Record`, one row a sample.
     failed
         Whether it diverged, or was stopped.
+    readings
+        What the plant sensed, by name; empty of compiled plants.
     """
 
     samples: Array
@@ -42,6 +46,7 @@ class RolloutView(NamedTuple):
     measured: Array
     command: Array
     failed: bool
+    readings: Mapping[str, Signal] = MappingProxyType({})
 
 
 class RepeatedLoop:
@@ -180,7 +185,8 @@ class RepeatedLoop:
         except DivergedError:
             empty = np.zeros((0, self.robot.configuration_size))
             return RolloutView(self.samples[:0], empty, empty, np.zeros((0, self.robot.input_size)), True)
-        return RolloutView(trace.desired, trace.q, trace.measured, trace.command, has_failed(trace.stopped))
+        failed = has_failed(trace.stopped)
+        return RolloutView(trace.desired, trace.q, trace.measured, trace.command, failed, trace.readings)
 
 
 def share_records(loops: Sequence[RepeatedLoop]) -> None:

@@ -151,7 +151,7 @@ class Metrics:
     limit_joint
         The joint that comes so near; empty without limits.
     peak_contact
-        Largest force of an obstacle on the hand, N; NaN without obstacles.
+        Largest force on a body of the world, N; NaN where links touch nothing.
     recovery_time
         From the end of the last contact until the hand is back where it was, s; see ``contact.recovery_time``.
     peak_velocity_share

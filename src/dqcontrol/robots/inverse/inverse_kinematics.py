@@ -138,7 +138,9 @@ class InverseKinematics(Dexterity):
         )
         n, poses, guess = self.configuration_size, unit_poses("pose", pose), problem.middle
         if start is not None:
-            guess = np.minimum(np.maximum(as_array("start", start, (n,)), problem.limits[0]), problem.limits[1])
+            guess = np.minimum(
+                np.maximum(as_array("start", start, (n,)), problem.limits[0]), problem.limits[1]
+            )
         if poses.ndim == guess.ndim == 1:
             q = guess.reshape(1, n).copy()
             reports = self._newton(problem, poses.reshape(1, 8), q)
