@@ -1,0 +1,4 @@
+from .certified_edges import (
+    CertifiedEdges as CertifiedEdges,
+    EdgeCheck as EdgeCheck,
+)
