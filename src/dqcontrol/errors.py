@@ -52,6 +52,26 @@ class UnreachableGoalError(ReachError, ValueRangeError):
         self.nearest = nearest
 
 
+class PlanError(Error, ValueError):
+    """There is no plan, or none was found.
+
+    Attributes
+    ----------
+    reason
+        ``start``, ``goal`` (nobody may be there), ``unreachable`` (nobody can), or ``effort`` (no way was found).
+    pair
+        What is in the way, as ``table: panda_link5``, or the joint beyond its limit; empty if unknown.
+    nearest
+        The nearest configuration, shape (n,), or pose that was found; None if unknown.
+    """
+
+    def __init__(self, message: str, reason: str = "", *, pair: str = "", nearest: object = None) -> None:
+        super().__init__(message)
+        self.reason = reason
+        self.pair = pair
+        self.nearest = nearest
+
+
 class ExistsError(Error, FileExistsError):
     """An output would overwrite something."""
 

@@ -217,9 +217,9 @@ class PreparedConstraints:
             lines.append(f"{self.labels[i]}: {self.text(i, values[i])}")
         return lines
 
-    def text(self, row: int, value: float) -> str:
-        """Say what a row's distance or room is and what was asked."""
-        asked = self.asked[row]
+    def text(self, row: int, value: float, asked: float | None = None) -> str:
+        """Say what a row's distance or room is and what was asked: what the constraints ask if omitted."""
+        asked = float(self.asked[row]) if asked is None else asked
         if self.is_angle[row]:
             limit = math.degrees(float(self._lines[row].row.limit))
             sign = 1.0 if self._lines[row].row.kind == AT_LEAST else -1.0

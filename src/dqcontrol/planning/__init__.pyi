@@ -2,3 +2,9 @@ from .certified_edges import (
     CertifiedEdges as CertifiedEdges,
     EdgeCheck as EdgeCheck,
 )
+from .plan import (
+    Certificate as Certificate,
+    Plan as Plan,
+    plan as plan,
+)
+from .plan_to import PlanTo as PlanTo

@@ -10,6 +10,7 @@ corners are proved by the same function.
 from __future__ import annotations
 
 import math
+from copy import copy
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -49,6 +50,7 @@ from dqcontrol.robots.robot import Robot
 DEPTH = 40  # halvings: 10⁻¹² of an edge, more than `_FINEST` ever asks for
 _FINEST = 1e-4  # m or rad: of half an interval; what is not decided there is told as not certified
 _TOLERANCE = 1e-4  # m: how much less than the least room found may be the least there is
+_EASED = 3e-4  # m or rad: three times what is left undecided
 _ROUNDING = 1e-9  # rad or m: a joint that a law has led to its end may be that much beyond it
 _PERIOD = 0.01  # s, of constraints that come without one; enters rates and allowances alone
 
@@ -247,6 +249,15 @@ class CertifiedEdges:
     extra
         How much more than asked is to be kept, m or rad.
 
+    Attributes
+    ----------
+    kept
+        The constraints made ready.
+    lower, upper
+        Limits of the joints that are kept, shape (n,), infinite if the constraints do not keep them.
+    proof, work
+        For compiled code: chain, what is asked of each row, parameters; and memory.
+
     Raises
     ------
     ValueRangeError
@@ -282,8 +293,8 @@ class CertifiedEdges:
         free = not self.kept.given.joint_limits
         self.lower: Array = np.full(n, -np.inf) if free else robot.limits.lower
         self.upper: Array = np.full(n, np.inf) if free else robot.limits.upper
-        self._own = np.zeros(proof_work.size(n, rows))
-        self._scratch = np.zeros(self.kept.scratch)
+        self.proof: tuple[Array, Array, Array] = (robot.table, self._needs, self.kept.parameters)
+        self.work: tuple[Array, Array] = (np.zeros(proof_work.size(n, rows)), np.zeros(self.kept.scratch))
         self._pair, self._answer = np.empty((1, 3 * n)), np.empty((1, ANSWER))
 
     def clear(self, a: ArrayLike, b: ArrayLike) -> EdgeCheck:
@@ -301,7 +312,9 @@ class CertifiedEdges:
         found = self.curves(np.hstack([first, 0.5 * (first + last), last]))
         if lead:
             return EdgeCheck(*(np.reshape(each, lead) for each in found))
-        return EdgeCheck(bool(found.certified[0]), float(found.room[0]), found.label[0], float(found.share[0]))
+        return EdgeCheck(
+            bool(found.certified[0]), float(found.room[0]), found.label[0], float(found.share[0])
+        )
 
     def curves(self, points: Array) -> EdgeCheck:
         """Return what is known of quadratic curves by their three points, shape (N, 3 n)."""
@@ -321,16 +334,8 @@ class CertifiedEdges:
         pair, n = self._pair[0], len(a)
         pair[:n], pair[2 * n :] = a, b
         pair[n : 2 * n] = 0.5 * (a + b)
-        certify_curves(
-            self.robot.table,
-            self._pair,
-            self._needs,
-            self.kept.parameters,
-            -1.0,
-            self._own,
-            self._scratch,
-            self._answer,
-        )
+        chain, needs, parameters = self.proof
+        certify_curves(chain, self._pair, needs, parameters, -1.0, *self.work, self._answer)
         return bool(self._answer[0, CERTIFIED] > 0)
 
     def least_room(self, points: Array) -> Room:
@@ -341,6 +346,37 @@ class CertifiedEdges:
             return Room(math.inf, "")
         k = int(answers[:, ROOM].argmin())
         return Room(float(answers[k, ROOM]) - _TOLERANCE, self.labels_of(answers[k : k + 1])[0])
+
+    def room_at(self, q: Array) -> tuple[Array, NDArray[np.intp]]:
+        """Return the least room beyond what is asked at configurations, shape (N, n), m or rad, and the row with it."""
+        if not self._needs.size:
+            return np.full(len(q), np.inf), np.full(len(q), -1)
+        rooms = self.kept.values(q, np.zeros(len(q))) - self._needs
+        rows = rooms.argmin(axis=1)
+        return rooms[np.arange(len(q)), rows], rows
+
+    def said(self, q: Array, row: int | np.intp) -> str:
+        """Say what a row is at a configuration, and what of it is asked."""
+        return self.kept.text(
+            int(row), float(self.kept.values(q[None], [0.0])[0, row]), float(self._needs[row])
+        )
+
+    def with_more(self, extra: float) -> CertifiedEdges:
+        """Return the same with more room asked for, m or rad."""
+        return self._asking(self._needs + extra)
+
+    def eased_at(self, q: Array) -> CertifiedEdges:
+        """Return the same with 0.3 mm less asked of what touches at a configuration, shape (n,).
+
+        Where a distance is just what is asked, an edge that leads away is clear, and nothing proves it.
+        """
+        return self._asking(np.minimum(self._needs, self.kept.values(q[None], [0.0])[0] - _EASED))
+
+    def _asking(self, needs: Array) -> CertifiedEdges:
+        other = copy(self)
+        other._needs = np.ascontiguousarray(needs)
+        other.proof = (self.proof[0], other._needs, self.proof[2])
+        return other
 
     def beyond_limits(self, q: Array) -> Array:
         """Return how far each joint is beyond its limits, shape (N, n), rad or m; negative inside."""
@@ -353,17 +389,10 @@ class CertifiedEdges:
     def _proved(self, points: Array, tolerance: float, needs: Array | None = None) -> Array:
         if not np.isfinite(points).all():
             raise ValueRangeError("edges: configurations must be finite")
-        answers = np.empty((len(points), ANSWER))
-        status = certify_curves(
-            self.robot.table,
-            np.ascontiguousarray(points),
-            self._needs if needs is None else needs,
-            self.kept.parameters,
-            tolerance,
-            self._own,
-            self._scratch,
-            answers,
-        )
+        curves, answers = np.ascontiguousarray(points), np.empty((len(points), ANSWER))
+        chain, own, parameters = self.proof
+        asked = own if needs is None else needs
+        status = certify_curves(chain, curves, asked, parameters, tolerance, *self.work, answers)
         if status != OK:
             raise ShapeError(f"edges: no poses of {self.robot.name} at these configurations")
         return answers

@@ -1,0 +1,150 @@
+"""Timing of a way that laws with constraints let pass: time-optimal [Pham and Pham 2018], and slow where it is narrow.
+
+Such a law holds d' ≥ −η (d − kept). A plan that passes something faster is braked there, and the robot leaves it; so
+−ρ η (d − kept) is a limit of the speed along the way, with ρ below 1.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from dqcontrol.arrays import Array
+from dqcontrol.constraints.prepared_constraints import PreparedConstraints
+from dqcontrol.errors import Error, MissingExtraError
+from dqcontrol.planning.smooth_way import SmoothWay
+
+_STEP = (
+    0.02  # rad or m between points of the grid: 1° of a joint, over which a distance changes nearly evenly
+)
+_LEAST_POINTS = 16  # of a part's grid
+_CREEP = 1e-3  # rad/s or m/s: what touches already is left this fast, at least
+_LEFT_OUT = "pip install 'dqcontrol[plan]'"
+
+
+class Timing(NamedTuple):
+    """When a way is where: between instants its speed along it changes evenly.
+
+    Attributes
+    ----------
+    times, lengths, speeds
+        Of the instants, shape (G,): s, rad or m, rad/s or m/s.
+    """
+
+    times: Array
+    lengths: Array
+    speeds: Array
+
+    def at(self, times: Array) -> tuple[Array, Array, Array]:
+        """Return length, speed and acceleration along the way at times (N,), s."""
+        k = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.times) - 2)
+        steps = np.diff(self.times)
+        rate = np.diff(self.speeds) / steps
+        after = np.clip(times - self.times[k], 0.0, steps[k])
+        speed = self.speeds[k] + rate[k] * after
+        length = self.lengths[k] + after * 0.5 * (self.speeds[k] + speed)
+        return np.minimum(length, self.lengths[-1]), speed, rate[k]
+
+
+def kept_timing(
+    way: SmoothWay,
+    kept: PreparedConstraints,
+    velocity: Array,
+    acceleration: Array,
+    approach: float,
+) -> Timing:
+    """Return the fastest timing from rest to rest within limits that constraints do not brake.
+
+    Parameters
+    ----------
+    way
+        Where to go; it rests at its corners.
+    kept
+        The constraints.
+    velocity, acceleration
+        Limits of the coordinates, shape (n,).
+    approach
+        ρ, share of η at which distances shrink at most.
+
+    Raises
+    ------
+    MissingExtraError
+        If TOPP-RA is not installed.
+    Error
+        If there is no timing.
+    """
+    times, lengths, speeds = [np.zeros(1)], [np.zeros(1)], [np.zeros(1)]
+    for part in way.parts():
+        grid, speed = _timed(part, kept, velocity, acceleration, approach)
+        with np.errstate(divide="ignore"):
+            took = 2.0 * np.diff(grid) / (speed[:-1] + speed[1:])
+        times.append(times[-1][-1] + np.cumsum(took))
+        lengths.append(lengths[-1][-1] + grid[1:])
+        speeds.append(speed[1:])
+    return Timing(*map(np.concatenate, (times, lengths, speeds)))
+
+
+def _timed(
+    part: SmoothWay, kept: PreparedConstraints, velocity: Array, acceleration: Array, approach: float
+) -> tuple[Array, Array]:
+    """Return the grid of a part without corners, and the speed at its points."""
+    try:
+        from toppra import algorithm, constraint, interpolator
+    except ImportError:
+        raise MissingExtraError(f"plan: its timing needs TOPP-RA: {_LEFT_OUT}") from None
+
+    class Path(interpolator.AbstractGeometricPath):
+        dof = part.points.shape[2]
+        path_interval = np.array([0.0, part.begins[-1]])
+        waypoints = None
+
+        def __call__(self, lengths, order=0):  # noqa: ANN001, ANN204 — as TOPP-RA calls it
+            found = part.at(np.atleast_1d(np.asarray(lengths, np.float64)))[order]
+            return found if np.ndim(lengths) else found[0]
+
+    class Approach(constraint.LinearConstraint):
+        """A limit of the speed along the path."""
+
+        def __init__(self) -> None:
+            super().__init__()
+            self.dof = Path.dof
+
+        def compute_constraint_params(self, path, gridpoints):  # noqa: ANN001, ANN202, ARG002
+            bounds = np.column_stack([np.zeros(len(fastest)), fastest**2])
+            return None, None, None, None, None, None, bounds
+
+    grid = _grid(part)
+    fastest = _fastest(part, kept, grid, approach)
+    limits = [
+        constraint.JointVelocityConstraint(velocity),
+        constraint.JointAccelerationConstraint(np.column_stack([-acceleration, acceleration])),
+        Approach(),
+    ]
+    _, speeds, _ = algorithm.TOPPRA(limits, Path(), gridpoints=grid).compute_parameterization(0.0, 0.0)
+    if speeds is None or not np.isfinite(speeds).all() or (speeds[:-1] + speeds[1:] <= 0).any():
+        raise Error("plan: no timing of the way keeps the limits")
+    return grid, speeds
+
+
+def _grid(part: SmoothWay) -> Array:
+    """Return lengths at which a part is looked at: ends of its pieces, and between them."""
+    step = min(_STEP, part.begins[-1] / _LEAST_POINTS)
+    inner = [
+        np.linspace(a, b, math.ceil((b - a) / step) + 1)[:-1]
+        for a, b in zip(part.begins[:-1], part.begins[1:], strict=True)
+    ]
+    return np.concatenate([*inner, part.begins[-1:]])
+
+
+def _fastest(part: SmoothWay, kept: PreparedConstraints, grid: Array, approach: float) -> Array:
+    """Return how fast a way may be passed at points of its grid so that no distance shrinks too fast."""
+    values = kept.values(part.at(grid)[0], np.zeros(len(grid)))
+    room = np.maximum(values - (kept.asked + kept.allowances), 0.0)
+    shrinks = np.maximum(-np.diff(values, axis=0) / np.diff(grid)[:, None], 0.0)
+    nearer = np.maximum(np.vstack([shrinks, shrinks[-1:]]), np.vstack([shrinks[:1], shrinks]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        speeds = np.where(nearer > 0, approach * kept.rate * room / nearer, np.inf)
+    fastest = speeds.min(axis=1, initial=np.inf)
+    return np.clip(fastest, _CREEP, 1e3)
