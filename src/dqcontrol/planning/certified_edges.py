@@ -22,7 +22,6 @@ from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.constraints import Constraints
 from dqcontrol.constraints.constraint_layout import (
     APART,
-    Head,
     KeptRows,
     Placed,
     RobotScene,

@@ -7,13 +7,15 @@ Such a law holds d' ≥ −η (d − kept). A plan that passes something faster 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
-from dqcontrol.errors import Error, MissingExtraError
+from dqcontrol.errors import Error
+from dqcontrol.planning.extra import from_extra
 from dqcontrol.planning.smooth_way import SmoothWay
 
 _STEP = (
@@ -21,7 +23,6 @@ _STEP = (
 )
 _LEAST_POINTS = 16  # of a part's grid
 _CREEP = 1e-3  # rad/s or m/s: what touches already is left this fast, at least
-_LEFT_OUT = "pip install 'dqcontrol[plan]'"
 
 
 class Timing(NamedTuple):
@@ -90,42 +91,49 @@ def _timed(
     part: SmoothWay, kept: PreparedConstraints, velocity: Array, acceleration: Array, approach: float
 ) -> tuple[Array, Array]:
     """Return the grid of a part without corners, and the speed at its points."""
-    try:
-        from toppra import algorithm, constraint, interpolator
-    except ImportError:
-        raise MissingExtraError(f"plan: its timing needs TOPP-RA: {_LEFT_OUT}") from None
-
-    class Path(interpolator.AbstractGeometricPath):
-        dof = part.points.shape[2]
-        path_interval = np.array([0.0, part.begins[-1]])
-        waypoints = None
-
-        def __call__(self, lengths, order=0):  # noqa: ANN001, ANN204 — as TOPP-RA calls it
-            found = part.at(np.atleast_1d(np.asarray(lengths, np.float64)))[order]
-            return found if np.ndim(lengths) else found[0]
-
-    class Approach(constraint.LinearConstraint):
-        """A limit of the speed along the path."""
-
-        def __init__(self) -> None:
-            super().__init__()
-            self.dof = Path.dof
-
-        def compute_constraint_params(self, path, gridpoints):  # noqa: ANN001, ANN202, ARG002
-            bounds = np.column_stack([np.zeros(len(fastest)), fastest**2])
-            return None, None, None, None, None, None, bounds
-
+    toppra = from_extra("toppra", "timings of plans")
     grid = _grid(part)
     fastest = _fastest(part, kept, grid, approach)
     limits = [
-        constraint.JointVelocityConstraint(velocity),
-        constraint.JointAccelerationConstraint(np.column_stack([-acceleration, acceleration])),
-        Approach(),
+        toppra.constraint.JointVelocityConstraint(velocity),
+        toppra.constraint.JointAccelerationConstraint(np.column_stack([-acceleration, acceleration])),
+        _speed_limit(toppra, fastest, len(velocity)),
     ]
-    _, speeds, _ = algorithm.TOPPRA(limits, Path(), gridpoints=grid).compute_parameterization(0.0, 0.0)
+    timed = toppra.algorithm.TOPPRA(limits, _Path(part), gridpoints=grid)
+    speeds = timed.compute_parameterization(0.0, 0.0)[1]
     if speeds is None or not np.isfinite(speeds).all() or (speeds[:-1] + speeds[1:] <= 0).any():
         raise Error("plan: no timing of the way keeps the limits")
     return grid, speeds
+
+
+class _Path:
+    """A way as TOPP-RA takes it."""
+
+    waypoints = None
+
+    def __init__(self, way: SmoothWay) -> None:
+        self._way = way
+        self.dof: int = way.points.shape[2]
+        self.path_interval: Array = np.array([0.0, way.begins[-1]])
+
+    def __call__(self, lengths: ArrayLike, order: int = 0) -> Array:
+        """Return the way or a derivative of it at lengths, shape (N,) or ()."""
+        found = self._way.at(np.atleast_1d(np.asarray(lengths, np.float64)))[order]
+        return found if np.ndim(lengths) else found[0]
+
+
+def _speed_limit(toppra: Any, fastest: Array, n: int) -> Any:
+    """Return a limit of the speed along the path at each point of the grid, as TOPP-RA takes it."""
+
+    class SpeedLimit(toppra.constraint.LinearConstraint):
+        def __init__(self) -> None:
+            super().__init__()
+            self.dof = n
+
+        def compute_constraint_params(self, *_: object) -> tuple[Any, ...]:
+            return (*[None] * 6, np.column_stack([np.zeros(len(fastest)), fastest**2]))
+
+    return SpeedLimit()
 
 
 def _grid(part: SmoothWay) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -56,10 +57,7 @@ class SmoothWay(NamedTuple):
     def parts(self) -> list[SmoothWay]:
         """Return it taken apart at its corners."""
         ends = [0, *self.corners, len(self.lengths)]
-        return [
-            SmoothWay(self.points[i:j], self.lengths[i:j], ())
-            for i, j in zip(ends[:-1], ends[1:], strict=True)
-        ]
+        return [SmoothWay(self.points[i:j], self.lengths[i:j], ()) for i, j in pairwise(ends)]
 
 
 def smooth_way(edges: CertifiedEdges, corners: Array) -> SmoothWay:

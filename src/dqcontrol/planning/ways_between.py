@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import MissingExtraError, ValueRangeError
+from dqcontrol.errors import ValueRangeError
 from dqcontrol.planning.certified_edges import CertifiedEdges
+from dqcontrol.planning.extra import from_extra
 from dqcontrol.robots.robot import base_coordinates
 
 # rad or m: longest edge of the trees. Of 131 problems of MotionBenchMaker 128 are solved with it, 127 with OMPL's own
@@ -17,7 +18,6 @@ from dqcontrol.robots.robot import base_coordinates
 _RANGE = 1.5
 _AROUND = 3.0  # m: so far beyond start and goals a base without limits looks for ways
 _TURN = math.pi  # rad: the same of joints without limits
-_LEFT_OUT = "pip install 'dqcontrol[plan]'"
 
 
 class Search(NamedTuple):
@@ -59,18 +59,16 @@ def search(edges: CertifiedEdges, start: Array, goals: Array, seed: int, effort:
     ValueRangeError
         If a joint that slides has no limits.
     """
-    try:
-        from ompl import base as ob, geometric as og, util as ou
-    except ImportError:
-        raise MissingExtraError(
-            f"plan: the straight way is blocked, and ways around need OMPL: {_LEFT_OUT}"
-        ) from None
+    ob, og, ou = (
+        from_extra(f"ompl.{part}", "ways around what blocks the straight one")
+        for part in ("base", "geometric", "util")
+    )
     ou.setLogLevel(ou.LOG_NONE)
     ou.RNG.setSeed(seed + 1)  # 0 is none to it
     n, looked = len(start), 0
 
     class Motions(ob.MotionValidator):
-        def checkMotion(self, first: ob.State, second: ob.State) -> bool:  # noqa: N802
+        def checkMotion(self, first: Any, second: Any) -> bool:  # noqa: N802 — as OMPL calls it
             nonlocal looked
             looked += 1
             a[:], b[:] = first[0:n], second[0:n]
@@ -111,7 +109,7 @@ def _every_state(_: object) -> bool:
     return True
 
 
-def _state(space, q: Array):  # noqa: ANN001, ANN202 — of OMPL
+def _state(space: Any, q: Array) -> Any:
     state = space.allocState()
     for i, value in enumerate(q):
         state[i] = float(value)
