@@ -17,6 +17,8 @@ from msgspec import UNSET
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.kernel_cache import has_source, source_hash
+from dqcontrol.constraints import Constraints
+from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.controller import Controller, PreparedTasks
 from dqcontrol.errors import ReachError, ShapeError, ValueRangeError, error_prefix
 from dqcontrol.experiments.contacts import check_floor
@@ -269,6 +271,8 @@ def prepare_spec(
     for label, robot in robots.items():
         with error_prefix(f"robots.{label}") if label else nullcontext():
             parts = spec.reference, spec.period, spec.duration, spec.skip_initial, robot, spec.tasks
+            if spec.reference.plans_around:
+                parts = *parts, [each.law.constraints for each in variants], list(plants.values()), spec.world
             scenes[label] = _once(known, parts, lambda chosen=robot: _scene(spec, chosen, folder, known))
             limits = {name: spec.limits_of(plant, scenes[label].robot) for name, plant in plants.items()}
             different = {each.velocity: each for each in limits.values()}
@@ -309,7 +313,9 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
     start = _start(chosen.start, robot)
     robot = robot.from_start(start)
     reference = spec.reference.build(robot.fkm(start), folder)
-    reference = spec.reference.of_robot(reference, _widest(spec, robot), start)
+    kept = _kept(spec, robot) if spec.reference.plans_around else None
+    with error_prefix("reference") if kept else nullcontext():
+        reference = spec.reference.of_robot(reference, _widest(spec, robot), start, kept)
     times = spec.period * np.arange(step_count(reference, spec.period, spec.duration), dtype=np.float64)
     samples = reference.samples(times)
     if spec.skip_initial > samples[-1, -1]:
@@ -322,6 +328,23 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
         raise ReachError(f"{error}{length_slip(spec.reference, robot)}") from None
     check_floor(robot, start, samples)
     return PreparedRobot(robot, start, reference, samples, _tasks(spec, robot, start, folder, times))
+
+
+def _kept(spec: Spec, robot: Robot) -> PreparedConstraints:
+    """Return what all laws of a spec keep, as its plant with the most lag needs it; else all bodies of its world."""
+    given = [variant.law.constraints for variant in spec.variants]
+    if any(each != given[0] for each in given):
+        raise ShapeError(
+            f"reference: {spec.reference.__struct_config__.tag} plans once for all laws, and these keep different "
+            "constraints; give them once, as 'constraints' of the spec"
+        )
+    world = spec.surroundings
+    asked = given[0] or Constraints(world=world, clear_of="all" if world else None)
+    found = [
+        asked.prepare(robot, spec.period, lagging_mode(plant), plant.lag(robot))
+        for plant in spec.plant_by_label.values()
+    ]
+    return max(found, key=lambda each: float(each.allowances.sum()))
 
 
 def _widest(spec: Spec, robot: Robot) -> Robot:

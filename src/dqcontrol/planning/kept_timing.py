@@ -22,6 +22,11 @@ _STEP = (
     0.02  # rad or m between points of the grid: 1° of a joint, over which a distance changes nearly evenly
 )
 _LEAST_POINTS = 16  # of a part's grid
+_STEEP = (
+    0.2  # 22 %: speeds between two points are then 0.5 % above what the distance lets pass; ρ leaves 10 %
+)
+_ROUNDS, _FINEST = 8, 1e-4  # of making a grid finer; rad or m between its points
+_NARROW = 5e-3  # rad or m: the same where distances limit the speed, whose rates jump where other points are nearest
 _CREEP = 1e-3  # rad/s or m/s: what touches already is left this fast, at least
 
 
@@ -92,8 +97,7 @@ def _timed(
 ) -> tuple[Array, Array]:
     """Return the grid of a part without corners, and the speed at its points."""
     toppra = from_extra("toppra", "timings of plans")
-    grid = _grid(part)
-    fastest = _fastest(part, kept, grid, approach)
+    grid, fastest = _grid_and_limit(part, kept, velocity, approach)
     limits = [
         toppra.constraint.JointVelocityConstraint(velocity),
         toppra.constraint.JointAccelerationConstraint(np.column_stack([-acceleration, acceleration])),
@@ -146,13 +150,35 @@ def _grid(part: SmoothWay) -> Array:
     return np.concatenate([*inner, part.begins[-1:]])
 
 
-def _fastest(part: SmoothWay, kept: PreparedConstraints, grid: Array, approach: float) -> Array:
-    """Return how fast a way may be passed at points of its grid so that no distance shrinks too fast."""
-    values = kept.values(part.at(grid)[0], np.zeros(len(grid)))
+def _grid_and_limit(
+    part: SmoothWay, kept: PreparedConstraints, velocity: Array, approach: float
+) -> tuple[Array, Array]:
+    """Return a grid, and how fast the way may be passed at its points.
+
+    It is finer where distances limit that, and the faster they change it: between its points TOPP-RA lets squares of
+    speeds change evenly, which is faster than the speeds themselves would.
+    """
+    grid = _grid(part)
+    for rounds in range(_ROUNDS + 1):
+        q, along, _ = part.at(grid)
+        with np.errstate(divide="ignore"):
+            turning = (velocity / np.abs(along)).min(axis=1)
+        fastest = np.clip(np.minimum(_approaching(kept, q, grid, approach), turning), _CREEP, None)
+        narrow = fastest < turning
+        size = np.diff(grid)
+        coarse = (np.abs(np.diff(np.log(fastest))) > _STEEP) & (size > _FINEST)
+        coarse |= (narrow[1:] | narrow[:-1]) & (size > _NARROW)
+        if rounds == _ROUNDS or not coarse.any():
+            break
+        grid = np.sort(np.concatenate([grid, 0.5 * (grid[:-1] + grid[1:])[coarse]]))
+    return grid, fastest
+
+
+def _approaching(kept: PreparedConstraints, q: Array, grid: Array, approach: float) -> Array:
+    """Return the speeds at which no distance shrinks faster than it may."""
+    values = kept.values(q, np.zeros(len(grid)))
     room = np.maximum(values - (kept.asked + kept.allowances), 0.0)
     shrinks = np.maximum(-np.diff(values, axis=0) / np.diff(grid)[:, None], 0.0)
     nearer = np.maximum(np.vstack([shrinks, shrinks[-1:]]), np.vstack([shrinks[:1], shrinks]))
     with np.errstate(divide="ignore", invalid="ignore"):
-        speeds = np.where(nearer > 0, approach * kept.rate * room / nearer, np.inf)
-    fastest = speeds.min(axis=1, initial=np.inf)
-    return np.clip(fastest, _CREEP, 1e3)
+        return np.where(nearer > 0, approach * kept.rate * room / nearer, np.inf).min(axis=1, initial=np.inf)

@@ -81,6 +81,11 @@ class Plan:
     certificate: Certificate
     took: float
 
+    def __str__(self) -> str:
+        """Return what is proved of it, and what it took, in a line."""
+        points = f"{len(self.configurations)} points, {self.length:.3g} rad"
+        return f"{self.certificate}; {points}, {1000 * self.took:.0f} ms"
+
     @property
     def length(self) -> float:
         """Euclidean length of the way in coordinates, rad or m."""

@@ -2,19 +2,82 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field
+from typing import Annotated, ClassVar
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
+from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ValueRangeError, as_array, as_positive
+from dqcontrol.constraints.prepared_constraints import PreparedConstraints
+from dqcontrol.errors import NoteWarning, ShapeError, ValueRangeError, as_array, as_positive, unknown_name
+from dqcontrol.named_fields import NamedFields
 from dqcontrol.planning.kept_timing import Timing, kept_timing
-from dqcontrol.planning.plan import Plan
+from dqcontrol.planning.plan import EFFORT, Plan, plan
 from dqcontrol.references.drive_to import PlannedWay
-from dqcontrol.references.reference import NO_CORNERS
+from dqcontrol.references.reference import NO_CORNERS, Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE
+from dqcontrol.references.set_point import SetPoint
+from dqcontrol.references.yaml_form import SpecStart, Vector
 from dqcontrol.robots import Robot
+from dqcontrol.world import World
+
+Share = Annotated[float, Meta(gt=0, le=1)]
+
+
+class Goal(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where a plan leads.
+
+    Parameters
+    ----------
+    configuration
+        rad or m; or
+    position, quaternion, rpy
+        the pose of the end effector, m and rad, in the inertial frame, or in the axes of
+    body
+        one of the world, where it is at the start.
+    """
+
+    spec_key: ClassVar[str] = "reference.goal"
+    configuration: Annotated[list[float], Meta(min_length=1, description="rad or m")] | None = None
+    position: Annotated[Vector, Meta(description="m")] | None = None
+    quaternion: Annotated[tuple[float, float, float, float], Meta(description="scalar first")] | None = None
+    rpy: Annotated[Vector, Meta(description="roll, pitch, yaw: Rz(y) Ry(p) Rx(r), rad")] | None = None
+    body: Annotated[str, Meta(min_length=1)] | None = None
+
+    def pose(self, start: Array) -> Array:
+        """Return the pose that it gives, shape (8,); what it leaves out is that of a start pose, of a body none."""
+        given = [
+            key for key in ("configuration", "position", "quaternion", "rpy", "body") if getattr(self, key)
+        ]
+        if not given:
+            raise ShapeError("goal: give position, quaternion or rpy, body, or configuration")
+        if given[0] == "configuration" and len(given) > 1:
+            raise ShapeError(f"goal: give either 'configuration' or '{given[1]}'")
+        if self.quaternion and self.rpy:
+            raise ShapeError("goal: has both 'quaternion' and 'rpy'; leave out one of them")
+        left = algebra.pose([1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0]) if self.body else start
+        turn = algebra.rotation(left)
+        if self.rpy:
+            turn = algebra.rotation_from_rpy(self.rpy)
+        elif self.quaternion:
+            turn = algebra.as_unit_quaternion("goal.quaternion", self.quaternion)
+        return algebra.pose(turn, algebra.translation(left) if self.position is None else self.position)
+
+    def target(self, pose: Array, world: World | None) -> Array:
+        """Return the configuration, or the pose in the inertial frame, that a plan leads to."""
+        if self.configuration is not None:
+            return np.array(self.configuration, dtype=np.float64)
+        if self.body is None:
+            return pose
+        bodies = world.bodies if world else {}
+        if self.body not in bodies:
+            raise unknown_name("goal.body", self.body, bodies)
+        return algebra.multiply(bodies[self.body].pose, pose)
+
 
 _RAMP = 0.5  # s: no input reaches its full speed sooner, where nothing says how fast it may
 
@@ -62,6 +125,7 @@ class PlanTo(PlannedWay):
     """
 
     kind = "plan-to"
+    plans_around = True
 
     plan: Plan
     speed_fraction: float = 0.9
@@ -93,6 +157,52 @@ class PlanTo(PlannedWay):
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
+
+    @classmethod
+    def from_spec(
+        cls,
+        start: SpecStart,
+        *,
+        goal: Goal,
+        clearance: Annotated[float, Meta(ge=0, description="beyond what constraints ask, m")] = 0.0,
+        effort: Annotated[int, Meta(ge=0, le=10_000_000, description="edges looked at")] = EFFORT,
+        seed: Annotated[int, Meta(ge=0, le=2**31, description="of the search")] = 0,
+        speed_fraction: Share = 0.9,
+        approach: Share = 0.9,
+    ) -> Reference:
+        """Go to a goal around what constraints keep clear of; see `dqcontrol.planning.PlanTo`.
+
+        ``goal`` is a pose, of which all configurations count; a ``configuration``; or ``body``, one of the world, in
+        whose axes the pose is then given. What is left out of a pose is the end effector's at the start.
+        """
+        if start.place != "reference":
+            raise ValueRangeError(
+                f"{start.place}: plan-to starts where the robot does, so it is no part of a sequence"
+            )
+        return SetPoint(goal.pose(start.pose))
+
+    @classmethod
+    def of_robot(
+        cls,
+        reference: Reference,
+        robot: Robot,
+        start: Array,
+        kept: PreparedConstraints | None = None,
+        *,
+        goal: Goal,
+        clearance: float = 0.0,
+        effort: int = EFFORT,
+        seed: int = 0,
+        speed_fraction: float = 0.9,
+        approach: float = 0.9,
+    ) -> PlanTo:
+        """Return the way from the start configuration to the goal; see `Reference.of_robot`."""
+        if kept is None:
+            raise ValueRangeError("plan-to: is the reference of a law, and no further task's")
+        target = goal.target(reference.at(0.0).pose, kept.given.world)
+        found = plan(robot, kept, start, target, seed, effort, clearance=clearance)
+        warnings.warn(f"plan: {found}", NoteWarning, stacklevel=2)
+        return cls(found, speed_fraction, approach)
 
     def configurations(self, times: ArrayLike) -> Array:
         """Return the robot's configurations at times (N,), s: shape (N, n)."""

@@ -6,7 +6,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from msgspec import Meta
@@ -38,6 +38,9 @@ from dqcontrol.references.yaml_form import FileName, Metres, SpecStart
 from dqcontrol.robots import Robot, WholeBody, nearest_pose
 from dqcontrol.robots.kinematics.driving import RIM_LEVER, TURNING_RADIUS
 from dqcontrol.robots.robot import base_coordinates
+
+if TYPE_CHECKING:
+    from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 
 _RAMP = 1.0  # s; no motion reaches its full speed sooner
 _WIDER = 1.25  # arcs of bases that steer, against their least radius: the rest is for corrections
@@ -212,6 +215,7 @@ class DriveTo(PlannedWay):
         reference: Reference,
         robot: Robot,
         start: Array,
+        kept: PreparedConstraints | None = None,
         *,
         speed_fraction: float = 0.5,
         acceleration: ArrayLike | None = None,

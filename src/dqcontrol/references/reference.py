@@ -19,6 +19,7 @@ from dqcontrol.references.sample import SAMPLE_SIZE, TIME, TWIST, TWIST_RATE, Sa
 from dqcontrol.references.yaml_form import SpecStart
 
 if TYPE_CHECKING:
+    from dqcontrol.constraints.prepared_constraints import PreparedConstraints
     from dqcontrol.robots import Robot
 
 SMOOTH = (
@@ -59,11 +60,14 @@ class Reference(ABC):
     corners
         Times at which the twist jumps, shape (k,), s, increasing. The end is one if the motion does not come
         to rest there by itself; the start is not.
+    plans_around
+        Whether `of_robot` asks what constraints keep.
     kind
         Its name in specs; empty if it has none. Its keys there are the parameters of `from_spec`.
     """
 
     kind: ClassVar[str] = ""
+    plans_around: ClassVar[bool] = False
     duration: float
     corners: Array
 
@@ -84,7 +88,12 @@ class Reference(ABC):
 
     @classmethod
     def of_robot(
-        cls, reference: Reference, robot: Robot, start: Array, *_: Any, **parameters: Any
+        cls,
+        reference: Reference,
+        robot: Robot,
+        start: Array,
+        kept: PreparedConstraints | None = None,
+        **parameters: Any,
     ) -> Reference:
         """Return what a robot at its start configuration, shape (n,), makes of the reference of a spec.
 
@@ -94,6 +103,8 @@ class Reference(ABC):
             From `from_spec`, with all that modifies it.
         robot, start
             Who follows it, and from where, rad or m.
+        kept
+            What the laws of the spec keep; given to a reference that plans around it.
         **parameters
             As of `from_spec`.
         """

@@ -15,10 +15,12 @@ from numpy.typing import ArrayLike
 from dqcontrol import references as shapes
 from dqcontrol.algebra import rotation, translation
 from dqcontrol.arrays import Array
+from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import Error, ShapeError, ValueRangeError
 from dqcontrol.experiments.spec.reference_base import Part, ReferenceSpec
 from dqcontrol.extensions.registry import registered, union_of
 from dqcontrol.extensions.user_code import function_at, place_from
+from dqcontrol.planning import PlanTo
 from dqcontrol.references.sample import as_pose
 from dqcontrol.references.yaml_form import SpecStart, Yaml
 from dqcontrol.robots import Robot
@@ -108,8 +110,14 @@ def _written(shape: type[shapes.Reference]) -> type[ReferenceSpec]:
     def _shape(self: ReferenceSpec, start: SpecStart) -> shapes.Reference:
         return shape.from_spec(start, **{name: getattr(self, name) for name in names})
 
-    def of_robot(self: Any, reference: shapes.Reference, robot: Robot, start: Array) -> shapes.Reference:
-        return shape.of_robot(reference, robot, start, **{name: getattr(self, name) for name in names})
+    def of_robot(
+        self: Any,
+        reference: shapes.Reference,
+        robot: Robot,
+        start: Array,
+        kept: PreparedConstraints | None = None,
+    ) -> shapes.Reference:
+        return shape.of_robot(reference, robot, start, kept, **{name: getattr(self, name) for name in names})
 
     contents = {
         "__doc__": said,
@@ -117,6 +125,7 @@ def _written(shape: type[shapes.Reference]) -> type[ReferenceSpec]:
         "__annotations__": {name: kind for name, kind, *_ in fields},
         "_shape": _shape,
         "of_robot": of_robot,
+        "plans_around": shape.plans_around,
         **{name: default for name, _, *rest in fields for default in rest},
     }
     options = {"frozen": True, "kw_only": True, "forbid_unknown_fields": True, "tag": shape.kind}
@@ -150,6 +159,7 @@ def _form(hint: Any) -> Any:
     return next((each.form for each in getattr(hint, "__metadata__", ()) if isinstance(each, Yaml)), hint)
 
 
+_PLANNED = PlanTo  # stands above the package of references: known by being imported here
 for _shape in registered(shapes.Reference, "dqcontrol.references"):
     if vars(_shape).get("kind"):
         globals()[f"{_shape.__name__}Spec"] = _written(_shape)  # by this name, so that workers find it
