@@ -1,7 +1,8 @@
 """Timing of a way that laws with constraints let pass: time-optimal [Pham and Pham 2018], and slow where it is narrow.
 
 Such a law holds d' ≥ −η (d − kept). A plan that passes something faster is braked there, and the robot leaves it; so
-−ρ η (d − kept) is a limit of the speed along the way, with ρ below 1.
+−ρ η (d − kept) is a limit of the speed along the way, with ρ below 1. It also lets no command pass after which its
+inputs, all braked as hard as they may be, would come too near: where that is so the way is passed more slowly.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
@@ -27,6 +28,11 @@ _STEEP = (
 )
 _ROUNDS, _FINEST = 8, 1e-4  # of making a grid finer; rad or m between its points
 _NARROW = 5e-3  # rad or m: the same where distances limit the speed, whose rates jump where other points are nearest
+_STOPS = 6  # instants of braking that are looked at, twice as many as the law looks at
+_SLOWED, _SLOWER = (
+    20,
+    0.85,
+)  # how often, and how much slower, what stops too near is passed: to 4 % at the last
 _CREEP = 1e-3  # rad/s or m/s: what touches already is left this fast, at least
 
 
@@ -59,6 +65,7 @@ def kept_timing(
     kept: PreparedConstraints,
     velocity: Array,
     acceleration: Array,
+    brake: Array,
     approach: float,
 ) -> Timing:
     """Return the fastest timing from rest to rest within limits that constraints do not brake.
@@ -71,6 +78,8 @@ def kept_timing(
         The constraints.
     velocity, acceleration
         Limits of the coordinates, shape (n,).
+    brake
+        How hard the law lets each of them brake, shape (n,).
     approach
         ρ, share of η at which distances shrink at most.
 
@@ -83,31 +92,74 @@ def kept_timing(
     """
     times, lengths, speeds = [np.zeros(1)], [np.zeros(1)], [np.zeros(1)]
     for part in way.parts():
-        grid, speed = _timed(part, kept, velocity, acceleration, approach)
-        with np.errstate(divide="ignore"):
-            took = 2.0 * np.diff(grid) / (speed[:-1] + speed[1:])
-        times.append(times[-1][-1] + np.cumsum(took))
+        grid, speed = _timed(part, kept, velocity, acceleration, brake, approach)
+        times.append(times[-1][-1] + _instants(grid, speed)[1:])
         lengths.append(lengths[-1][-1] + grid[1:])
         speeds.append(speed[1:])
     return Timing(*map(np.concatenate, (times, lengths, speeds)))
 
 
 def _timed(
-    part: SmoothWay, kept: PreparedConstraints, velocity: Array, acceleration: Array, approach: float
+    part: SmoothWay,
+    kept: PreparedConstraints,
+    velocity: Array,
+    acceleration: Array,
+    brake: Array,
+    approach: float,
 ) -> tuple[Array, Array]:
     """Return the grid of a part without corners, and the speed at its points."""
     toppra = from_extra("toppra", "timings of plans")
     grid, fastest = _grid_and_limit(part, kept, velocity, approach)
-    limits = [
-        toppra.constraint.JointVelocityConstraint(velocity),
-        toppra.constraint.JointAccelerationConstraint(np.column_stack([-acceleration, acceleration])),
-        _speed_limit(toppra, fastest, len(velocity)),
-    ]
-    timed = toppra.algorithm.TOPPRA(limits, _Path(part), gridpoints=grid)
-    speeds = timed.compute_parameterization(0.0, 0.0)[1]
-    if speeds is None or not np.isfinite(speeds).all() or (speeds[:-1] + speeds[1:] <= 0).any():
-        raise Error("plan: no timing of the way keeps the limits")
-    return grid, speeds
+    turning = toppra.constraint.JointVelocityConstraint(velocity)
+    braking = toppra.constraint.JointAccelerationConstraint(np.column_stack([-acceleration, acceleration]))
+    for _ in range(_SLOWED):
+        limits = [turning, braking, _speed_limit(toppra, fastest, len(velocity))]
+        timed = toppra.algorithm.TOPPRA(limits, _Path(part), gridpoints=grid)
+        speeds = timed.compute_parameterization(0.0, 0.0)[1]
+        if speeds is None or not np.isfinite(speeds).all() or (speeds[:-1] + speeds[1:] <= 0).any():
+            break
+        too_fast = _stops_too_near(part, kept, grid, speeds, brake)
+        if not too_fast.any():
+            return grid, speeds
+        fastest = np.where(too_fast, np.maximum(_SLOWER * np.minimum(fastest, speeds), _CREEP), fastest)
+    raise Error("plan: no timing of the way keeps the limits")
+
+
+def _stops_too_near(
+    part: SmoothWay, kept: PreparedConstraints, grid: Array, speeds: Array, brake: Array
+) -> NDArray[np.bool_]:
+    """Return at which points of a grid a command leaves from which the way to rest comes too near.
+
+    It is computed as the law does: an input makes T Σ max(|u| − i a T, 0) in i = 0 … k further periods.
+    """
+    near = np.zeros(len(grid), dtype=bool)
+    if not np.isfinite(brake).any():
+        return near
+    timing = Timing(_instants(grid, speeds), grid, speeds)
+    samples = np.arange(0.0, timing.times[-1], kept.period)
+    begins, ends = timing.at(samples)[0], timing.at(samples + kept.period)[0]
+    q = part.at(begins)[0]
+    u = (part.at(ends)[0] - q) / kept.period
+    loss = brake * kept.period
+    rests = np.floor(np.abs(u) / loss)
+    times = np.zeros(len(q))
+    needed = np.minimum(kept.values(q, times), kept.asked + kept.allowances)
+    short = np.zeros(len(q), dtype=bool)
+    for share in np.arange(1, _STOPS + 1) / _STOPS:
+        count = np.minimum(np.ceil(share * rests.max(axis=1, keepdims=True)), rests)
+        with np.errstate(invalid="ignore"):
+            lost = np.where(count > 0, 0.5 * loss * count * (count + 1.0), 0.0)
+        there = q + kept.period * np.sign(u) * ((count + 1.0) * np.abs(u) - lost)
+        short |= (kept.values(there, times) < needed).any(axis=1)
+    for begin, end in zip(begins[short], ends[short], strict=True):
+        first = np.searchsorted(grid, begin, side="right") - 1
+        near[max(first, 0) : np.searchsorted(grid, end) + 1] = True
+    return near & (speeds > _CREEP)
+
+
+def _instants(grid: Array, speeds: Array) -> Array:
+    """Return when points of a grid are passed, s, from 0 on."""
+    return np.concatenate([[0.0], np.cumsum(2.0 * np.diff(grid) / (speeds[:-1] + speeds[1:]))])
 
 
 class _Path:

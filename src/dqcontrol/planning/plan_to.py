@@ -143,12 +143,11 @@ class PlanTo(PlannedWay):
             name = robot.input_names[int(np.isinf(velocity).argmax())]
             raise ValueRangeError(f"robot: {name} of {robot.name} has no velocity limit to plan with")
         asked = robot.acceleration_limits("constraints.acceleration", kept.given.acceleration)
-        acceleration = np.minimum(asked, velocity / _RAMP)
+        acceleration = np.where(np.isfinite(asked), asked, velocity / _RAMP)
         place = np.empty(robot.configuration_size, dtype=int)
         place[robot.input_coordinates] = np.arange(robot.input_size)
-        timing = kept_timing(
-            self.plan.way, kept, fraction * velocity[place], fraction * acceleration[place], approach
-        )
+        limits = (fraction * velocity[place], fraction * acceleration[place], asked[place])
+        timing = kept_timing(self.plan.way, kept, *limits, approach)
         values = {
             "robot": robot,
             "duration": float(timing.times[-1]),
