@@ -33,7 +33,7 @@ class Certificate:
     Attributes
     ----------
     room
-        The least room beyond what is asked on all of the way, m; infinite if nothing stands around.
+        The least room beyond what is asked on all of the way as it is gone, m; infinite if nothing stands around.
     label
         The pair that has it, as ``table: panda_link5``.
     edges
@@ -69,7 +69,7 @@ class Plan:
     way
         The same with blended corners, as it is gone.
     certificate
-        What is proved of both.
+        What is proved of it; the edges between its points are certified, too.
     took
         What planning took, s.
     """
@@ -156,9 +156,9 @@ def plan(
     if not ends.certified.all() or np.abs(corners[0] - first).max() > 0:
         raise PlanError("plan: a way was found that is not clear", "effort")
     way = smooth_way(edges, corners)
-    curves = np.hstack([corners[:-1], 0.5 * (corners[:-1] + corners[1:]), corners[1:]])
-    least = exact.least_room(np.vstack([curves, way.curves]))
-    certificate = Certificate(least.least, least.label, looked, seed)
+    if not exact.curves(way.curves).certified.all():
+        raise PlanError("plan: a way was found whose blends are not clear", "effort")
+    certificate = Certificate(*exact.least_room(way.curves), looked, seed)
     return Plan(robot, exact.kept, corners, way, certificate, time.perf_counter() - begin)
 
 
