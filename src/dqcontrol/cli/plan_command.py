@@ -32,7 +32,9 @@ def plan(spec: Path, /) -> None:
     for label, scene in setting.scenes.items():
         if not isinstance(scene.reference, PlanTo):
             kind = setting.spec.reference.__struct_config__.tag
-            raise ShapeError(f"{spec}: reference: expected kind plan-to, got {kind}, which has nothing to plan")
+            raise ShapeError(
+                f"{spec}: reference: expected kind plan-to, got {kind}, which has nothing to plan"
+            )
         print_table(_points(scene.reference, label or scene.robot.name))
         print(f"{scene.reference.duration:.3g} s; {scene.reference.plan}")
 

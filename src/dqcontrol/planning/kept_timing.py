@@ -26,13 +26,14 @@ _LEAST_POINTS = 16  # of a part's grid
 _STEEP = (
     0.2  # 22 %: speeds between two points are then 0.5 % above what the distance lets pass; ρ leaves 10 %
 )
-_ROUNDS, _FINEST = 8, 1e-4  # of making a grid finer; rad or m between its points
+_ROUNDS = 8  # of making a grid finer
+_FINEST = 1e-4  # rad or m between its points
 _NARROW = 5e-3  # rad or m: the same where distances limit the speed, whose rates jump where other points are nearest
 _STOPS = 6  # instants of braking that are looked at, twice as many as the law looks at
-_SLOWED, _SLOWER = (
-    20,
-    0.85,
-)  # how often, and how much slower, what stops too near is passed: to 4 % at the last
+_INSTANT = 1e-4  # s: in it a distance changes evenly, and by more than rounding
+_KEPT_SHARE = 0.98  # of η that commands of samples use at most
+_SLOWER = 0.85  # how much slower is passed what the law would brake
+_SLOWED = 20  # how often: to 4 % of the speed at the last
 _CREEP = 1e-3  # rad/s or m/s: what touches already is left this fast, at least
 
 
@@ -118,33 +119,36 @@ def _timed(
         speeds = timed.compute_parameterization(0.0, 0.0)[1]
         if speeds is None or not np.isfinite(speeds).all() or (speeds[:-1] + speeds[1:] <= 0).any():
             break
-        too_fast = _stops_too_near(part, kept, grid, speeds, brake)
+        too_fast = _too_fast(part, kept, grid, speeds, brake)
         if not too_fast.any():
             return grid, speeds
         fastest = np.where(too_fast, np.maximum(_SLOWER * np.minimum(fastest, speeds), _CREEP), fastest)
     raise Error("plan: no timing of the way keeps the limits")
 
 
-def _stops_too_near(
+def _too_fast(
     part: SmoothWay, kept: PreparedConstraints, grid: Array, speeds: Array, brake: Array
 ) -> NDArray[np.bool_]:
-    """Return at which points of a grid a command leaves from which the way to rest comes too near.
+    """Return at which points of a grid the law would not let a sample's command pass.
 
-    It is computed as the law does: an input makes T Σ max(|u| − i a T, 0) in i = 0 … k further periods.
+    It asks ∇d·u ≥ −η (d − kept) of the mean u of the coming period, which a bend or acceleration makes more than the
+    speed at its begin. And the way to rest must be clear, on which an input makes T Σ max(|u| − i a T, 0) in i = 0 … k
+    further periods.
     """
     near = np.zeros(len(grid), dtype=bool)
-    if not np.isfinite(brake).any():
-        return near
     timing = Timing(_instants(grid, speeds), grid, speeds)
     samples = np.arange(0.0, timing.times[-1], kept.period)
     begins, ends = timing.at(samples)[0], timing.at(samples + kept.period)[0]
     q = part.at(begins)[0]
     u = (part.at(ends)[0] - q) / kept.period
+    times, need = np.zeros(len(q)), kept.asked + kept.allowances
+    values = kept.values(q, times)
+    step = _INSTANT * u
+    rates = (kept.values(q + step, times) - kept.values(q - step, times)) / (2.0 * _INSTANT)
+    short = (rates < -_KEPT_SHARE * kept.rate * (values - need)).any(axis=1)
     loss = brake * kept.period
     rests = np.floor(np.abs(u) / loss)
-    times = np.zeros(len(q))
-    needed = np.minimum(kept.values(q, times), kept.asked + kept.allowances)
-    short = np.zeros(len(q), dtype=bool)
+    needed = np.minimum(values, need)
     for share in np.arange(1, _STOPS + 1) / _STOPS:
         count = np.minimum(np.ceil(share * rests.max(axis=1, keepdims=True)), rests)
         with np.errstate(invalid="ignore"):

@@ -79,6 +79,7 @@ class Goal(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
         return algebra.multiply(bodies[self.body].pose, pose)
 
 
+_STEP = 1e-5  # rad or m along the way: rounding and curvature each take 10⁻¹⁰ of a difference
 _RAMP = 0.5  # s: no input reaches its full speed sooner, where nothing says how fast it may
 
 
@@ -220,7 +221,10 @@ class PlanTo(PlannedWay):
         inputs = self.robot.input_coordinates
         u = (along * speed[:, None])[:, inputs]
         change = (bend * speed[:, None] ** 2 + along * rate[:, None])[:, inputs]
-        jacobian, turns = self.robot.twist_jacobian(q), self.robot.twist_jacobian_derivative(q, u)
+        jacobian = self.robot.twist_jacobian(q)
+        step = _STEP * (along * np.sign(speed)[:, None])  # by differences: of trees no formula of it is known
+        ahead, behind = self.robot.twist_jacobian(q + step), self.robot.twist_jacobian(q - step)
+        turns = (ahead - behind) * (np.abs(speed) / (2.0 * _STEP))[:, None, None]
         out = np.zeros((len(times), SAMPLE_SIZE))
         out[:, POSE] = self.robot.fkm(q)
         out[:, TWIST] = np.einsum("kij,kj->ki", jacobian, u)
