@@ -116,7 +116,7 @@ class PlanTo(PlannedWay):
     --------
     >>> import dqcontrol as dqc
     >>> arm, start, goal = dqc.load_robot("panda"), [0, -0.8, 0, -2.4, 0, 1.6, 0.8], [1.5, -0.8, 0, -2.4, 0, 1.6, 0.8]
-    >>> post = dqc.world.Body(capsule=(0.05, 1.0), position=(0.4, 0.3, 0.5))
+    >>> post = dqc.world.Body(capsule=(0.05, 1.0), position=(0.3, 0.2, 0.5))
     >>> keep = dqc.constraints.Constraints(world=dqc.World(bodies={"post": post}), clear_of="all", acceleration=10)
     >>> law = dqc.laws.GuidedProportional(gain=2.0, constraints=keep)
     >>> way = dqc.planning.PlanTo(dqc.planning.plan(arm, keep, start, goal))
