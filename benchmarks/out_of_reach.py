@@ -105,7 +105,7 @@ def follow(
     prepared: controller.Controller, q: Array, samples: Callable[[int], dqc.Sample], steps: int
 ) -> tuple[Array, Array]:
     """Let a law drive ideal joints in a loop of one's own, scaled to the velocity limits; return commands, joints."""
-    robot, period = prepared.robot, prepared.dt
+    robot, period = prepared.robot, prepared.period
     state, joints = prepared.initial_state(q), q.copy()
     sent, gone = np.empty((steps, robot.input_size)), np.empty((steps, q.size))
     for k in range(steps):

@@ -12,6 +12,11 @@ def load(name):
     return dqc.load_robot(name)
 
 
+def links_of(robot):
+    assert robot.shapes is not None
+    return robot.shapes.shapes
+
+
 def random_things(rng, reach):
     """Return a ball, a bar, a box, a column and a table around a robot."""
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from obstacles import around, sphere
-from planning_scenes import ROBOTS, least_sampled, load, random_constraints, random_edges
+from planning_scenes import ROBOTS, least_sampled, links_of, load, random_constraints, random_edges
 from shape_samples import coal_distance
 
 import dqcontrol as dqc
@@ -49,7 +49,7 @@ def test_coal_measures_no_less_along_certified_edges():
                 coal_distance(coal, link.shape.moved(frames[link.frame - 1]), thing)
                 for q in first + np.linspace(0, 1, 7)[:, None] * (last - first)
                 for frames in [robot.frames(q)]
-                for link in robot.shapes.shapes
+                for link in links_of(robot)
                 if link.frame > 0
                 for name, thing in given.world.shapes
                 if not (name == "table" and link.frame == 1)  # turns on it

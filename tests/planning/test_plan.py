@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 from obstacles import around, box, plane, sphere
-from planning_scenes import least_sampled, load, random_configurations, random_constraints
+from planning_scenes import least_sampled, links_of, load, random_configurations, random_constraints
 from shape_samples import coal_distance
 
 import dqcontrol as dqc
@@ -82,7 +82,7 @@ def test_coal_finds_nothing_too_near_on_a_way_out_of_a_shelf():
     assert np.abs(reached.matrix() - dqc.DualQuaternion(pose).matrix()).max() < 1e-5
     for q in way.way.at(np.linspace(0.0, way.length, 60))[0]:
         frames = robot.frames(q)
-        for link in robot.shapes.shapes:
+        for link in links_of(robot):
             if link.frame > 0:
                 shape = link.shape.moved(frames[link.frame - 1])
                 for _, board in given.world.shapes:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from dqcontrol.arrays import Array
-    from dqcontrol.constraints.kept_scene import KeptScene
+    from dqcontrol.constraints.constraint_view import ConstraintView
     from dqcontrol.loop.record import Record
     from dqcontrol.plants.plant import MovingBox, Plant
     from dqcontrol.robots.robot import Robot
@@ -36,7 +36,7 @@ def film_arm(
     plant: Plant | None,
     record: Record,
     further: Sequence[Record] = (),
-    kept: KeptScene | None = None,
+    kept: ConstraintView | None = None,
 ) -> Film:
     """Return what a camera needs of an arm's run, and of further ones that show through it.
 

@@ -163,7 +163,7 @@ class DecoupledProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="dec
     >>> arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
     >>> law = dqc.laws.DecoupledProportional(gain=[1, 4, 4, 4, 2, 2, 2, 2])
     >>> here, there = arm.fkm(q), arm.fkm(q + 0.02)
-    >>> u = law.command(arm, q, dqc.Sample(there), dt=0.01)
+    >>> u = law.command(arm, q, dqc.Sample(there), period=0.01)
     >>> way = dqc.algebra.translation(there) - dqc.algebra.translation(here)
     >>> np.allclose(arm.translation_jacobian(q) @ u, 4 * way)
     True
@@ -294,7 +294,7 @@ class PartialProportional(Law, frozen=True, kw_only=True, tag="partial-proportio
     >>> arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
     >>> law = dqc.laws.PartialProportional(part="position", gain=2.0)
     >>> here, there = arm.fkm(q), arm.fkm(q + 0.1)
-    >>> u = law.command(arm, q, dqc.Sample(there), dt=0.01)
+    >>> u = law.command(arm, q, dqc.Sample(there), period=0.01)
     >>> way = dqc.algebra.translation(there) - dqc.algebra.translation(here)
     >>> np.allclose(arm.translation_jacobian(q) @ u, 2 * way)
     True

@@ -77,7 +77,7 @@ signed_state: MemoryLayout[SignedState] = MemoryLayout(SignedState, "m", uncheck
 
 
 def _numbers(
-    feedforward: Feedforward, robot: Robot, reference: Reference | None, dt: float, length: float
+    feedforward: Feedforward, robot: Robot, reference: Reference | None, period: float, length: float
 ) -> Array:
     """Return `SecondOrder` for a law, a row of numbers; none if it feeds forward as printed."""
     if feedforward not in get_args(Feedforward):
@@ -89,7 +89,7 @@ def _numbers(
     order[: len(columns)] = columns
     led = isinstance(reference, Previewed)
     return second_order.pack(
-        half_period=dt / 2,
+        half_period=period / 2,
         preview=reference.delay + reference.lag if led else -1.0,
         lag=0.0,
         length=length,
@@ -113,10 +113,10 @@ class FeedforwardLaw(Law, frozen=True, kw_only=True):
         feedforward: Feedforward = "second-order"
         inverse: Inverse = FilteredInverse()
 
-    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> Array:
+    def rows(self, robot: Robot, reference: Reference | None, period: float) -> Array:
         """Return the rows of the law itself, and what feed-forward of second order needs."""
-        rows = super().rows(robot, reference, dt)
-        numbers = _numbers(self.feedforward, robot, reference, dt, self.inverse.characteristic_length)
+        rows = super().rows(robot, reference, period)
+        numbers = _numbers(self.feedforward, robot, reference, period, self.inverse.characteristic_length)
         return np.hstack([rows, np.tile(numbers, (len(rows), 1))])
 
     def state_size(self, robot: Robot) -> int:

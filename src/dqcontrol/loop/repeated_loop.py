@@ -26,7 +26,7 @@ from dqcontrol.supervisor import Supervisor
 _NOTHING: Array = np.zeros(0)
 
 
-class Passed(NamedTuple):
+class RolloutView(NamedTuple):
     """What a loop saw, valid until it, or one with which it shares its records, runs again.
 
     Attributes
@@ -142,7 +142,7 @@ class RepeatedLoop:
             )
         return self._written[report]
 
-    def run(self, law: Controller) -> Passed:
+    def run(self, law: Controller) -> RolloutView:
         """Run the loop with a law that was prepared for this robot and period."""
         if self._compiled is None or not isinstance(law.kernel, Kernel):
             return self._close_loop(law)
@@ -161,9 +161,9 @@ class RepeatedLoop:
         done = int(self._done[0])
         q, measured, command = (record[:done] for record in self._records)
         lost = status != OK or max(q.max(), -q.min()) > FARTHEST
-        return Passed(self.samples[:done], q, measured, command, lost)
+        return RolloutView(self.samples[:done], q, measured, command, lost)
 
-    def _close_loop(self, law: Controller) -> Passed:
+    def _close_loop(self, law: Controller) -> RolloutView:
         supervision = (
             supervise(self._supervisor, law, self.plant, self.start) if self._supervisor is not None else None
         )
@@ -179,8 +179,8 @@ class RepeatedLoop:
             )
         except DivergedError:
             empty = np.zeros((0, self.robot.configuration_size))
-            return Passed(self.samples[:0], empty, empty, np.zeros((0, self.robot.input_size)), True)
-        return Passed(trace.desired, trace.q, trace.measured, trace.command, has_failed(trace.stopped))
+            return RolloutView(self.samples[:0], empty, empty, np.zeros((0, self.robot.input_size)), True)
+        return RolloutView(trace.desired, trace.q, trace.measured, trace.command, has_failed(trace.stopped))
 
 
 def share_records(loops: Sequence[RepeatedLoop]) -> None:

@@ -35,7 +35,7 @@ class ControllerSettings(NamedTuple):
     slew_rate: Array | None = None
 
 
-class MovedPlant(Protocol):
+class PlantProtocol(Protocol):
     """The least that a plant at work has; ``live_plant`` adds the defaults of `LivePlant`.
 
     Attributes
@@ -144,7 +144,7 @@ class _CompletedPlant(LivePlant):
     fault, age, effort, wrench = (_of_plant(name) for name in ("fault", "age", "effort", "wrench"))
     channels, readings, foreseen = (_of_plant(name) for name in ("channels", "readings", "foreseen"))
 
-    def __init__(self, plant: MovedPlant) -> None:
+    def __init__(self, plant: PlantProtocol) -> None:
         self._plant = plant
 
     def step(self, command: Array) -> None:
@@ -152,7 +152,7 @@ class _CompletedPlant(LivePlant):
         self._plant.step(command)
 
 
-def live_plant(plant: MovedPlant) -> LivePlant:
+def live_plant(plant: PlantProtocol) -> LivePlant:
     """Return a plant with defaults for what it has not; one derived from `LivePlant` as it is.
 
     Examples

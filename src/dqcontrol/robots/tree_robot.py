@@ -254,8 +254,8 @@ class TreeRobot(Robot):
         return self._tree[: 1 + len(self.joints.kind)]
 
     @property
-    def weighed_table(self) -> Array:
-        """The joints' table; see `Robot.weighed_table`."""
+    def inertia_chain(self) -> Array:
+        """The joints' table; see `Robot.inertia_chain`."""
         return self.joint_table
 
     @property

@@ -162,6 +162,7 @@ class LawEvaluation:
             max(each.product for each in found),
             min(each.share for each in found),
             min(each.of_margin for each in found),
+            min(each.of_null_space for each in found),
         )
 
     def __call__(self, law: Law, *, damped: bool = True) -> Evaluated:
