@@ -1,3 +1,4 @@
+from .branches import branch_along as branch_along
 from .certified_edges import (
     CertifiedEdges as CertifiedEdges,
     EdgeCheck as EdgeCheck,

@@ -215,7 +215,8 @@ def _grid_and_limit(
     speeds change evenly, which is faster than the speeds themselves would.
     """
     grid = _grid(part)
-    for rounds in range(_ROUNDS + 1):
+    rounds = 0
+    while True:
         q, along, _ = part.at(grid)
         with np.errstate(divide="ignore"):
             turning = (velocity / np.abs(along)).min(axis=1)
@@ -225,9 +226,9 @@ def _grid_and_limit(
         coarse = (np.abs(np.diff(np.log(fastest))) > _STEEP) & (size > _FINEST)
         coarse |= (narrow[1:] | narrow[:-1]) & (size > _NARROW)
         if rounds == _ROUNDS or not coarse.any():
-            break
+            return grid, fastest
         grid = np.sort(np.concatenate([grid, 0.5 * (grid[:-1] + grid[1:])[coarse]]))
-    return grid, fastest
+        rounds += 1
 
 
 def _approaching(kept: PreparedConstraints, q: Array, grid: Array, approach: float) -> Array:
