@@ -8,11 +8,10 @@ from pathlib import Path
 
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.experiments.check import check
-from dqcontrol.experiments.jogging import most_dexterous
 from dqcontrol.measures.stability import GainLimits, gain_limits, with_lag
 from dqcontrol.plants import Servo
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.robots import load_robot
+from dqcontrol.robots import load_robot, most_dexterous
 from dqcontrol.tables.tables import Cell, Column, Table
 
 _SPEED = 0.1  # m/s of a target that moves

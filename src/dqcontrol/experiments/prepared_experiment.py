@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import warnings
 from collections.abc import Callable, Collection, Iterator
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
@@ -18,7 +19,7 @@ from msgspec import UNSET
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.kernel_cache import has_source, source_hash
 from dqcontrol.controller import Controller, PreparedTasks
-from dqcontrol.errors import ReachError, ShapeError, ValueRangeError, error_prefix
+from dqcontrol.errors import LimitWarning, ReachError, ShapeError, ValueRangeError, error_prefix
 from dqcontrol.experiments.contacts import check_floor
 from dqcontrol.experiments.reach import check_reach
 from dqcontrol.experiments.results_folder import folder_names
@@ -319,7 +320,9 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
     try:
         check_reach(robot, start, samples)
     except ReachError as error:
-        raise ReachError(f"{error}{length_slip(spec.reference, robot)}") from None
+        if not getattr(reference, "streamed", False):  # what a hand leads may well go out of reach
+            raise ReachError(f"{error}{length_slip(spec.reference, robot)}") from None
+        warnings.warn(str(error), LimitWarning, stacklevel=2)
     check_floor(robot, start, samples)
     return PreparedRobot(robot, start, reference, samples, _tasks(spec, robot, start, folder, times))
 

@@ -1,0 +1,2 @@
+from .jog import Jog as Jog
+from .keyboard import Keyboard as Keyboard
