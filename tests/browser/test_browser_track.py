@@ -227,7 +227,7 @@ def test_runs_side_by_side_do_not_touch_and_the_viewer_sees_all():
     arm = dqc.load_robot("iiwa7")
     tracks = [Track(str(i), arm, sweep(arm, [np.full(7, 0.2 * i)] * 2)) for i in range(3)]
     box = extent(tracks)
-    position, middle = viewpoint(tracks, box)
+    position, middle = viewpoint(tracks[0].frames(0)[0, 4:], [track.target for track in tracks], box)
     assert np.linalg.norm(position - middle) > box.size
     assert position[2] > middle[2]
     apart = places(3, box, position - middle)

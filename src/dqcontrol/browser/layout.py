@@ -41,11 +41,10 @@ def extent(tracks: Sequence[Track]) -> Extent:
     return Extent(cloud.min(axis=0), cloud.max(axis=0))
 
 
-def viewpoint(tracks: Sequence[Track], box: Extent) -> tuple[Array, Array]:
-    """Return where the viewer stands and what is looked at, m: the hands' paths from the front, robots behind them."""
+def viewpoint(foot: Array, hands: Sequence[Array], box: Extent) -> tuple[Array, Array]:
+    """Return where the viewer stands and looks, m: the paths of hands (N, 3) from the front, robots behind them."""
     middle = (box.lower + box.upper) / 2
-    hands = np.vstack([track.target for track in tracks])
-    ahead = np.nanmean(hands, axis=0) - tracks[0].frames(0)[0, 4:]
+    ahead = np.nanmean(np.vstack(hands), axis=0) - foot
     azimuth = np.arctan2(ahead[1], ahead[0]) + _BESIDE if np.linalg.norm(ahead[:2]) > 1e-6 else _BESIDE
     towards = np.array([np.cos(azimuth), np.sin(azimuth), _UP])
     return middle + 1.3 * (box.size + 0.2) * towards / np.linalg.norm(towards), middle

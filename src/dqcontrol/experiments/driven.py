@@ -109,6 +109,7 @@ def live_of(setting: PreparedExperiment, speeds: Speeds | None = None) -> Live:
         limits=case.limits,
         supervisor=spec.supervisor_of(case.plant),
         speeds=speeds,
+        tasks=case.scene.tasks,
         seed=spec.seed,
     )
     live.spec = setting.single_text(case, 0)

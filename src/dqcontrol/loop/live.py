@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.controller import Controller
+from dqcontrol.controller import Controller, PreparedTasks
 from dqcontrol.errors import FallenError, ShapeError, as_array, as_positive
 from dqcontrol.laws.law import Law
 from dqcontrol.limits import CommandLimits
@@ -29,7 +29,7 @@ from dqcontrol.references.previewed import Previewed
 from dqcontrol.references.reference import Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME
 from dqcontrol.robots import Robot, most_dexterous
-from dqcontrol.robots.command_mode import AT_ONCE
+from dqcontrol.robots.command_mode import AT_ONCE, CommandMode
 from dqcontrol.supervisor import Supervisor
 
 AnyTarget = TypeVar("AnyTarget", bound=Target)
@@ -101,6 +101,8 @@ class Live:
         Between law and plant; one with default parameters if omitted.
     speeds
         How fast the target moves.
+    tasks
+        What two arms or another tree are to do beside the law's task.
     seed
         Of the plant's noise.
 
@@ -147,6 +149,7 @@ class Live:
         limits: CommandLimits | None = None,
         supervisor: Supervisor | None = None,
         speeds: Speeds | None = None,
+        tasks: PreparedTasks | None = None,
         seed: int = 0,
     ) -> None:
         dt = as_positive("period", period)
@@ -155,11 +158,12 @@ class Live:
             start = most_dexterous(robot) if at_work is None else at_work.measured
         q0 = as_array("start", start, (robot.configuration_size,)).copy()
         kind = plant if isinstance(plant, Plant) else None
-        self._mode = lagging_mode(kind) if kind else "measured"
+        self._mode: CommandMode = lagging_mode(kind) if kind else "measured"
         self._lag = kind.lag(robot) if kind else AT_ONCE
         self._limits = limits_before(kind, limits, robot) if kind else limits or CommandLimits()
         guard = (supervisor or Supervisor()).prepare(robot, dt, command_mode(kind) if kind else "integrated")
         self._reference: Reference | None = None
+        self._tasks = tasks
         controller = self._prepared(law, robot, dt)
         sample = np.zeros(SAMPLE_SIZE)
         sample[POSE] = robot.fkm(q0)
@@ -180,7 +184,7 @@ class Live:
     def _prepared(self, law: Law, robot: Robot, dt: float) -> Controller:
         if not isinstance(law, Law):
             raise ShapeError(f"law: expected a Law, got {law!r:.80}")
-        return law.prepare(robot, self._reference, dt, self._limits, self._mode, lag=self._lag)
+        return law.prepare(robot, self._reference, dt, self._limits, self._mode, self._tasks, self._lag)
 
     @property
     def robot(self) -> Robot:
