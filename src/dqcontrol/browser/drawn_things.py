@@ -64,14 +64,14 @@ class DrawnThings:
 
     def _add(self, name: str, shape: Shape, colour: Colour, opacity: float) -> Any:
         """Add a shape's mesh; None of one that cannot be drawn, as a ball without size."""
-        mesh = _mesh(shape, self._size)
+        mesh = shape_mesh(shape, self._size)
         if mesh is None:
             return None
         path = name if name.startswith("/") else f"{self._name}/{name}"
         return self._scene.add_mesh_simple(path, mesh.vertices, mesh.faces, color=colour, opacity=opacity)
 
 
-def _mesh(shape: Shape, size: float) -> Any:
+def shape_mesh(shape: Shape, size: float) -> Any:
     """Return the mesh of a shape; of one without end as much as a scene of this size, m, shows."""
     import trimesh
 

@@ -86,6 +86,15 @@ class Page(ServedPage):
             self._draw()
             self._seen = wanted
 
+    def show_at(self, time: float) -> None:
+        """Show a moment, s."""
+        self._time.value = min(max(time, 0.0), self._time.max)
+        self._draw()
+
+    def show_beside(self) -> None:
+        """Put the runs side by side."""
+        self._beside.value = True
+
     def _set_stage(self) -> None:
         box = self._box
         position, looked_at = viewpoint(

@@ -41,6 +41,8 @@ class ServedPage(ABC):
     ----------
     port
         Of this machine; the next free one if it is taken.
+    title
+        Of the browser's tab.
 
     Raises
     ------
@@ -48,10 +50,10 @@ class ServedPage(ABC):
         If viser is not installed.
     """
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port: int, title: str = "dqcontrol") -> None:
         viser = import_viser()
         with contextlib.redirect_stdout(io.StringIO()), only_own_pages():  # without its banner
-            self.server: Any = viser.ViserServer(host=HOST, port=port, label="dqcontrol", verbose=False)
+            self.server: Any = viser.ViserServer(host=HOST, port=port, label=title, verbose=False)
 
     @property
     def url(self) -> str:

@@ -84,7 +84,7 @@ def prepare_driven(source: str | dict[str, Any], ends: Ends = (None, None)) -> P
     """Return the spec of one run, or that of a robot alone, made ready; see `prepare_live`."""
     if isinstance(source, dict):
         setting = prepare(source)
-    elif _is_spec(source):
+    elif is_spec(source):
         for field, link in zip(("base_link", "tip_link"), ends, strict=True):
             if link is not None:
                 raise ShapeError(
@@ -116,7 +116,7 @@ def live_of(setting: PreparedExperiment, speeds: Speeds | None = None) -> Live:
     return live
 
 
-def _is_spec(source: str) -> bool:
+def is_spec(source: str) -> bool:
     """Return whether a file says what a run needs, and not only what a robot is."""
     if Path(source).suffix not in (".yaml", ".yml") or not Path(source).is_file():
         return False

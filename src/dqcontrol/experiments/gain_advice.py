@@ -86,7 +86,7 @@ def advise_gains(
         )
     limits = gain_limits(model, period)
     gain = _round_down(limits.recommended / period)
-    parameters = _parameters(gain, _round_down(_stiffest(model, period)))
+    parameters = law_parameters(gain, _round_down(_stiffest(model, period)))
     laws = {kind: {"kind": kind, **each} for kind, each in parameters.items()}
     checks = check(
         {
@@ -120,7 +120,7 @@ def advise_gains(
 _LAGGING = ("proportional", "decoupled-proportional", "h-infinity")  # without feed-forward
 
 
-def _parameters(gain: float, slow: float) -> dict[str, dict[str, float]]:
+def law_parameters(gain: float, slow: float) -> dict[str, dict[str, float]]:
     """Return laws whose loops have a gain; that of accelerations has one of its own, behind its lag 1/k_v = 1/(4 k)."""
     proportional = {"gain": gain}
     both = {"translation_gain": gain, "orientation_gain": _four_digits(2 * gain)}

@@ -371,7 +371,7 @@ class Live:
         self._q[:] = plant.q
         self._time = (self._done - self._begun) * self.period  # sums of periods drift
         control.step(self._time, plant.measured.copy(), senses.age, elapsed, senses.effort, senses.wrench)
-        if self.recording:
+        if self.recording is not None:
             control.record(self.recording, self._done * self.period, plant.q)
         self._done += 1
         if self._done % NOISE == 0:
@@ -414,16 +414,16 @@ class Pace:
     """
 
     def __init__(self, period: float, now: Callable[[], float] = time.monotonic) -> None:
-        self._period, self._now = period, now
+        self.period, self._now = period, now
         self.deadline: float = now()
         self.missed: int = 0
 
     def done(self) -> float:
         """Note that a step is done; return the time until the next one is due, s."""
         now = self._now()
-        self.deadline += self._period
+        self.deadline += self.period
         if now > self.deadline:
-            missed = int((now - self.deadline) / self._period)
+            missed = int((now - self.deadline) / self.period)
             self.missed += missed
             self.deadline = now
         return self.deadline - now
