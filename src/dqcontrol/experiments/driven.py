@@ -16,7 +16,9 @@ from dqcontrol.loop.live import Live
 from dqcontrol.loop.targets import Speeds
 from dqcontrol.measures.task_range import with_range
 from dqcontrol.recording import load_record
-from dqcontrol.robots import load_robot, most_dexterous
+from dqcontrol.robots import describe, load_robot, most_dexterous
+
+_ABOVE = 0.35  # of the reach: the hand has room on all sides
 
 Ends = tuple[str | None, str | None]  # base and tip link
 
@@ -125,11 +127,13 @@ def is_spec(source: str) -> bool:
 
 
 def spec_of_robot(robot: str, ends: Ends = (None, None)) -> dict[str, Any]:
-    """Return a spec of a robot alone, on servos, at its most dexterous."""
+    """Return a spec of a robot alone, on servos, at its most dexterous well above the floor."""
+    loaded = load_robot(robot, *ends)
+    reach = describe(loaded).reach or 1.0
     return {
         "name": "driven",
         "robot": {"source": robot, "base_link": ends[0], "tip_link": ends[1]},
-        "start": most_dexterous(load_robot(robot, *ends)).tolist(),
+        "start": most_dexterous(loaded, _ABOVE * reach).tolist(),
         "period": 0.01,
         "reference": {"kind": "set-point", "duration": 1.0},
         "law": {"kind": "proportional-feedforward", "gain": 5.0},

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from dqcontrol.browser.play.session import PlaySession, law_from
+from dqcontrol.browser.served_page import import_viser
 from dqcontrol.errors import Error
 from dqcontrol.experiments.gain_advice import law_parameters
 from dqcontrol.laws.loop_rates import LoopRates
@@ -59,9 +60,10 @@ class LawTab:
         """Let the slider reach beyond the limit, as far as that is near; mark both."""
         most = max(1.3 * limit if limit < 8 * good else 4 * good, 1.2 * gain, 1.0)
         most = _STEP * math.ceil(most / _STEP)
-        marks = [(round(good, 1), f"good {good:.3g}")] if _LEAST < good < most else []
+        mark = import_viser()._messages.GuiSliderMark  # what `add_slider` makes of pairs
+        marks = [mark(round(good, 1), f"good {good:.3g}")] if _LEAST < good < most else []
         if limit < most:
-            marks.append((round(limit, 1), f"limit {limit:.3g}"))
+            marks.append(mark(round(limit, 1), f"limit {limit:.3g}"))
         self._gain.max = most
         self._gain.marks = tuple(marks)
         self._gain.value = min(max(round(gain, 1), _LEAST), most)

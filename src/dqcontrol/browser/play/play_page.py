@@ -27,8 +27,10 @@ from dqcontrol.robots import describe
 from dqcontrol.robots.poses import pose7
 
 _GHOST, _GHOST_TINT = 0.35, (230, 159, 0)
+_ROOM = 0.15  # of the reach, around the robot where it begins
 _NUDGE = 0.02  # m, of an arrow key
 _CHARTS_EVERY = 0.2  # s
+_ALONE = 5.0  # s
 _OWN = "Free"
 
 
@@ -58,7 +60,7 @@ class PlayPage(ServedPage):
         self._shown_live: object = None
         self._shown_ghost: object = None
         self._ghost: DrawnRobot | None = None
-        self._charted = 0.0
+        self._charted = self._seen_at = 0.0
         self._stage()
         gui = self.server.gui
         self._words = gui.add_html("")
@@ -76,7 +78,6 @@ class PlayPage(ServedPage):
         with gui.add_folder("The last 10 s"):
             self._charts = Charts(gui)
         self._add_keys()
-        self.server.on_client_disconnect(lambda _: self._left())
         self.tick()
 
     def tick(self) -> None:
@@ -101,6 +102,7 @@ class PlayPage(ServedPage):
         node = pose7("desired", desired)
         self._desired.wxyz, self._desired.position = node[:4], node[4:]
         now = time.monotonic()
+        self._look_after(now)
         if now - self._charted > _CHARTS_EVERY:
             self._charted = now
             self._charts.show(list(session.history))
@@ -125,9 +127,9 @@ class PlayPage(ServedPage):
         reach = describe(robot).reach
         reach = float(reach) if np.isfinite(reach) and reach else 1.0
         foot, hand = joints[0], algebra.translation(robot.fkm(q))
-        low = np.minimum(foot - 0.6 * reach, hand)
-        high = np.maximum(foot + 0.6 * reach, hand)
-        low[2], high[2] = min(0.0, float(joints[:, 2].min())), max(high[2], foot[2] + 0.9 * reach)
+        low, high = (end(np.vstack([joints, hand]), axis=0) for end in (np.min, np.max))
+        low, high = low - _ROOM * reach, high + _ROOM * reach
+        low[2] = min(0.0, float(joints[:, 2].min()))
         box = Extent(low, high)
         position, looked_at = viewpoint(foot, [hand[None]], box)
         self._set_scene(position, looked_at, float(np.ceil(4 * reach)), float(low[2]), shadows=0.2)
@@ -224,9 +226,12 @@ class PlayPage(ServedPage):
         self.session.drag(moved)
         self._gizmo_at(moved)
 
-    def _left(self) -> None:
-        """Let the robot rest when nobody looks any more."""
-        if not self.server.get_clients():
+    def _look_after(self, now: float) -> None:
+        """Let the robot rest when nobody has looked for a while, longer than a page takes to load again."""
+        if self.server.get_clients():
+            self._seen_at = now
+        elif self._seen_at and now - self._seen_at > _ALONE:
+            self._seen_at = 0.0
             self.session.hold()
 
     def _told(self) -> str:

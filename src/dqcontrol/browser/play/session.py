@@ -56,6 +56,8 @@ class Moment(NamedTuple):
         asked, m, NaN without anything around.
     ghost_error
         Of the second robot, m; NaN without one.
+    missed
+        Periods that passed without a step since the moment before.
     """
 
     time: float
@@ -63,6 +65,7 @@ class Moment(NamedTuple):
     share: float
     clearance: float
     ghost_error: float
+    missed: int
 
 
 class PlaySession:
@@ -104,7 +107,7 @@ class PlaySession:
         self.told: deque[str] = deque(maxlen=50)
         self.history: deque[Moment] = deque(maxlen=round(SHOWN / _CHARTED))
         self.missed, self.is_paused = 0, False
-        self._begin = 0.0
+        self._noted = 0
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._work, name="play", daemon=True)
         self._ghost_law: Law | None = None
@@ -294,15 +297,14 @@ class PlaySession:
         if np.isfinite(state.missing) and state.missing > 5e-3:
             rests = np.abs(state.command).max(initial=0.0) < 0.02
             words.append(f"{1e3 * state.missing:.0f} mm {'out of reach' if rests else 'to go'}")
-        if self.missed:
-            words.append(f"{self.missed} periods late so far")
+        if late := sum(moment.missed for moment in self.history):
+            words.append(f"{late} periods late in the last 10 s: this machine is busy")
         return "; ".join(words) or "at its target"
 
     # The thread
 
     def _work(self) -> None:
         pace = Pace(self.live.period)
-        self._begin = time.monotonic()
         while not self._closed.is_set():
             with self.lock:
                 if pace.period != self.live.period:
@@ -340,7 +342,8 @@ class PlaySession:
         clearance = nearest.room if nearest is not None else np.nan
         ghost = self.ghost.state.position_error if self.ghost else np.nan
         now = self.history[-1].time + _CHARTED if self.history else 0.0
-        self.history.append(Moment(now, state.position_error, state.share, clearance, ghost))
+        missed, self._noted = self.missed - self._noted, self.missed
+        self.history.append(Moment(now, state.position_error, state.share, clearance, ghost, missed))
 
     def _settle(self) -> None:
         """Begin a recording at rest from which everything follows, once the robot rests after another law began."""
