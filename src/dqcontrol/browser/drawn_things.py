@@ -30,7 +30,8 @@ class DrawnThings:
         for i, thing in enumerate(track.around.things):
             node = f"{name}/around{i}"
             self._frames.append(scene.add_frame(node, show_axes=False))
-            opacity = _ZONE_OPACITY if thing.is_zone else _OPACITY
+            is_wide = thing.is_zone or isinstance(thing.shape, Plane)
+            opacity = _ZONE_OPACITY if is_wide else _OPACITY
             self._meshes.append(self._add(f"{node}/shape", thing.shape, self._colour(i), opacity))
 
     def show(self, k: int) -> None:

@@ -37,6 +37,7 @@ def replay_page(tracks: Sequence[Track], title: str) -> str:
     >>> pathlib.Path("mine.html").write_text(page)  # doctest: +SKIP
     """
     page = Page(tracks, _PORT)
+    page.server.scene.configure_environment_map(None)  # it takes long to draw without a graphics card
     try:
         server = page.server
         if len(tracks) > 1:

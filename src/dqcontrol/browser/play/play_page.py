@@ -46,15 +46,24 @@ class PlayPage(ServedPage):
     port
         Of this machine; the next free one if it is taken.
 
+    Attributes
+    ----------
+    alone
+        Time without any viewer after which the robot rests, s: longer than a page takes to load again.
+
     Raises
     ------
     MissingExtraError
         If viser is not installed.
     """
 
+    session: PlaySession
+    alone: float
+
     def __init__(self, session: PlaySession, folder: Path | None = None, port: int = 8080) -> None:
         super().__init__(port, "dqcontrol play")
-        self.session = session
+        self.server.scene.configure_environment_map(None)  # it takes long to draw without a graphics card
+        self.session, self.alone = session, _ALONE
         self._nodes: list[Any] = []
         self._drawn: DrawnRobot
         self._shown_live: object = None
@@ -227,10 +236,10 @@ class PlayPage(ServedPage):
         self._gizmo_at(moved)
 
     def _look_after(self, now: float) -> None:
-        """Let the robot rest when nobody has looked for a while, longer than a page takes to load again."""
+        """Let the robot rest when nobody has looked for a while."""
         if self.server.get_clients():
             self._seen_at = now
-        elif self._seen_at and now - self._seen_at > _ALONE:
+        elif self._seen_at and now - self._seen_at > self.alone:
             self._seen_at = 0.0
             self.session.hold()
 
