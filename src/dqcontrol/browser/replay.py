@@ -13,6 +13,8 @@ from dqcontrol.browser.run_view_model import Reading, Track
 
 _RATE = 25.0  # pictures a second, as films have
 _MOST = 1000  # pictures: a robot of ten frames then takes about half a megabyte
+_NUMBERS_EVERY = 0.25  # s: browsers take some time to make letters, and would never come to it
+_BELOW = 0.05  # of the scene's size, under the robot's foot
 _PORT = 18700  # of the server that the scene is taken from; the next free one if it is taken
 
 
@@ -42,24 +44,25 @@ def replay_page(tracks: Sequence[Track], title: str) -> str:
         server = page.server
         if len(tracks) > 1:
             page.show_beside()
-        above = extent(tracks).upper
+        box = extent(tracks)
+        below = (0.0, 0.0, float(box.lower[2]) - _BELOW * box.size)
         labels = [
             server.scene.add_label(
-                f"/run{i}/numbers",
-                _numbers(track, 0),
-                position=(0.0, 0.0, float(above[2]) + 0.06 * extent(tracks).size),
-                anchor="bottom-center",
+                f"/run{i}/numbers", _numbers(track, 0), position=below, anchor="top-center"
             )
             for i, track in enumerate(tracks)
         ]
         end = max(float(track.record.time[-1]) for track in tracks)
         count = int(min(max(round(_RATE * end), 1), _MOST))
         step = end / count
+        every = max(round(_NUMBERS_EVERY / step), 1)
         page.show_at(0.0)
         serializer = server.get_scene_serializer()
         for k in range(1, count + 1):
             serializer.insert_sleep(step)
             page.show_at(k * step)
+            if k % every and k < count:
+                continue
             for label, track in zip(labels, tracks, strict=True):
                 text = _numbers(track, track.index(k * step))
                 if text != label.text:

@@ -112,7 +112,7 @@ SCENES = (
             reference=_CIRCLE | {"radius": 0.12},
             law=_FEEDFORWARD | {"gain": 8.0},
             plant={"kind": "integrator"},
-            world={"floor": True, "ball": {"sphere": 0.06, "position": [0.68, -0.12, 0.4]}},
+            world={"floor": True, "ball": {"sphere": 0.06, "position": [0.53, 0.12, 0.42]}},
             constraints={"clear_of": "all", "margin": 0.01, "acceleration": 10.0},
         ),
     ),
