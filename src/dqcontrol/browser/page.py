@@ -36,6 +36,11 @@ class Page(ServedPage):
     news
         Called some times a second while runs last: gives their tracks longer records and tells whether they still go.
 
+    Attributes
+    ----------
+    viewpoint
+        Where the viewer stands and what is looked at, both of shape (3,), m.
+
     Raises
     ------
     MissingExtraError
@@ -43,6 +48,7 @@ class Page(ServedPage):
     """
 
     tracks: list[Track]
+    viewpoint: tuple[Array, Array]
 
     def __init__(
         self, tracks: Sequence[Track], port: int = 8080, news: Callable[[], bool] | None = None
@@ -97,7 +103,7 @@ class Page(ServedPage):
 
     def _set_stage(self) -> None:
         box = self._box
-        position, looked_at = viewpoint(
+        position, looked_at = self.viewpoint = viewpoint(
             self.tracks[0].frames(0)[0, 4:], [track.target for track in self.tracks], box
         )
         self._apart = places(len(self.tracks), box, position - looked_at)

@@ -14,7 +14,7 @@ from dqcontrol.browser.run_view_model import Reading, Track
 _RATE = 25.0  # pictures a second, as films have
 _MOST = 1000  # pictures: a robot of ten frames then takes about half a megabyte
 _NUMBERS_EVERY = 0.25  # s: browsers take some time to make letters, and would never come to it
-_BELOW = 0.05  # of the scene's size, under the robot's foot
+_AHEAD, _ABOVE = 0.2, 0.02  # of the scene's size: numbers stand before the robot's foot
 _PORT = 18700  # of the server that the scene is taken from; the next free one if it is taken
 
 
@@ -39,17 +39,17 @@ def replay_page(tracks: Sequence[Track], title: str) -> str:
     >>> pathlib.Path("mine.html").write_text(page)  # doctest: +SKIP
     """
     page = Page(tracks, _PORT)
-    page.server.scene.configure_environment_map(None)  # it takes long to draw without a graphics card
     try:
         server = page.server
         if len(tracks) > 1:
             page.show_beside()
         box = extent(tracks)
-        below = (0.0, 0.0, float(box.lower[2]) - _BELOW * box.size)
+        position, looked_at = page.viewpoint
+        ahead = (position - looked_at) * [1.0, 1.0, 0.0]
+        at = _AHEAD * box.size * ahead / np.linalg.norm(ahead)  # floors would hide what is below them
+        at[2] = box.lower[2] + _ABOVE * box.size
         labels = [
-            server.scene.add_label(
-                f"/run{i}/numbers", _numbers(track, 0), position=below, anchor="top-center"
-            )
+            server.scene.add_label(f"/run{i}/numbers", _numbers(track, 0), position=at, anchor="top-center")
             for i, track in enumerate(tracks)
         ]
         end = max(float(track.record.time[-1]) for track in tracks)

@@ -62,7 +62,6 @@ class PlayPage(ServedPage):
 
     def __init__(self, session: PlaySession, folder: Path | None = None, port: int = 8080) -> None:
         super().__init__(port, "dqcontrol play")
-        self.server.scene.configure_environment_map(None)  # it takes long to draw without a graphics card
         self.session, self.alone = session, _ALONE
         self._nodes: list[Any] = []
         self._drawn: DrawnRobot
