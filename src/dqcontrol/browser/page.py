@@ -35,6 +35,8 @@ class Page(ServedPage):
         Of this machine; the next free one if it is taken.
     news
         Called some times a second while runs last: gives their tracks longer records and tells whether they still go.
+    title
+        Of the browser's tab.
 
     Attributes
     ----------
@@ -51,9 +53,13 @@ class Page(ServedPage):
     viewpoint: tuple[Array, Array]
 
     def __init__(
-        self, tracks: Sequence[Track], port: int = 8080, news: Callable[[], bool] | None = None
+        self,
+        tracks: Sequence[Track],
+        port: int = 8080,
+        news: Callable[[], bool] | None = None,
+        title: str = "dqcontrol",
     ) -> None:
-        super().__init__(port)
+        super().__init__(port, title)
         self.tracks, self._news = list(tracks), news
         self._box = extent(tracks)
         self._set_stage()

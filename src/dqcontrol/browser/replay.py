@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from dqcontrol.browser.layout import extent
 from dqcontrol.browser.page import Page
 from dqcontrol.browser.run_view_model import Reading, Track
+from dqcontrol.experiments.run import Run
 
 _RATE = 25.0  # pictures a second, as films have
 _MOST = 1000  # pictures: a robot of ten frames then takes about half a megabyte
@@ -72,6 +73,14 @@ def replay_page(tracks: Sequence[Track], title: str) -> str:
         page.server.stop()
     head = f"<title>{html.escape(title)}</title>"
     return made.replace("<head>", f"<head>{head}", 1)
+
+
+def replay_of_runs(runs: Mapping[str, Run]) -> str:
+    """Return the same of runs by their labels, as `load_runs` gives them."""
+    tracks = [
+        Track(label, run.robot, run.record, constraints=run.surroundings) for label, run in runs.items()
+    ]
+    return replay_page(tracks, " · ".join(runs))
 
 
 def _numbers(track: Track, k: int) -> str:

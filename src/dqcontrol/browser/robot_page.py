@@ -51,7 +51,7 @@ class RobotPage(ServedPage):
         free = np.array([_FREE[kind] for kind in robot.joint_types])
         self.lower: Array = np.where(np.isfinite(robot.limits.lower), robot.limits.lower, -free)
         self.upper: Array = np.where(np.isfinite(robot.limits.upper), robot.limits.upper, free)
-        self._home = np.clip(np.zeros(len(free)), self.lower, self.upper)
+        self._home = inside(self.lower, self.upper)
         self.q = self._home.copy()
         reached = reached_points(robot, self.lower, self.upper)
         self._joints: Array = algebra.translation(robot.frames(self.q))
@@ -111,7 +111,7 @@ class RobotPage(ServedPage):
             low, high = (round(end, 3) for end in ends)  # whole steps, within the limits
             slider = gui.add_slider(f"{name} [{unit}]", low, high, step, float(np.clip(first, low, high)))
             self._sliders.append(slider)
-        gui.add_button("Zero").on_click(lambda _: self.set(self._home))
+        gui.add_button("Where it began").on_click(lambda _: self.set(self._home))
         gui.add_button("Middle of the limits").on_click(lambda _: self.set((self.lower + self.upper) / 2))
         self._joint_frames = gui.add_checkbox("Frames of all joints", True)
         self._reach = gui.add_checkbox("What the hand reaches", False)
@@ -144,6 +144,13 @@ class RobotPage(ServedPage):
             f"<div style='margin:8px 12px;font-size:0.85em'><table style='width:100%'>{cells}</table>"
             f"<p>For a spec (rad or m):<br><code>start: [{start}]</code></p></div>"
         )
+
+
+def inside(lower: Array, upper: Array) -> Array:
+    """Return a configuration inside limits: zero, or the middle of a joint's range where zero is near its end."""
+    zero, margin = np.zeros(len(lower)), _NEAR * (upper - lower)
+    well = (lower + margin <= zero) & (zero <= upper - margin)
+    return np.where(well, zero, (lower + upper) / 2)
 
 
 def reached_points(robot: Robot, lower: Array, upper: Array) -> Array:

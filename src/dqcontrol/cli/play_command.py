@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 from dqcontrol.cli.options import BaseLink, Port, TipLink
+
+if TYPE_CHECKING:
+    from dqcontrol.loop import Live
 
 _ROBOT = "panda"
 
@@ -15,6 +21,7 @@ def play(
     *,
     base_link: BaseLink = None,
     tip_link: TipLink = None,
+    device: Literal["gamepad", "space-mouse"] | None = None,
     out: Path = Path(),
     port: Port = 8080,
 ) -> None:
@@ -24,6 +31,8 @@ def play(
     ----------
     source
         A robot's name or file; a spec of one run; or the folder of a run, which begins where that began.
+    device
+        What drives the hand beside the mouse.
     out
         Folder where recordings are saved.
     port
@@ -35,10 +44,27 @@ def play(
 
     import_viser()  # before the work: it may be missing
     spec, folder = _spec_of(source, base_link, tip_link)
+    driver = _driver(device) if device else None
     with PlaySession(spec, folder) as session:
+        session.driver = driver
         page = PlayPage(session, out, port)
         announce("play", page)
         page.serve()
+
+
+def _driver(device: str) -> Callable[[Live], None]:
+    """Return what a device makes of a robot in each period."""
+    from dqcontrol.devices import Gamepad, SpaceMouse, Teleoperation
+
+    held = Gamepad() if device == "gamepad" else SpaceMouse()
+    driven: list[Teleoperation] = []
+
+    def drive(live: Live) -> None:
+        if not driven or driven[0].live is not live:  # another robot, or the same one put elsewhere
+            driven[:] = [Teleoperation(live)]
+        driven[0].take(held.read(), time.monotonic())
+
+    return drive
 
 
 def _spec_of(source: str, base_link: str | None, tip_link: str | None) -> tuple[dict[str, object], Path]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,7 @@ from dqcontrol.cli.options import Port
 if TYPE_CHECKING:
     from dqcontrol.browser import GrowingRecording, LiveRun, Track
     from dqcontrol.browser.served_page import ServedPage
+    from dqcontrol.experiments import Run
 
 
 def view(*runs: Path, live: Path | None = None, save: Path | None = None, port: Port = 8080) -> None:
@@ -40,14 +42,15 @@ def view(*runs: Path, live: Path | None = None, save: Path | None = None, port: 
         Track(label, run.robot, run.record, constraints=run.surroundings) for label, run in saved.items()
     ]
     if save is not None:
-        _save(tracks, save, recordings or live)
+        _save(saved, save, recordings or live)
         return
     running = LiveRun(live) if live is not None else None
     try:
         growing = [_follow(file, str(path), tracks) for path, file in recordings.items()]
         if running is not None:
             growing.append(_follow_run(running, tracks))
-        page = Page(tracks, port, (lambda: _take_news(growing, running)) if growing else None)
+        title = " · ".join(track.label for track in tracks[:3])
+        page = Page(tracks, port, (lambda: _take_news(growing, running)) if growing else None, title)
         announce("view", page)
         page.serve()
     finally:
@@ -63,9 +66,9 @@ def announce(command: str, page: ServedPage) -> None:
     webbrowser.open(page.url)
 
 
-def _save(tracks: list[Track], path: Path, in_progress: object) -> None:
+def _save(runs: Mapping[str, Run], path: Path, in_progress: object) -> None:
     """Write a page that plays saved runs."""
-    from dqcontrol.browser.replay import replay_page
+    from dqcontrol.browser.replay import replay_of_runs
     from dqcontrol.errors import ExistsError, ValueRangeError, writing
 
     if in_progress:
@@ -74,7 +77,7 @@ def _save(tracks: list[Track], path: Path, in_progress: object) -> None:
         raise ValueRangeError(f"save: expected the name of a page, .html, got '{path}'")
     if path.exists():
         raise ExistsError(f"{path}: exists already; choose another name or remove it")
-    page = replay_page(tracks, path.stem)
+    page = replay_of_runs(runs)
     with writing(path):
         path.write_text(page, encoding="utf-8")
     print(f"view: {path} ({len(page.encode()) / 1e6:.1f} MB)")

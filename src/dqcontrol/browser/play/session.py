@@ -7,6 +7,7 @@ import threading
 import time
 import warnings
 from collections import deque
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -90,6 +91,8 @@ class PlaySession:
         How many periods passed without a step, as the machine was busy.
     is_paused
         Whether time stands still.
+    driver
+        Called before each step with the robot: what a device tells it.
 
     Raises
     ------
@@ -100,6 +103,7 @@ class PlaySession:
     spec: dict[str, Any]
     live: Live
     ghost: Live | None
+    driver: Callable[[Live], None] | None = None
 
     def __init__(self, spec: dict[str, Any], folder: Path | None = None) -> None:
         self._folder, self._known = folder or Path.cwd(), dict[bytes, Any]()
@@ -320,6 +324,8 @@ class PlaySession:
         """Move for one period."""
         live = self.live
         try:
+            if self.driver is not None:
+                self.driver(live)
             live.step()
             if self.ghost:
                 self.ghost.step()
