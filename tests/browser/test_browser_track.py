@@ -9,7 +9,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.browser import Track
-from dqcontrol.browser.layout import FIELD, extent, places, step_back, viewpoint
+from dqcontrol.browser.layout import ASPECT, FIELD, extent, places, step_back, viewpoint
 from dqcontrol.browser.numbers import numbers
 from dqcontrol.browser.robot_bodies import DARK, robot_shapes
 from dqcontrol.browser.run_view_model import wheel_angles
@@ -244,7 +244,7 @@ def test_runs_side_by_side_do_not_touch_and_the_viewer_sees_all():
     offset = (corners - middle + row[:, None]).reshape(-1, 3)
     depth = farther * np.linalg.norm(ahead) + offset @ ahead / np.linalg.norm(ahead)
     widest = np.abs(offset @ right / depth).max()
-    assert widest == pytest.approx(1.25 * np.tan(FIELD / 2))  # at the edge of a scene 5 : 4
+    assert widest == pytest.approx(ASPECT * np.tan(FIELD / 2))  # at the edge of the scene
 
 
 def test_both_hands_of_two_arms_are_shown_and_what_is_relative_where_it_is():

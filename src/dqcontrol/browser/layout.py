@@ -14,7 +14,7 @@ _MOMENTS = 12  # of a run that are looked at
 _BESIDE = 0.6  # rad; the viewer stands so far beside the line from the robot to the path
 _UP = 0.42
 FIELD = 0.7  # rad; of view, from bottom to top
-_ASPECT = 1.25  # of the scene beside the controls, about
+ASPECT = 0.95  # of the scene beside the controls in a window of 1000 × 640, width by height
 
 
 class Extent(NamedTuple):
@@ -82,7 +82,7 @@ def step_back(apart: Array, box: Extent, towards: Array) -> float:
     signs = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T
     corners = (apart[:, None] + signs * half).reshape(-1, 3)
     distance = float(np.linalg.norm(towards))
-    across = np.abs(corners @ _right(towards)) / (_ASPECT * np.tan(FIELD / 2))
+    across = np.abs(corners @ _right(towards)) / (ASPECT * np.tan(FIELD / 2))
     return max(1.0, float((across + corners @ towards / distance).max()) / distance)
 
 
