@@ -24,11 +24,11 @@ LAW = dqc.laws.ProportionalFeedforward(gain=5.0)
 class Robot:
     """A robot of one's own, with the least that one has."""
 
-    def __init__(self, dt=T):
-        self.q, self.measured, self.dt, self.steps = Q0.copy(), Q0.copy(), dt, 0
+    def __init__(self, period=T):
+        self.q, self.measured, self.period, self.steps = Q0.copy(), Q0.copy(), period, 0
 
     def step(self, command):
-        self.q = self.q + self.dt * command
+        self.q = self.q + self.period * command
         self.measured = self.q.copy()
         self.steps += 1
 
@@ -36,8 +36,8 @@ class Robot:
 class RobotPlant(Plant, frozen=True, kw_only=True, tag="Robot"):
     """A kind of one's own: `start` is all that it has to write."""
 
-    def start(self, robot, q0, dt, steps, seed):
-        return Robot(dt)
+    def start(self, robot, q0, period, steps, seed):
+        return Robot(period)
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +68,6 @@ def test_a_kind_of_ones_own_has_all_that_films_trials_and_files_ask_of_it(arm):
     plant = RobotPlant()
     assert (command_mode(plant), lagging_mode(plant)) == ("integrated", "measured")
     assert plant.file_keys == ()
-    assert plant.balls(np.zeros(3)) == []
     assert plant.picture(arm) is None
     assert plant.step_time(T, is_compiled=False) > plant.step_time(T, is_compiled=True)
     assert plant.encoder_errors() == (0.0, 0.0)
@@ -115,13 +114,6 @@ def test_a_plant_says_what_is_special_about_it():
         assert lagging_mode(kind(**measured)) == "measured"
         assert kind(encoder_noise=0.1).encoder_errors().noise == 0.1
     assert CompliantPlant().step_time(0.01, is_compiled=False) == pytest.approx(5e-5 + 10 * 7e-6)
-    ball = dqc.plants.Obstacle(
-        position=(1, 0, 0), radius=0.1, stiffness=1e4, velocity=(0, 1, 0), begin=1.0, until=3.0
-    )
-    ((centers, radius),) = CompliantPlant(obstacles=[ball]).balls(np.array([0.5, 1.0, 2.5, 3.0]))
-    assert radius == 0.1
-    assert centers.tolist()[1:3] == [[1, 0, 0], [1, 1.5, 0]]
-    assert np.isnan(centers[[0, 3]]).all()
 
 
 def test_a_spec_finds_files_that_a_kind_of_plant_names(tmp_path):

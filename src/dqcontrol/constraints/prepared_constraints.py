@@ -46,8 +46,8 @@ from dqcontrol.constraints.constraint_layout import (
     work_of,
 )
 from dqcontrol.constraints.constraints import HAND, Constraints, unit
+from dqcontrol.constraints.lag_path import WayToTargets, lag_path
 from dqcontrol.constraints.moving_frames import HandFrame, moving_frames
-from dqcontrol.constraints.way_to_targets import WayToTargets, way_to_targets
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, error_prefix, unknown_name
 from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
 from dqcontrol.geometry.shape_rows import KIND, PLANE, RADIUS, ROUND
@@ -114,11 +114,11 @@ class PreparedConstraints:
     kernel = keep_constraints
 
     def __init__(
-        self, given: Constraints, robot: Robot, dt: float, command_mode: CommandMode, lag: Lag = AT_ONCE
+        self, given: Constraints, robot: Robot, period: float, command_mode: CommandMode, lag: Lag = AT_ONCE
     ) -> None:
         self.given = given
         self.robot = robot
-        self.period = dt
+        self.period = period
         self.lag: Lag = lag if command_mode == "integrated" else AT_ONCE
         if len(robot.drives) and robot.input_size == robot.configuration_size:
             raise ValueRangeError(
@@ -129,13 +129,16 @@ class PreparedConstraints:
             raise ValueRangeError(
                 f"constraints: at most 30 inputs are allowed, {robot.name} has {robot.input_size}"
             )
-        self.way: WayToTargets = way_to_targets(self.lag, robot.configuration_size, dt)
+        self.way: WayToTargets = lag_path(self.lag, robot.configuration_size, period)
         self._frames = moving_frames(robot)
         self._velocity, self._acceleration = self._speeds()
         self._bodies: list[LinkShape] = list(robot.shapes.shapes) if robot.shapes else []
         self._first_obstacle: dict[str, int] = {}  # by name
         self._points: list[int] = []  # numbers of bodies that are balls about named frames
         self._obstacles: list[tuple[Array, Motion]] = []
+        self._watched: dict[
+            str, list[tuple[int, Shape]]
+        ] = {}  # numbers of obstacles, shapes seen from their body
         self._lines: list[_Line] = []
         self.names: tuple[str, ...] = given.names
         self.rate: float = self._rate()
@@ -196,6 +199,21 @@ class PreparedConstraints:
         if status:
             self.robot.fkm(rows)  # says what is wrong
         return out
+
+    def place(self, parameters: Array, name: str, pose: Array) -> None:
+        """Write where a watched body is, pose (8,), into parameters for compiled code; others are left alone.
+
+        It counts as standing there until the next time.
+        """
+        if name not in self._watched:
+            return
+        count = len(self._obstacles) * OBSTACLE
+        first = self.parameters.size - self._after_obstacles - count
+        rows = parameters[first : first + count].reshape(-1, OBSTACLE)
+        for number, shape in self._watched[name]:
+            moved = shape.moved(pose)
+            rows[number, : len(moved.row)] = moved.row
+            rows[number, BALL : BALL + 4] = _ball_around(moved)
 
     def pair(self, row: int) -> ShapePair:
         """Return the shapes of a row that is a distance; obstacles are counted in their order, zones' walls after."""
@@ -343,12 +361,16 @@ class PreparedConstraints:
             self._lines.append(_Line(row, label, levers, 0.0))
 
     def _add_obstacles(self) -> None:
+        world = self.given.world
         for name, each in self.given.obstacles.items():
             field, clear = f"constraints.clear_of.{name}", each.clear
             margin = self.given.margin if clear.margin is None else clear.margin
             self._first_obstacle[name] = len(self._obstacles)
             for k, shape in enumerate(each.shapes):
                 obstacle = self._add_obstacle(shape, each.moves)
+                if world is not None and (body := world.bodies[name]).watch is not None:
+                    seen_from = shape.moved(algebra.conjugate(body.pose))
+                    self._watched.setdefault(name, []).append((obstacle, seen_from))
                 part = f" {k + 1}" if len(each.shapes) > 1 else ""
                 for chosen in self._chosen(field, clear.links):
                     if clear.links is None and self._stands_on(shape, self._bodies[chosen]):
@@ -599,6 +621,7 @@ class PreparedConstraints:
             kept=kept_of.pack(**kept._asdict()),
             scene=scene_of.pack(**scene._asdict()),
         )
+        self._after_obstacles: int = table.size
         work = {
             "n": n,
             "m": m,

@@ -310,7 +310,7 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
     start = _start(chosen.start, robot)
     robot = robot.from_start(start)
     reference = spec.reference.build(robot.fkm(start), folder)
-    reference = spec.reference.of_robot(reference, _widest(spec, robot), start)
+    reference = spec.reference.of_robot(reference, _widest(spec, robot), start, spec.surroundings)
     times = spec.period * np.arange(step_count(reference, spec.period, spec.duration), dtype=np.float64)
     samples = reference.samples(times)
     if spec.skip_initial > samples[-1, -1]:

@@ -23,7 +23,7 @@ from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.supervision import Senses
 from dqcontrol.loop.targets import PoseTarget, SampledTarget, Speeds, Target, TwistTarget
-from dqcontrol.plants.live_plant import LivePlant, MovedPlant, live_plant
+from dqcontrol.plants.live_plant import LivePlant, PlantProtocol, live_plant
 from dqcontrol.plants.plant import Plant, command_mode, lagging_mode, limits_before
 from dqcontrol.references.previewed import Previewed
 from dqcontrol.references.reference import Reference
@@ -142,7 +142,7 @@ class Live:
         self,
         robot: Robot,
         law: Law,
-        plant: Plant | MovedPlant,
+        plant: Plant | PlantProtocol,
         period: float,
         *,
         start: ArrayLike | None = None,
@@ -194,7 +194,7 @@ class Live:
     @property
     def period(self) -> float:
         """Control period of `step`, s."""
-        return self.control.law.dt
+        return self.control.law.period
 
     @property
     def target(self) -> Array | None:

@@ -17,6 +17,7 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.files.long_array import long_array
 from dqcontrol.references.sample import SAMPLE_SIZE, TIME, TWIST, TWIST_RATE, Sample
 from dqcontrol.references.yaml_form import SpecStart
+from dqcontrol.world import World
 
 if TYPE_CHECKING:
     from dqcontrol.robots import Robot
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 SMOOTH = (
     1e-3  # a twist that jumps by less, compared with the largest, comes of rounded input and is no corner
 )
-SNAP = 1e-9  # s; a time this near to a corner is the corner: k·dt seldom hits one exactly
+SNAP = 1e-9  # s; a time this near to a corner is the corner: a multiple of the period seldom hits one exactly
 _BLOCK = 4096  # times sampled at once: all that is computed of them fits into the processor's cache
 
 
@@ -84,7 +85,13 @@ class Reference(ABC):
 
     @classmethod
     def of_robot(
-        cls, reference: Reference, robot: Robot, start: Array, *_: Any, **parameters: Any
+        cls,
+        reference: Reference,
+        robot: Robot,
+        start: Array,
+        world: World | None = None,
+        *_: Any,
+        **parameters: Any,
     ) -> Reference:
         """Return what a robot at its start configuration, shape (n,), makes of the reference of a spec.
 
@@ -94,6 +101,8 @@ class Reference(ABC):
             From `from_spec`, with all that modifies it.
         robot, start
             Who follows it, and from where, rad or m.
+        world
+            What stands around.
         **parameters
             As of `from_spec`.
         """

@@ -20,7 +20,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.browser.play.recorded_rows import RecordedRows
 from dqcontrol.constraints import Constraints
-from dqcontrol.constraints.kept_scene import KeptScene, NearestPair
+from dqcontrol.constraints.constraint_view import ConstraintView, NearestPair
 from dqcontrol.errors import Error, ExistsError, NoteWarning, StabilityWarning, writing
 from dqcontrol.experiments.check import LoopCheck, loop_checks
 from dqcontrol.experiments.driven import live_of
@@ -140,11 +140,11 @@ class PlaySession:
         (case,) = setting.cases
         world, kept = setting.spec.surroundings, case.variant.law.constraints
         around = kept or (Constraints(world=world, self_collision=False) if world else None)
-        scene = KeptScene(around, live.robot, live.period) if around else None
+        scene = ConstraintView(around, live.robot, live.period) if around else None
         spec = spec | {"start": case.scene.start.tolist()}
         with self.lock:
             self.spec, self.setting, self.live, self.ghost = spec, setting, live, ghost
-            self.around: KeptScene | None = scene
+            self.around: ConstraintView | None = scene
             self._record(exact=True)
             for each in (live, ghost) if ghost else (live,):
                 if self._follows:
