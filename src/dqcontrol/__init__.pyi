@@ -4,6 +4,7 @@ from . import (
     compiled as compiled,
     constraints as constraints,
     controller as controller,
+    devices as devices,
     errors as errors,
     experiments as experiments,
     export as export,

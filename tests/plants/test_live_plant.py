@@ -8,9 +8,8 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.errors import Error
 from dqcontrol.experiments.spec.spec_files import complete_plants
-from dqcontrol.loop import close_loop
+from dqcontrol.loop import Live, close_loop
 from dqcontrol.loop.closed_loop import check_disturbed
-from dqcontrol.loop.jog import Jog
 from dqcontrol.loop.simulate import supervise
 from dqcontrol.plants import CompliantPlant, Integrator, LivePlant, MobilePlant, MujocoPlant, Plant, Servo
 from dqcontrol.plants.channels import Channel
@@ -56,11 +55,11 @@ def test_the_least_plant_moves_as_the_integrator_does_in_every_loop(arm, circle)
     assert np.allclose(
         run[RobotPlant()].q, run[Integrator()].q, rtol=0, atol=1e-13
     )  # compiled sums are fused
-    jog = Jog(LAW.prepare(arm, None, T), Supervisor().prepare(arm, T), Robot())
+    live = Live(arm, LAW, Robot(), T)
     for _ in range(20):
-        jog.press("w")
-        jog.step()
-    assert jog.condition.startswith("active")
+        live.move(np.array([0.05, 0, 0]), np.zeros(3))
+        live.step()
+    assert live.condition.startswith("active")
     with pytest.raises(Error, match="cannot move the joints of Robot, whose physics"):
         check_disturbed(Robot())
 

@@ -22,7 +22,15 @@ from dqcontrol.compiled.kernel_cache import has_source, source_hash
 from dqcontrol.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.controller import Controller, PreparedTasks
-from dqcontrol.errors import NoteWarning, PlanError, ReachError, ShapeError, ValueRangeError, error_prefix
+from dqcontrol.errors import (
+    LimitWarning,
+    NoteWarning,
+    PlanError,
+    ReachError,
+    ShapeError,
+    ValueRangeError,
+    error_prefix,
+)
 from dqcontrol.experiments.contacts import check_floor
 from dqcontrol.experiments.reach import check_reach
 from dqcontrol.experiments.results_folder import folder_names
@@ -331,7 +339,9 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
     try:
         check_reach(robot, start, samples)
     except ReachError as error:
-        raise ReachError(f"{error}{length_slip(spec.reference, robot)}") from None
+        if not getattr(reference, "streamed", False):  # what a hand leads may well go out of reach
+            raise ReachError(f"{error}{length_slip(spec.reference, robot)}") from None
+        warnings.warn(str(error), LimitWarning, stacklevel=2)
     check_floor(robot, start, samples)
     return PreparedRobot(robot, start, reference, samples, _tasks(spec, robot, start, folder, times))
 

@@ -18,7 +18,7 @@ from dqcontrol.constraints import Constraints
 from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.check import LoopCheck, warn_unstable
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare
-from dqcontrol.experiments.result_pages import result_pages
+from dqcontrol.experiments.result_pages import ShownPage, replay, result_pages
 from dqcontrol.experiments.results_folder import PARENT, new_folder
 from dqcontrol.experiments.run_comparison import summary
 from dqcontrol.experiments.shortfall import warn_of_shortfalls
@@ -218,6 +218,21 @@ class Run:
         """
         notes = {"spec": self.spec, "label": self.label}
         return export_record(self.record, path, **units_of(self.robot), notes=notes, force=force)
+
+    def view(self, height: int = 480) -> ShownPage:
+        """Return the run as a page that plays it: notebooks show it in a cell, ``view().html`` is the page itself.
+
+        Parameters
+        ----------
+        height
+            Of the cell, pixels.
+
+        Raises
+        ------
+        MissingExtraError
+            If viser is not installed.
+        """
+        return ShownPage(replay({self.label: self}), height)
 
     def _repr_mimebundle_(self, **_: object) -> dict[str, Any]:
         """Return what notebooks show: the metrics in a line, and the hand's path."""
