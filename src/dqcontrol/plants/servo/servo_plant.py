@@ -142,7 +142,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         gain, stiffness = (self._each(field, n, zero_allowed=False) for field in ("gain", "stiffness"))
         sag = self.sag
         compliance = sag / stiffness
-        sag0 = compliance * robot.gravity_torque(q0, self.gravity) if sag else np.zeros(n)
+        sag0 = compliance * robot.gravity_forces(q0, self.gravity) if sag else np.zeros(n)
         target = q0 + sag0
         ends = robot.limits if self.position_limit else Limits.none(n)
         oldest = max((each.delay for each in answers), default=0)
