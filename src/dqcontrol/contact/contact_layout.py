@@ -139,3 +139,6 @@ class ContactWork(NamedTuple):
 contact_parameters: MemoryLayout[ContactParameters] = MemoryLayout(ContactParameters)
 contact_state: MemoryLayout[ContactState] = MemoryLayout(ContactState)
 contact_work: MemoryLayout[ContactWork] = MemoryLayout(ContactWork)
+
+WRENCH = 6  # numbers at the begin of the work
+CONTACT_STATE: int = contact_state.size()

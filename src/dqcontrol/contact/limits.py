@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -161,38 +161,36 @@ class _Loop:
         self._along = direction @ robot.hand_jacobian(q)[:3 if axis < 3 else 6][axis // 3 * 3 :]
         m, state = robot.input_size, law.initial_state(q)
 
-        def command(angles: Array, way: float, speed: float) -> Array:
+        def command(angles: Array, way: float, speed: float, more: float) -> Array:
             sample, out = np.zeros(21), np.empty(m)
             if axis < 3:
                 turned = algebra.rotation_from_axis_angle(direction, way)
                 sample[:8] = algebra.pose(algebra.multiply(turned, algebra.rotation(pose)), place)
-                sample[8:11] = speed * direction
-                sample[11:14] = np.cross(place, speed * direction)
+                screw = np.concatenate([direction, np.cross(place, direction)])
             else:
                 sample[:8] = algebra.multiply(algebra.pose([1, 0, 0, 0], way * direction), pose)
-                sample[11:14] = speed * direction
+                screw = np.concatenate([np.zeros(3), direction])
+            sample[8:14], sample[14:20] = speed * screw, more * screw
             law.step(angles, sample, 0, state.copy(), out)
             return out
 
-        def slope(change: Array, way: float, speed: float) -> Array:
-            ahead = command(q + _STEP * change, _STEP * way, _STEP * speed)
-            return (ahead - command(q - _STEP * change, -_STEP * way, -_STEP * speed)) / (2 * _STEP)
+        def slope(*change: Any) -> Array:
+            moved, *given = (_STEP * each for each in change)
+            return (command(q + moved, *given) - command(q - moved, *(-each for each in given))) / (2 * _STEP)
 
-        by_joints = np.column_stack([slope(each, 0.0, 0.0) for each in np.eye(n)])
-        self._by_way, self._by_speed = slope(np.zeros(n), 1.0, 0.0), slope(np.zeros(n), 0.0, 1.0)
+        by_joints = np.column_stack([slope(each, 0.0, 0.0, 0.0) for each in np.eye(n)])
+        by_sample = [slope(np.zeros(n), *each) for each in np.eye(3)]  # way, speed and its rate
         if b.shape[1] == 1 and n > 1:  # one joint stands for all
             answer, size = self._along @ by_joints, self._along @ self._along
             share = answer @ self._along / size
             if np.abs(answer - share * self._along).max() < _STEP * abs(share):  # and for the way along the axis
-                self._by_way, self._by_speed = (
-                    np.array([self._along @ each]) for each in (self._by_way, self._by_speed)
-                )
+                by_sample = [np.array([self._along @ each]) for each in by_sample]
                 self._along, by_joints = np.ones(1), np.array([[share]])
             else:
                 a, b = np.kron(a, np.eye(n)), np.kron(b, np.eye(n))
         self._by_joints = np.zeros((b.shape[1], len(a)))
         self._by_joints[:, : len(self._along)] = by_joints
-        self._plant = a, b
+        self._plant, self._by_sample = (a, b), by_sample
 
     def radius(self, stiffness: float, mass: float = 0.0, factor: float = 1.0) -> float:
         """Return the largest modulus of the loop's poles; with a mass the stiffness is that of a spring to it.
@@ -202,29 +200,31 @@ class _Loop:
         (a, b), period, n = self._plant, self._period, len(self._along)
         row = self._admittance.axis_rows[self._axis]
         f = exact_step(row[0], factor * row[1], row[2], period)
-        inner, by_way, by_next, force, force_by_way = _environment(stiffness, mass, self._filter, period)
+        inner, by_begin, by_end, force, direct = _environment(stiffness, mass, self._filter, period)
         size, parts = len(a), len(inner)
         total = size + parts + 2
         c, d = size + parts, size + parts + 1  # deflection and its rate
         along = np.zeros(total)
         along[:n] = self._along
-        wrench = force_by_way * along
+        wrench = direct * along
         wrench[size : size + parts] = force
         ahead, after = np.zeros(total), np.zeros(total)
         ahead[c], ahead[d], after[c], after[d] = f[0], f[1], f[3], f[4]
         ahead, after = ahead + f[2] * wrench, after + f[5] * wrench
-        speed = ahead.copy()
-        speed[c] -= 1.0
-        command = np.outer(self._by_speed, speed / period)
+        by_way, by_speed, by_rate = self._by_sample
+        speed, rate = ahead / period, after / period
+        speed[c] -= 1.0 / period
+        rate[d] -= 1.0 / period
+        command = np.outer(by_speed, speed) + (np.outer(by_rate, rate) if row[0] else 0.0)
         command[:, :size] += self._by_joints
-        command[:, c] += self._by_way
+        command[:, c] += by_way
         step = np.zeros((total, total))
         step[:size, :size] = a
         step[:size] += b @ command
         step[c], step[d] = ahead, after
         if parts:
             step[size:c, size:c] = inner
-            step[size:c] += np.outer(by_way, along) + np.outer(by_next, self._along @ step[:n])
+            step[size:c] += np.outer(by_begin, along) + np.outer(by_end, self._along @ step[:n])
         return float(np.abs(np.linalg.eigvals(step)).max())
 
     def limit(self, mass: float = 0.0) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, Kernel
+from dqcontrol.contact.contact_layout import WRENCH
 from dqcontrol.controller.controller import Controller, status_text
 from dqcontrol.errors import DivergedError, Error, FallenError, ShapeError, ValueRangeError, as_array
 from dqcontrol.files.long_array import long_array
@@ -105,6 +106,11 @@ def close_loop(
             )
     if supervision is not None:
         _ = supervision.supervisor.kernel.pointer  # compiled now, not while the robot moves
+    if law.wrench.size and not live.wrench.size:
+        raise ValueRangeError(
+            f"contact: {type(plant).__name__} measures no wrench, so no force can be controlled; "
+            "take a plant with a force sensor"
+        )
     steps = _Steps(law, plant, samples, disturbance, clock, supervision, recording)
     if clock is not None:
         _warm_up(law, live, samples, disturbance)
@@ -166,6 +172,7 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
             noise=plant.noise,
             q=plant.q,
             measured=plant.measured,
+            wrench=plant.wrench if plant.wrench.size else np.full(WRENCH, np.nan),
         ),
         compiled.course(samples=samples, stop=_stop_array(stop), done=done, settling=settling),
         compiled.Records(*(each[:count] for each in steps.records)),
@@ -335,6 +342,8 @@ class _Steps:
         q[:], measured[:] = plant.q, plant.measured
         self._readings.take(k)
         command[:] = 0.0
+        if self.law.wrench.size:
+            self.law.wrench[:] = plant.wrench
         failure = _ask(self.law, plant.measured, row, k, self.law_state, command) if asks else None
         kept[:] = self.law.report
         if failure and supervision is None:

@@ -10,6 +10,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.bundle import Bundle
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, kernel
 from dqcontrol.compiled.intrinsics import ADDRESS, caller
+from dqcontrol.contact.contact_layout import WRENCH
 from dqcontrol.controller.command_kernel import LAW_FAILED, PLAN, compute_command, note_sent, unpack
 from dqcontrol.plants.disturbance_step import DISTURBANCE
 from dqcontrol.plants.plant import PLANT
@@ -103,6 +104,8 @@ class PlantArrays(NamedTuple):
         Random numbers that it uses, one row a sample.
     q, measured
         Configuration, and what the encoders say of it, shape (n,), rad or m.
+    wrench
+        Measured, shape (6,), N and N·m; NaN where it measures none.
     """
 
     parameters: Annotated[Array, READ]
@@ -110,6 +113,7 @@ class PlantArrays(NamedTuple):
     noise: Annotated[Array, READ2]
     q: Annotated[Array, WRITE]
     measured: Annotated[Array, WRITE]
+    wrench: Annotated[Array, READ]
 
 
 class Records(NamedTuple):
@@ -188,6 +192,8 @@ def rollout(stages, law, supervisor, disturbance, plant, course, records):
         for i in range(n):
             records.q[k, i] = q[i]
             records.measured[k, i] = measured[i]
+        for i in range(WRENCH if prepared.plan.contact != 0 else 0):
+            prepared.memory.contact_work[i] = plant.wrench[i]
         status = compute_command(prepared, measured, samples[k], k, law.state, command)
         for i in range(records.kept.shape[1]):
             records.kept[k, i] = prepared.memory.constraint_work[i]
