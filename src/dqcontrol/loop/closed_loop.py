@@ -173,9 +173,10 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
             q=plant.q,
             measured=plant.measured,
             wrench=plant.wrench if plant.wrench.size else np.full(WRENCH, np.nan),
+            readings=plant.readings,
         ),
         compiled.course(samples=samples, stop=_stop_array(stop), done=done, settling=settling),
-        compiled.Records(*(each[:count] for each in steps.records)),
+        compiled.Records(*(each[:count] for each in (*steps.records, steps.readings.rows))),
     )
     failure, halted, steps.done = None, "", int(done[0])
     finished = "duration" if steps.done == count else "settled"
@@ -221,7 +222,7 @@ class _Steps:
         self.realised = np.zeros((len(self.desired), 6)) if disturbance else np.zeros((0, 6))
         self.law_state = law.initial_state(plant.q)
         self.done, self.is_sent, self.rests = 0, True, False
-        self._readings = Readings(live, len(self.desired))
+        self.readings = Readings(live, len(self.desired))
         self._fault, self.unanswered = "", ""
         if clock is not None:
             self._take_memory()
@@ -230,7 +231,7 @@ class _Steps:
         """Write what steps will write: the system gives memory at that, and is not asked while a robot moves."""
         codes = self.supervision.codes if self.supervision else np.zeros(0)
         rest = self.desired[len(self.samples) :]
-        for array in (*self.records, rest, self.realised, codes, self._readings.rows):
+        for array in (*self.records, rest, self.realised, codes, self.readings.rows):
             array.fill(0.0)
 
     def run(self, stop: Stop | None, progress: Callable[[int, int], None] | None) -> Trace:
@@ -256,7 +257,7 @@ class _Steps:
         # a stop after the fault is its consequence, a failure is not
         is_first = (supervision and not failure) or not has_failed(found.stopped)
         stopped = self._fault if self._fault and is_first else found.stopped
-        signals = self._readings.signals(len(found.q))
+        signals = self.readings.signals(len(found.q))
         if supervision:
             signals |= supervision.signals(len(found.q))
         return replace(found, stopped=stopped, readings=signals)
@@ -340,7 +341,7 @@ class _Steps:
         k, plant, supervision = self.done, self.plant, self.supervision
         q, measured, command, kept = (record[k] for record in self.records)
         q[:], measured[:] = plant.q, plant.measured
-        self._readings.take(k)
+        self.readings.take(k)
         command[:] = 0.0
         if self.law.wrench.size:
             self.law.wrench[:] = plant.wrench

@@ -106,6 +106,8 @@ class PlantArrays(NamedTuple):
         Configuration, and what the encoders say of it, shape (n,), rad or m.
     wrench
         Measured, shape (6,), N and N·m; NaN where it measures none.
+    readings
+        What else it senses.
     """
 
     parameters: Annotated[Array, READ]
@@ -114,18 +116,20 @@ class PlantArrays(NamedTuple):
     q: Annotated[Array, WRITE]
     measured: Annotated[Array, WRITE]
     wrench: Annotated[Array, READ]
+    readings: Annotated[Array, READ]
 
 
 class Records(NamedTuple):
     """What is recorded, one row a sample: see `PlantArrays`, for what was sent to the plant ``command``, and ``kept``.
 
-    That is the report of the law's constraints, without numbers where it has none.
+    That is the report of the law's constraints; it and ``readings`` are without numbers where there are none.
     """
 
     q: Annotated[Array, WRITE2]
     measured: Annotated[Array, WRITE2]
     command: Annotated[Array, WRITE2]
     kept: Annotated[Array, WRITE2]
+    readings: Annotated[Array, WRITE2]
 
 
 class Course(NamedTuple):
@@ -192,6 +196,8 @@ def rollout(stages, law, supervisor, disturbance, plant, course, records):
         for i in range(n):
             records.q[k, i] = q[i]
             records.measured[k, i] = measured[i]
+        for i in range(records.readings.shape[1]):
+            records.readings[k, i] = plant.readings[i]
         for i in range(WRENCH if prepared.plan.contact != 0 else 0):
             prepared.memory.contact_work[i] = plant.wrench[i]
         status = compute_command(prepared, measured, samples[k], k, law.state, command)

@@ -15,6 +15,7 @@ from msgspec import UNSET, Meta, UnsetType
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.constraints import Constraints
+from dqcontrol.contact import Admittance
 from dqcontrol.controller import PreparedTasks
 from dqcontrol.controller.task_levels import POSTURE, FurtherTask, TaskPart
 from dqcontrol.errors import Error, FileFormatError, NoteWarning, ShapeError, as_array, error_prefix
@@ -322,6 +323,7 @@ class Spec(Part, frozen=True, kw_only=True):
     null_space: AnyNullSpace | None = None
     tasks: Annotated[list[FurtherTaskSpec], Meta(min_length=1, max_length=20)] | None = None
     constraints: Constraints | None = None
+    contact: Admittance | None = None
     world: Bodies | None = None
     outcome: Annotated[list[Expectation], Meta(min_length=1, max_length=50)] | None = None
 
@@ -415,7 +417,7 @@ class Spec(Part, frozen=True, kw_only=True):
         """Return a law with what the spec says of all laws."""
         missing = {
             key: getattr(self, key)
-            for key in ("null_space", "constraints")
+            for key in ("null_space", "constraints", "contact")
             if getattr(self, key) is not None and getattr(law, key) is None
         }
         law = msgspec.structs.replace(law, **missing) if missing else law
