@@ -278,6 +278,8 @@ class Spec(Part, frozen=True, kw_only=True):
         Of all laws that name none.
     tasks
         What two arms or another tree are to do beside the law's task.
+    contact
+        How the frame that laws follow gives way to the measured wrench; see `Admittance`.
     world
         What stands around the robots, by name; or the name of a file that says it.
     outcome
