@@ -33,7 +33,9 @@ class Loop:
         )[kind]
         self.q = np.array([0, 0.6, 0, -1.6, 0, 0.9, 0]) + rng.uniform(-0.3, 0.3, 7)
         self.law = law.prepare(ARM, None, self.period)
-        self.mass = float(rng.choice([0.0, 0.0, 10 ** rng.uniform(-0.5, 1.5)]))  # kg of a loose part, or a wall
+        self.mass = float(
+            rng.choice([0.0, 0.0, 10 ** rng.uniform(-0.5, 1.5)])
+        )  # kg of a loose part, or a wall
         self.admittance = Admittance(
             sensor=ForceSensor(filter=self.filter),
             translation=Compliance(

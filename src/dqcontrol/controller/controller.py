@@ -215,14 +215,26 @@ class Controller:
         tasks = self.tasks.kernel if self.tasks else None
         kept = self.constraints.kernel if self.constraints else None
         contact = self._law.contact.kernel if self._law.contact else None
-        stages = kinematics, self._preference, self.kernel, self._position_limit, self._limit, tasks, kept, contact
+        stages = (
+            kinematics,
+            self._preference,
+            self.kernel,
+            self._position_limit,
+            self._limit,
+            tasks,
+            kept,
+            contact,
+        )
         return dict(zip(Plan._fields, stages, strict=False))
 
     @cached_property
     def plan(self) -> NDArray[np.intp]:
         """Where compiled code finds the law's stages and sizes."""
         addresses = [stage.pointer if isinstance(stage, Kernel) else 0 for stage in self.stages.values()]
-        numbers = dict(zip(Plan._fields, [*addresses, self._contact_at, *self._feedback], strict=False)) | self._sizes
+        numbers = (
+            dict(zip(Plan._fields, [*addresses, self._contact_at, *self._feedback], strict=False))
+            | self._sizes
+        )
         return np.array([numbers[name] for name in Plan._fields], dtype=np.intp)
 
     def initial_state(self, q: ArrayLike) -> Array:

@@ -58,7 +58,9 @@ def limits_of(spec: Spec, case: Combination) -> ContactLimits:
     assert law.contact is not None
     wrist = getattr(case.plant, "wrist", None)
     sensor = law.contact.sensor
-    contact = replace(law.contact, sensor=replace(sensor, filter=max(sensor.filter, getattr(wrist, "filter", 0.0))))
+    contact = replace(
+        law.contact, sensor=replace(sensor, filter=max(sensor.filter, getattr(wrist, "filter", 0.0)))
+    )
     prepared = replace(law, contact=None).prepare(
         case.scene.robot,
         case.scene.reference,
@@ -94,7 +96,11 @@ def _meanings(contact: Admittance, limits: ContactLimits, spec: Spec) -> Iterato
     along, wall = f" along {limits.axis}", "N·m/rad" if i < 3 else "N/m"
     touched = max(_stiffnesses(spec).values(), default=_UNKNOWN_STIFFNESS)
     bears = "whatever stands still" if np.isinf(limits.stiffness) else f"up to {limits.stiffness:.3g} {wall}"
-    yield ["damping" + along, f"{damping:.4g}", f"bears {bears}; {touched:.4g} {wall} needs {limits.least_damping:.3g}"]
+    yield [
+        "damping" + along,
+        f"{damping:.4g}",
+        f"bears {bears}; {touched:.4g} {wall} needs {limits.least_damping:.3g}",
+    ]
     loose = limits.loose_part
     if loose.mass:
         yield [
@@ -103,15 +109,33 @@ def _meanings(contact: Admittance, limits: ContactLimits, spec: Spec) -> Iterato
             f"bears loose parts behind a contact of up to {loose.stiffness:.3g} N/m (worst: {loose.mass:.3g} kg)",
         ]
     if mass:
-        yield ["mass" + along, f"{mass:.4g}", f"a lag of {1e3 * mass / damping:.3g} ms in the loop" if damping else "no damping"]
+        yield [
+            "mass" + along,
+            f"{mass:.4g}",
+            f"a lag of {1e3 * mass / damping:.3g} ms in the loop" if damping else "no damping",
+        ]
     wanted = contact.force.components[i]
     if wanted is not None and damping:
         size = float(np.abs(wanted.values).max()) if isinstance(wanted, ForceReference) else abs(wanted)
-        yield [f"force.{limits.axis}", f"{size:.4g}", f"moves the free hand at {1e3 * size / damping:.3g} mm/s"]
+        yield [
+            f"force.{limits.axis}",
+            f"{size:.4g}",
+            f"moves the free hand at {1e3 * size / damping:.3g} mm/s",
+        ]
         if limits.approach_speed is not None:
-            speed = f"at {1e3 * limits.approach_speed:.3g} mm/s into {touched:.4g} N/m peaks at {3 * size:.3g} N"
+            speed = (
+                f"at {1e3 * limits.approach_speed:.3g} mm/s into {touched:.4g} N/m peaks at {3 * size:.3g} N"
+            )
             yield ["reference", "", f"{speed}: approach no faster"]
     if stiffness:
-        yield ["stiffness" + along, f"{stiffness:.4g}", f"{1e3 / stiffness:.3g} mm a newton" if i >= 3 else "holds the turn"]
+        yield [
+            "stiffness" + along,
+            f"{stiffness:.4g}",
+            f"{1e3 / stiffness:.3g} mm a newton" if i >= 3 else "holds the turn",
+        ]
     if wanted is not None and stiffness:
-        yield [f"force.{limits.axis}", "", "with a stiffness on the same axis the force is off by K times the deflection"]
+        yield [
+            f"force.{limits.axis}",
+            "",
+            "with a stiffness on the same axis the force is off by K times the deflection",
+        ]

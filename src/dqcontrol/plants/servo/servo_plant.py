@@ -145,7 +145,9 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         q0, dt, n = start_configuration(robot, q0), as_positive("dt", dt), robot.configuration_size
         if base_coordinates(robot).any():
             if self.wrist is not None:
-                raise ValueRangeError(f"plant.wrist: is at the hand of an arm, and {robot.name} has a mobile base")
+                raise ValueRangeError(
+                    f"plant.wrist: is at the hand of an arm, and {robot.name} has a mobile base"
+                )
             return start_on_base(self, robot, q0, dt, steps, seed)
         for field in ("base_time_constant", "camera"):
             if getattr(self, field):

@@ -99,12 +99,15 @@ class Touching(NamedTuple):
 
 
 class TouchState(NamedTuple):
-    """What the sensor shows; the wrench before and after its filter; force and depth of the contact; the hand's place."""
+    """What the sensor shows; force and depth of the contact, base axes; the wrench before and after the filter; the hand.
+
+    The first two are the plant's readings.
+    """
 
     wrench: Annotated[Array, 6]
+    contact: Annotated[Array, 4]
     true: Annotated[Array, 6]
     filtered: Annotated[Array, 6]
-    contact: Annotated[Array, 4]
     place: Annotated[Array, 3]
     pose: Annotated[Array, 8]
     servos: Annotated[Array, ...]
@@ -113,7 +116,13 @@ class TouchState(NamedTuple):
 _box = MemoryLayout(SpringyBox)
 _touching: MemoryLayout[Touching] = MemoryLayout(Touching, "joints", "boxes")
 _state: MemoryLayout[TouchState] = MemoryLayout(TouchState)
-CHANNELS = (Channel("contact_force", ("x", "y", "z"), "N"), Channel("contact_depth", (), "m"))
+CHANNELS = (
+    Channel("wrist_force", ("x", "y", "z"), "N"),
+    Channel("wrist_torque", ("x", "y", "z"), "N·m"),
+    Channel("touch_force", ("x", "y", "z"), "N"),
+    Channel("touch_depth", (), "m"),
+)
+_READINGS = sum(channel.size for channel in CHANNELS)
 
 
 @inline
@@ -152,7 +161,11 @@ def feel(given, boxes, q, own):
     place, contact, true, center = own.place, own.contact, own.true, given.center
     for i in range(4):
         contact[i] = 0.0
-    vx, vy, vz = (px - place[0]) / given.period, (py - place[1]) / given.period, (pz - place[2]) / given.period
+    vx, vy, vz = (
+        (px - place[0]) / given.period,
+        (py - place[1]) / given.period,
+        (pz - place[2]) / given.period,
+    )
     for i in range(boxes):
         press(_box(given.boxes[i]), px, py, pz, vx, vy, vz, contact)
     place[0], place[1], place[2] = px, py, pz
@@ -161,7 +174,11 @@ def feel(given, boxes, q, own):
     for turn in range(2):
         a, b, c = contact[0], contact[1], contact[2]
         if turn == 1:
-            a, b, c = given.mass * given.gravity[0], given.mass * given.gravity[1], given.mass * given.gravity[2]
+            a, b, c = (
+                given.mass * given.gravity[0],
+                given.mass * given.gravity[1],
+                given.mass * given.gravity[2],
+            )
         tx, ty, tz = 2.0 * (z * b - y * c), 2.0 * (x * c - z * a), 2.0 * (y * a - x * b)
         fx, fy, fz = a + w * tx - y * tz + z * ty, b + w * ty - z * tx + x * tz, c + w * tz - x * ty + y * tx
         true[0] += fx
@@ -194,7 +211,13 @@ def touching_servo(command, parameters, noise, state, q, measured):
 
 
 def touching(
-    servos: CompiledPlant, wrist: Wrist, world: World | None, robot: Robot, gravity: Three, period: float, seed: int
+    servos: CompiledPlant,
+    wrist: Wrist,
+    world: World | None,
+    robot: Robot,
+    gravity: Three,
+    period: float,
+    seed: int,
 ) -> CompiledPlant:
     """Return servos with a sensor at the hand, among the springy boxes of a world.
 
@@ -239,12 +262,12 @@ def touching(
     own.place[:] = algebra.translation(robot.fkm(q))
     feel(_touching(parameters[1:], len(q), len(rows)), len(rows), q, own)
     if own.contact[3] > 0:
-        raise ValueRangeError(f"start: the hand is {1e3 * own.contact[3]:.3g} mm inside of what it is to touch")
+        raise ValueRangeError(
+            f"start: the hand is {1e3 * own.contact[3]:.3g} mm inside of what it is to touch"
+        )
     own.filtered[:] = own.wrench[:] = own.true
     noise = np.random.default_rng([seed, 6]).standard_normal((len(servos.noise), 6))
-    found = CompiledPlant(
-        touching_servo, parameters, state, q, np.hstack([servos.noise, noise])
-    )
-    kept_state = _state(found.state)
-    found.wrench, found.channels, found.readings = kept_state.wrench, CHANNELS, kept_state.contact
+    found = CompiledPlant(touching_servo, parameters, state, q, np.hstack([servos.noise, noise]))
+    found.wrench = _state(found.state).wrench
+    found.channels, found.readings = CHANNELS, found.state[:_READINGS]
     return found
