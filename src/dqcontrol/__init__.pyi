@@ -3,6 +3,7 @@ from . import (
     browser as browser,
     compiled as compiled,
     constraints as constraints,
+    contact as contact,
     controller as controller,
     devices as devices,
     errors as errors,

@@ -46,9 +46,9 @@ def test_sag_of_servos_with_measured_commands_is_carried_by_the_integral():
     plant, k = Servo(command_mode="measured", sag=1.0, stiffness=2e4, time_constant=0.05), 10.0
     runs = [settled(Proportional(gain=k, integral_gain=i, **FREE), plant, arm, q, 12.0) for i in (0.0, 20.0)]
     for run in runs:
-        sag = arm.gravity_torque(run.q[-1]) / 2e4
+        sag = arm.gravity_forces(run.q[-1]) / 2e4
         np.testing.assert_allclose(run.command[-1], sag / T, rtol=1e-4, atol=1e-7)
-    sag = arm.gravity_torque(q) / 2e4
+    sag = arm.gravity_forces(q) / 2e4
     expected = np.linalg.norm(arm.translation_jacobian(q) @ sag) / (k * T)
     assert expected > 5e-3
     assert runs[0].position_error[-1] == pytest.approx(expected, rel=0.03)

@@ -31,6 +31,7 @@ from dqcontrol.errors import (
     ValueRangeError,
     error_prefix,
 )
+from dqcontrol.experiments.contact_check import check_contact
 from dqcontrol.experiments.contacts import check_floor
 from dqcontrol.experiments.reach import check_reach
 from dqcontrol.experiments.results_folder import folder_names
@@ -309,6 +310,9 @@ def prepare_spec(
                 cases.append(
                     Combination(place, scene, variant, plant, limits[name], compiled[name], law, gains)
                 )
+    if checked:
+        for case in cases:
+            check_contact(spec, case)
     return PreparedExperiment(spec, folder, scenes, tuple(cases))
 
 

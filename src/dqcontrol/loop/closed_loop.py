@@ -10,6 +10,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, Kernel
+from dqcontrol.contact.contact_layout import WRENCH
 from dqcontrol.controller.controller import Controller, status_text
 from dqcontrol.errors import DivergedError, Error, FallenError, ShapeError, ValueRangeError, as_array
 from dqcontrol.files.long_array import long_array
@@ -109,6 +110,11 @@ def close_loop(
             )
     if supervision is not None:
         _ = supervision.supervisor.kernel.pointer  # compiled now, not while the robot moves
+    if law.wrench.size and not live.wrench.size:
+        raise ValueRangeError(
+            f"contact: {type(plant).__name__} measures no wrench, so no force can be controlled; "
+            "take a plant with a force sensor"
+        )
     if follow is not None:
         if follow.body not in live.seen:
             raise ValueRangeError(
@@ -176,9 +182,11 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
             noise=plant.noise,
             q=plant.q,
             measured=plant.measured,
+            wrench=plant.wrench if plant.wrench.size else np.full(WRENCH, np.nan),
+            readings=plant.readings,
         ),
         compiled.course(samples=samples, stop=_stop_array(stop), done=done, settling=settling),
-        compiled.Records(*(each[:count] for each in steps.records)),
+        compiled.Records(*(each[:count] for each in (*steps.records, steps.readings.rows))),
     )
     failure, halted, steps.done = None, "", int(done[0])
     finished = "duration" if steps.done == count else "settled"
@@ -226,7 +234,7 @@ class _Steps:
         self.realised = np.zeros((len(self.desired), 6)) if disturbance else np.zeros((0, 6))
         self.law_state = law.initial_state(plant.q)
         self.done, self.was_sent, self.rests = 0, True, False
-        self._readings = Readings(live, len(self.desired))
+        self.readings = Readings(live, len(self.desired))
         self._fault, self.unanswered = "", ""
         if clock is not None:
             self._take_memory()
@@ -235,7 +243,7 @@ class _Steps:
         """Write what steps will write: the system gives memory at that, and is not asked while a robot moves."""
         codes = self.supervision.codes if self.supervision else np.zeros(0)
         rest = self.desired[len(self.samples) :]
-        for array in (*self.records, rest, self.realised, codes, self._readings.rows):
+        for array in (*self.records, rest, self.realised, codes, self.readings.rows):
             array.fill(0.0)
 
     def run(self, stop: Stop | None, progress: Callable[[int, int], None] | None) -> Trace:
@@ -261,7 +269,7 @@ class _Steps:
         # a stop after the fault is its consequence, a failure is not
         is_first = (supervision and not failure) or not has_failed(found.stopped)
         stopped = self._fault if self._fault and is_first else found.stopped
-        signals = self._readings.signals(len(found.q))
+        signals = self.readings.signals(len(found.q))
         if supervision:
             signals |= supervision.signals(len(found.q))
         return replace(found, stopped=stopped, readings=signals)
@@ -345,9 +353,11 @@ class _Steps:
         k, plant, supervision = self.done, self.plant, self.supervision
         q, measured, command, kept = (record[k] for record in self.records)
         q[:], measured[:] = plant.q, plant.measured
-        self._readings.take(k)
+        self.readings.take(k)
         self._see(k, row)
         command[:] = 0.0
+        if self.law.wrench.size:
+            self.law.wrench[:] = plant.wrench
         failure = _ask(self.law, plant.measured, row, k, self.law_state, command) if asks else None
         kept[:] = self.law.report
         if failure and supervision is None:

@@ -230,6 +230,8 @@ class Control:
             self.deactivate()
         if measured is not None:
             self.measured[:] = measured
+            if self.law.wrench.size:  # one that is old is none
+                self.law.wrench[:] = wrench if wrench.size else math.nan
             self._ask_law(self.time)
         request, self._request = self._request, GO
         rests = self.supervisor.step(

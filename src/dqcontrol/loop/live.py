@@ -152,7 +152,7 @@ class Live:
         tasks: PreparedTasks | None = None,
         seed: int = 0,
     ) -> None:
-        dt = as_positive("period", period)
+        period = as_positive("period", period)
         at_work = None if isinstance(plant, Plant) else live_plant(plant)
         if start is None:
             start = most_dexterous(robot) if at_work is None else at_work.measured
@@ -161,14 +161,16 @@ class Live:
         self._mode: CommandMode = lagging_mode(kind) if kind else "measured"
         self._lag = kind.lag(robot) if kind else AT_ONCE
         self._limits = limits_before(kind, limits, robot) if kind else limits or CommandLimits()
-        guard = (supervisor or Supervisor()).prepare(robot, dt, command_mode(kind) if kind else "integrated")
+        guard = (supervisor or Supervisor()).prepare(
+            robot, period, command_mode(kind) if kind else "integrated"
+        )
         self._reference: Reference | None = None
         self._tasks = tasks
-        controller = self._prepared(law, robot, dt)
+        controller = self._prepared(law, robot, period)
         sample = np.zeros(SAMPLE_SIZE)
         sample[POSE] = robot.fkm(q0)
         warm_up(controller, guard, q0, sample)
-        moved = at_work if kind is None else live_plant(kind.start(robot, q0, dt, NOISE, seed))
+        moved = at_work if kind is None else live_plant(kind.start(robot, q0, period, NOISE, seed))
         assert moved is not None
         self.plant: LivePlant = moved
         self.law: Law = law
@@ -181,10 +183,10 @@ class Live:
         self.recording: SampleSink | None = None
         self.spec = self._fallen = ""
 
-    def _prepared(self, law: Law, robot: Robot, dt: float) -> Controller:
+    def _prepared(self, law: Law, robot: Robot, period: float) -> Controller:
         if not isinstance(law, Law):
             raise ShapeError(f"law: expected a Law, got {law!r:.80}")
-        return law.prepare(robot, self._reference, dt, self._limits, self._mode, self._tasks, self._lag)
+        return law.prepare(robot, self._reference, period, self._limits, self._mode, self._tasks, self._lag)
 
     @property
     def robot(self) -> Robot:

@@ -10,6 +10,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, Kernel
+from dqcontrol.contact.contact_layout import WRENCH
 from dqcontrol.controller.controller import Controller
 from dqcontrol.errors import DivergedError
 from dqcontrol.loop import rollout as compiled
@@ -132,6 +133,8 @@ class RepeatedLoop:
             noise=plant.noise,
             q=plant.q,
             measured=plant.measured,
+            wrench=plant.wrench if plant.wrench.size else np.full(WRENCH, np.nan),
+            readings=_NOTHING,
         )
         self._course = compiled.course(
             samples=self.samples, stop=np.zeros(2), done=self._done, settling=np.zeros(9)
@@ -141,7 +144,8 @@ class RepeatedLoop:
     def _records_of(self, report: int) -> compiled.Records:
         """Return where a run is written whose law reports that many numbers a sample."""
         if report not in self._written:
-            arrays = *self._records, np.empty((len(self.samples), report))
+            count = len(self.samples)
+            arrays = *self._records, np.empty((count, report)), np.empty((count, 0))
             self._written[report] = compiled.records(
                 **dict(zip(compiled.Records._fields, arrays, strict=True))
             )

@@ -42,5 +42,6 @@ from .plant import (
 )
 from .servo import (
     Servo as Servo,
+    Wrist as Wrist,
     load_servo as load_servo,
 )

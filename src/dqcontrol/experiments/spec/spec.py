@@ -16,6 +16,7 @@ from msgspec import UNSET, Meta, UnsetType
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.constraints import Constraints
+from dqcontrol.contact import Admittance
 from dqcontrol.controller import PreparedTasks
 from dqcontrol.controller.task_levels import POSTURE, FurtherTask, TaskPart
 from dqcontrol.errors import Error, FileFormatError, NoteWarning, ShapeError, as_array, error_prefix
@@ -287,6 +288,8 @@ class Spec(Part, frozen=True, kw_only=True):
         Of all laws that name none.
     tasks
         What two arms or another tree are to do beside the law's task.
+    contact
+        How the frame that laws follow gives way to the measured wrench; see `Admittance`.
     world
         What stands around the robots, by name; or the name of a file that says it.
     outcome
@@ -332,6 +335,7 @@ class Spec(Part, frozen=True, kw_only=True):
     null_space: AnyNullSpace | None = None
     tasks: Annotated[list[FurtherTaskSpec], Meta(min_length=1, max_length=20)] | None = None
     constraints: Constraints | None = None
+    contact: Admittance | None = None
     world: Bodies | None = None
     outcome: Annotated[list[Expectation], Meta(min_length=1, max_length=50)] | None = None
 
@@ -425,7 +429,7 @@ class Spec(Part, frozen=True, kw_only=True):
         """Return a law with what the spec says of all laws."""
         missing = {
             key: getattr(self, key)
-            for key in ("null_space", "constraints")
+            for key in ("null_space", "constraints", "contact")
             if getattr(self, key) is not None and getattr(law, key) is None
         }
         law = msgspec.structs.replace(law, **missing) if missing else law

@@ -206,7 +206,7 @@ class LiveMobile(LivePlant):
         """Let the servos carry their share of gravity."""
         share = self._plant.gravity_compensation
         if share and self._arm is not None:
-            torque = self._arm.gravity_torque(q[3:], self._plant.gravity)
+            torque = self._arm.gravity_forces(q[3:], self._plant.gravity)
             self.model.actuator_biasprm[: len(self._joints), 0] = share * torque
 
     def _locate(self) -> None:
