@@ -10,9 +10,9 @@ __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
 def _report_pages() -> _result_pages.ResultPages:
-    from dqcontrol.reports import written_by_experiments
+    from dqcontrol.reports import report_writer
 
-    return written_by_experiments
+    return report_writer
 
 
 _result_pages.hand_in(_report_pages)

@@ -155,11 +155,11 @@ def test_wheels_roll_as_the_inputs_turn_them():
     rng = np.random.default_rng(seed)
     drive = dqc.DifferentialDrive(wheel_radius=0.05, half_track=0.2)
     body = dqc.WholeBody([drive, dqc.load_robot("panda")])
-    dt, inputs = 0.01, np.repeat(rng.uniform(-1, 1, (10, body.input_size)), 30, axis=0)
+    period, inputs = 0.01, np.repeat(rng.uniform(-1, 1, (10, body.input_size)), 30, axis=0)
     q = [np.zeros(body.configuration_size)]
     for u in inputs:
-        q.append(body.integrate(q[-1], u, dt))
-    turned = np.vstack([np.zeros(2), np.cumsum(dt * body.wheel_speeds(inputs)[:, :2], axis=0)])
+        q.append(body.integrate(q[-1], u, period))
+    turned = np.vstack([np.zeros(2), np.cumsum(period * body.wheel_speeds(inputs)[:, :2], axis=0)])
     assert wheel_angles(body, np.array(q)) == pytest.approx(turned, abs=1e-3), f"seed {seed}"
     record = sweep(body, q, np.vstack([inputs, inputs[-1:]]))
     track = Track("drive", body, record)

@@ -5,7 +5,7 @@ import pytest
 from obstacles import around, plane, sphere
 
 import dqcontrol as dqc
-from dqcontrol.constraints.kept_scene import KeptScene
+from dqcontrol.constraints.constraint_view import ConstraintView
 
 HOME = np.array([0.0, -0.3, 0.0, -2.0, 0.0, 1.8, 0.7])
 ARM = dqc.load_robot("panda")
@@ -28,7 +28,7 @@ def record(kept):
 
 
 def test_the_nearest_pair_is_that_of_the_row_with_least_room(kept, record):
-    scene = KeptScene(kept, ARM, 0.02)
+    scene = ConstraintView(kept, ARM, 0.02)
     assert [(thing.name, thing.is_zone) for thing in scene.things] == [
         ("ball", False),
         ("table", False),

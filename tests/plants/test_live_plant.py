@@ -25,11 +25,11 @@ LAW = dqc.laws.ProportionalFeedforward(gain=5.0)
 class Robot:
     """A robot of one's own, with the least that one has."""
 
-    def __init__(self, dt=T):
-        self.q, self.measured, self.dt, self.steps = Q0.copy(), Q0.copy(), dt, 0
+    def __init__(self, period=T):
+        self.q, self.measured, self.period, self.steps = Q0.copy(), Q0.copy(), period, 0
 
     def step(self, command):
-        self.q = self.q + self.dt * command
+        self.q = self.q + self.period * command
         self.measured = self.q.copy()
         self.steps += 1
 
@@ -37,8 +37,8 @@ class Robot:
 class RobotPlant(Plant, frozen=True, kw_only=True, tag="Robot"):
     """A kind of one's own: `start` is all that it has to write."""
 
-    def start(self, robot, q0, dt, steps, seed):
-        return Robot(dt)
+    def start(self, robot, q0, period, steps, seed):
+        return Robot(period)
 
 
 @pytest.fixture(scope="module")

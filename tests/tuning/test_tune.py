@@ -311,6 +311,14 @@ def test_a_mistake_is_one_clear_line_before_anything_runs_or_is_written(name, pr
     assert not list(tmp_path.iterdir())
 
 
+def test_a_null_space_that_is_too_fast_for_any_law_is_named(problem):
+    posture = {"kind": "posture", "gain": 20, "rest": [0.0] * 7}
+    with pytest.raises(
+        ValueRangeError, match=r"^spec: null_space.gain: too high for any law: .* allow 0\.\d+ times"
+    ):
+        dqc.tune(problem | {"null_space": posture}, jobs=1)
+
+
 def test_run_names_the_command_for_a_search(problem):
     with pytest.raises(Error, match="run it with 'dqcontrol tune'"):
         read_spec(problem)

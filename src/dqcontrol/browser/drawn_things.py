@@ -8,7 +8,7 @@ import numpy as np
 
 from dqcontrol.browser.robot_bodies import Colour, rod
 from dqcontrol.browser.run_view_model import Track
-from dqcontrol.constraints.kept_scene import NEAR
+from dqcontrol.constraints.constraint_view import NEAR
 from dqcontrol.geometry import Box, Capsule, Cylinder, InfiniteCylinder, Plane, Shape, Sphere
 
 _SOLID, _CLOSE, _ZONE = (140, 90, 165), (230, 64, 26), (64, 140, 90)

@@ -8,8 +8,8 @@ import numpy as np
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
+from dqcontrol.constraints.constraint_view import ConstraintView, NearestPair
 from dqcontrol.constraints.constraints import Constraints
-from dqcontrol.constraints.kept_scene import KeptScene, NearestPair
 from dqcontrol.figures.tilted_base import recorded_frames
 from dqcontrol.figures.tip_paths import desired_in_room, tip_paths
 from dqcontrol.loop.record import Record
@@ -77,7 +77,9 @@ class Track:
     ) -> None:
         self.label, self.robot, self._planned = label, robot, planned
         period = float(record.time[1] - record.time[0]) if len(record) > 1 else 1e-3
-        self.around: KeptScene | None = KeptScene(constraints, robot, period) if constraints else None
+        self.around: ConstraintView | None = (
+            ConstraintView(constraints, robot, period) if constraints else None
+        )
         self.take(record)
 
     def take(self, record: Record) -> None:

@@ -337,7 +337,7 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         return tuple(found)
 
     def prepare(
-        self, robot: Robot, dt: float, command_mode: CommandMode, lag: Lag = AT_ONCE
+        self, robot: Robot, period: float, command_mode: CommandMode, lag: Lag = AT_ONCE
     ) -> PreparedConstraints:
         """Return all that is kept, made ready for one robot and period; see `Law.prepare`.
 
@@ -348,7 +348,7 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         """
         from dqcontrol.constraints.prepared_constraints import PreparedConstraints  # most laws need none
 
-        return PreparedConstraints(self, robot, dt, command_mode, lag)
+        return PreparedConstraints(self, robot, period, command_mode, lag)
 
 
 def unit(field: str, vector: Sequence[float]) -> Array:

@@ -46,8 +46,8 @@ from dqcontrol.constraints.constraint_layout import (
     work_of,
 )
 from dqcontrol.constraints.constraints import HAND, Constraints, unit
+from dqcontrol.constraints.lag_path import WayToTargets, lag_path
 from dqcontrol.constraints.moving_frames import HandFrame, moving_frames
-from dqcontrol.constraints.way_to_targets import WayToTargets, way_to_targets
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, error_prefix, unknown_name
 from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
 from dqcontrol.geometry.shape_rows import KIND, PLANE, RADIUS, ROUND
@@ -114,11 +114,11 @@ class PreparedConstraints:
     kernel = keep_constraints
 
     def __init__(
-        self, given: Constraints, robot: Robot, dt: float, command_mode: CommandMode, lag: Lag = AT_ONCE
+        self, given: Constraints, robot: Robot, period: float, command_mode: CommandMode, lag: Lag = AT_ONCE
     ) -> None:
         self.given = given
         self.robot = robot
-        self.period = dt
+        self.period = period
         self.lag: Lag = lag if command_mode == "integrated" else AT_ONCE
         if len(robot.drives) and robot.input_size == robot.configuration_size:
             raise ValueRangeError(
@@ -129,7 +129,7 @@ class PreparedConstraints:
             raise ValueRangeError(
                 f"constraints: at most 30 inputs are allowed, {robot.name} has {robot.input_size}"
             )
-        self.way: WayToTargets = way_to_targets(self.lag, robot.configuration_size, dt)
+        self.way: WayToTargets = lag_path(self.lag, robot.configuration_size, period)
         self._frames = moving_frames(robot)
         self._velocity, self._acceleration = self._speeds()
         self._bodies: list[LinkShape] = list(robot.shapes.shapes) if robot.shapes else []

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
+from dqcontrol.constraints.constraint_view import Surroundings
 from dqcontrol.constraints.constraints import Constraints
-from dqcontrol.constraints.kept_scene import Surroundings
 from dqcontrol.errors import CollisionWarning
 from dqcontrol.experiments.contact_kernels import add_up_ways, pair_distances
 from dqcontrol.geometry import Capsule, Plane, Shape, Sphere, distance_kernels as kernels

@@ -9,8 +9,8 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from dqcontrol.constraints.constraint_view import ConstraintView
 from dqcontrol.constraints.constraints import Constraints
-from dqcontrol.constraints.kept_scene import KeptScene
 from dqcontrol.constraints.prepared_constraints import SELF
 from dqcontrol.controller import PreparedTasks
 from dqcontrol.experiments.contacts import HAND, contacts_of
@@ -244,7 +244,7 @@ class Judge:
     def _nearest_link(self, record: Record, at: int, name: str) -> str:
         """Return the link that is nearest to a constraint at a sample, in brackets; nothing if it is another's."""
         assert self._constraints is not None
-        pair = KeptScene(self._constraints, self.robot, self._period).nearest(
+        pair = ConstraintView(self._constraints, self.robot, self._period).nearest(
             record.q[at], float(record.time[at])
         )
         label = "" if pair is None else pair.label.removeprefix(f"{name}: ")

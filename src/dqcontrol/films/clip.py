@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.constraints.constraint_view import ConstraintView
 from dqcontrol.constraints.constraints import Constraints
-from dqcontrol.constraints.kept_scene import KeptScene
 from dqcontrol.errors import (
     FileFormatError,
     ShapeError,
@@ -302,7 +302,7 @@ def _film(robot: Robot, runs: Further, kept: Constraints | None) -> Film:
     period = float(record.time[1] - record.time[0]) if len(record.time) > 1 else 1e-3
     if kept is None and isinstance(world := getattr(plant, "world", None), World):
         kept = Constraints(world=world)
-    around = None if kept is None else KeptScene(kept, robot, period)
+    around = None if kept is None else ConstraintView(kept, robot, period)
     if plant is not None and (picture := plant.picture(robot)) is not None:
         return film_physics(robot, picture, record, [_in_physics(robot, *each) for each in further])
     if isinstance(robot, SerialArm) or (isinstance(robot, TreeRobot) and not robot.bases):

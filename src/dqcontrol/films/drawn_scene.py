@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dqcontrol.constraints.kept_scene import NEAR, KeptScene
+from dqcontrol.constraints.constraint_view import NEAR, ConstraintView
 from dqcontrol.geometry import Box, Capsule, Cylinder, InfiniteCylinder, Plane, Shape, Sphere
 from dqcontrol.world.whereabouts import poses_of
 
@@ -23,7 +23,7 @@ _THIN = 0.002  # m: of a plane
 class DrawnScene:
     """Adds what is around a robot to MuJoCo's scene, sample by sample; the pair that is near is red."""
 
-    def __init__(self, kept: KeptScene, record: Record, reach: float, floor: float) -> None:
+    def __init__(self, kept: ConstraintView, record: Record, reach: float, floor: float) -> None:
         self._kept, self._record, self._reach, self._floor = kept, record, reach, floor
         self._shifts = kept.shifts(record.time)
         readings = {name: signal.values for name, signal in record.readings.items()}

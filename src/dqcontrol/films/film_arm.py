@@ -19,7 +19,7 @@ from dqcontrol.plants.mujoco.mujoco_model import import_mujoco, skeleton, skelet
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from dqcontrol.constraints.kept_scene import KeptScene
+    from dqcontrol.constraints.constraint_view import ConstraintView
     from dqcontrol.loop.record import Record
     from dqcontrol.robots.robot import Robot
 
@@ -31,7 +31,7 @@ def film_arm(
     robot: Robot,
     record: Record,
     further: Sequence[Record] = (),
-    kept: KeptScene | None = None,
+    kept: ConstraintView | None = None,
 ) -> Film:
     """Return what a camera needs of an arm's run, and of further ones that show through it.
 

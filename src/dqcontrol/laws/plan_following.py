@@ -130,7 +130,7 @@ class GuidedProportional(PoseLaw, frozen=True, kw_only=True, tag="guided-proport
     null_space: None = None
     pull: Annotated[float, Meta(gt=0, description="1/s")] = 1.0
 
-    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> np.ndarray:
+    def rows(self, robot: Robot, reference: Reference | None, period: float) -> np.ndarray:
         """Return inverse, hysteresis, gains, pull, the hand's share, drives, and the plan at each sample.
 
         Raises
@@ -142,14 +142,14 @@ class GuidedProportional(PoseLaw, frozen=True, kw_only=True, tag="guided-proport
             raise Error(f"law: guided-proportional follows a drive-to reference, planned for {robot.name}")
         if self.null_space is not None:
             raise Error("null_space: leave it out, guided-proportional follows its plan")
-        steps = math.ceil((reference.duration + _HANDOVER) / dt) + 1
+        steps = math.ceil((reference.duration + _HANDOVER) / period) + 1
         check_steps("plan", steps)
-        times = dt * np.arange(steps, dtype=np.float64)
+        times = period * np.arange(steps, dtype=np.float64)
         return plan_parameters.pack(
             **pose_parameters(self.parameter_rows(robot, times))._asdict(),
             pull=self.pull,
             share=np.clip(reference.rested(times) / _HANDOVER, 0.0, 1.0),
             drives=drive_table(robot),
             planned=reference.configurations(times),
-            inputs=reference.mean_inputs(times, dt),
+            inputs=reference.mean_inputs(times, period),
         )

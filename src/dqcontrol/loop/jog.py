@@ -17,7 +17,7 @@ from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.supervision import Senses
 from dqcontrol.loop.targets import Speeds, TwistTarget
-from dqcontrol.plants.live_plant import MovedPlant, live_plant
+from dqcontrol.plants.live_plant import PlantProtocol, live_plant
 from dqcontrol.references.points_writer import PointsWriter
 from dqcontrol.supervisor import PreparedSupervisor
 
@@ -89,7 +89,7 @@ class Jog:
         self,
         law: Controller,
         supervisor: PreparedSupervisor,
-        plant: MovedPlant,
+        plant: PlantProtocol,
         poses: PointsWriter | None = None,
         speeds: Speeds | None = None,
         steps: int = 100_000,
@@ -103,7 +103,7 @@ class Jog:
         self._target = TwistTarget(self.speeds, timeout=_HOLD)
         self._control = Control(law, self._target, supervisor)
         self._control.activate(self._plant.measured.copy())
-        self._time, self._done, self._dt = 0.0, 0, law.dt
+        self._time, self._done, self._dt = 0.0, 0, law.period
         self._senses = Senses(plant, supervisor)
         self.share, self.of_hand, self._ending = 0.5, False, False
         self.recording: SampleSink | None = None

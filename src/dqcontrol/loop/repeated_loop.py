@@ -28,7 +28,7 @@ from dqcontrol.supervisor import Supervisor
 _NOTHING: Array = np.zeros(0)
 
 
-class Passed(NamedTuple):
+class RolloutView(NamedTuple):
     """What a loop saw, valid until it, or one with which it shares its records, runs again.
 
     Attributes
@@ -147,7 +147,7 @@ class RepeatedLoop:
             )
         return self._written[report]
 
-    def run(self, law: Controller) -> Passed:
+    def run(self, law: Controller) -> RolloutView:
         """Run the loop with a law that was prepared for this robot and period."""
         if self._compiled is None or not isinstance(law.kernel, Kernel):
             return self._close_loop(law)
@@ -166,9 +166,9 @@ class RepeatedLoop:
         done = int(self._done[0])
         q, measured, command = (record[:done] for record in self._records)
         lost = status != OK or max(q.max(), -q.min()) > FARTHEST
-        return Passed(self.samples[:done], q, measured, command, lost)
+        return RolloutView(self.samples[:done], q, measured, command, lost)
 
-    def _close_loop(self, law: Controller) -> Passed:
+    def _close_loop(self, law: Controller) -> RolloutView:
         supervision = (
             supervise(self._supervisor, law, self.plant, self.start) if self._supervisor is not None else None
         )
@@ -184,9 +184,9 @@ class RepeatedLoop:
             )
         except DivergedError:
             empty = np.zeros((0, self.robot.configuration_size))
-            return Passed(self.samples[:0], empty, empty, np.zeros((0, self.robot.input_size)), True)
+            return RolloutView(self.samples[:0], empty, empty, np.zeros((0, self.robot.input_size)), True)
         failed = has_failed(trace.stopped)
-        return Passed(trace.desired, trace.q, trace.measured, trace.command, failed, trace.readings)
+        return RolloutView(trace.desired, trace.q, trace.measured, trace.command, failed, trace.readings)
 
 
 def share_records(loops: Sequence[RepeatedLoop]) -> None:

@@ -174,10 +174,10 @@ def simulate_prepared(
     supervision = supervisor and supervise(supervisor, law, plant, start, watch, black_box)
     trace = close_loop(
         law,
-        plant.start(robot, start, law.dt, len(samples), seed),
+        plant.start(robot, start, law.period, len(samples), seed),
         samples,
         stop,
-        disturbance=disturbance and disturbance.start(robot, law.dt, len(samples), seed),
+        disturbance=disturbance and disturbance.start(robot, law.period, len(samples), seed),
         interpreted=interpreted,
         progress=progress,
         clock=clock,
@@ -221,7 +221,7 @@ def supervise(
     Error
         If a parameter is not allowed, or the robot starts outside its bounds.
     """
-    prepared = supervisor.prepare(law.robot, law.dt, command_mode(plant))
+    prepared = supervisor.prepare(law.robot, law.period, command_mode(plant))
     return Supervision(prepared, start, watch, black_box)
 
 

@@ -22,7 +22,7 @@ from .disturbance import (
 from .integrator import Integrator as Integrator
 from .live_plant import (
     LivePlant as LivePlant,
-    MovedPlant as MovedPlant,
+    PlantProtocol as PlantProtocol,
 )
 from .mobile import MobilePlant as MobilePlant
 from .mobile.odometry import Odometry as Odometry

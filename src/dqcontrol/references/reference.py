@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 SMOOTH = (
     1e-3  # a twist that jumps by less, compared with the largest, comes of rounded input and is no corner
 )
-SNAP = 1e-9  # s; a time this near to a corner is the corner: k·dt seldom hits one exactly
+SNAP = 1e-9  # s; a time this near to a corner is the corner: a multiple of the period seldom hits one exactly
 _BLOCK = 4096  # times sampled at once: all that is computed of them fits into the processor's cache
 
 

@@ -164,7 +164,7 @@ class Robot(InverseKinematics):
         return np.zeros(self.configuration_size)
 
     @property
-    def weighed_table(self) -> Array:
+    def inertia_chain(self) -> Array:
         """The table of all joints by which ``gravity`` knows where the bodies are: the chain, or all of a tree."""
         return self.chain
 
@@ -262,7 +262,7 @@ class Robot(InverseKinematics):
         rows = np.ascontiguousarray(values.reshape(-1, n))
         out, bodies = np.empty_like(rows), self.inertia.table
         gravity_torques(
-            self.weighed_table, bodies, rows, np.ascontiguousarray(fall), out, np.empty(WORK * len(bodies))
+            self.inertia_chain, bodies, rows, np.ascontiguousarray(fall), out, np.empty(WORK * len(bodies))
         )
         return out.reshape(values.shape)
 

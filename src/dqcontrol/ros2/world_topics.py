@@ -107,7 +107,7 @@ class WorldTopics:
 
     def _markers(self, time: float) -> Iterator[Any]:
         for name, body in self._world.bodies.items():
-            pose = self.seen.get(name, poses_of(name, body, np.array([time]), {})[0])
+            pose = self.seen[name] if name in self.seen else poses_of(name, body, np.array([time]), {})[0]
             yield from body_markers(self._messages, name, body, pose)
 
 

@@ -21,7 +21,7 @@ from dqcontrol.experiments.prepared_experiment import PreparedRobot, prepare_spe
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws import Law
 from dqcontrol.loop.record import Record
-from dqcontrol.loop.repeated_loop import Passed, RepeatedLoop, share_records
+from dqcontrol.loop.repeated_loop import RepeatedLoop, RolloutView, share_records
 from dqcontrol.measures.margins import AT_LIMIT
 from dqcontrol.measures.run_numbers import NUMBERS, RunMeasure, of_all_runs
 from dqcontrol.plants.plant import Plant, command_mode, lagging_mode
@@ -167,6 +167,7 @@ class LawEvaluation:
             max(each.product for each in found),
             min(each.share for each in found),
             min(each.of_margin for each in found),
+            min(each.of_null_space for each in found),
         )
 
     def __call__(self, law: Law, *, damped: bool = True) -> Evaluated:
@@ -203,7 +204,7 @@ class LawEvaluation:
                 worst = Evaluated(total, 0.0, numbers)
         return worst._replace(violation=violation)
 
-    def _unmet(self, law: Law, scene: PreparedRobot, plant: Plant, passed: Passed) -> int:
+    def _unmet(self, law: Law, scene: PreparedRobot, plant: Plant, passed: RolloutView) -> int:
         """Return how much of what the spec's ``outcome`` says is not true of a run."""
         spec = self._spec
         if not spec.outcome:

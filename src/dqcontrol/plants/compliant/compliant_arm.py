@@ -60,17 +60,17 @@ class Arm:
     steps: int
 
 
-def assemble(plant: CompliantPlant, robot: Robot, q0: ArrayLike, dt: float) -> Arm:
-    """Put the arm of a plant together, at rest at q0 (n,), rad, for control periods dt, s.
+def assemble(plant: CompliantPlant, robot: Robot, start: ArrayLike, period: float) -> Arm:
+    """Put the arm of a plant together, at rest at start (n,), rad, for control periods period, s.
 
     Raises
     ------
     Error
-        If something does not fit the robot, or its motors cannot hold it at q0.
+        If something does not fit the robot, or its motors cannot hold it at start.
     """
     mujoco = import_mujoco()
     file = load_controllers(robot, plant.controllers)
-    start, ticks, n = start_within_limits(robot, q0), _ticks("period", dt), robot.configuration_size
+    start, ticks, n = start_within_limits(robot, start), _ticks("period", period), robot.configuration_size
     exchange = 1 if plant.exchange_period is None else _ticks("plant.exchange_period", plant.exchange_period)
     dry_friction = as_each("plant.dry_friction", plant.dry_friction, n)
     actuation = replace(file.actuation(plant.springs), dry_friction=dry_friction)
@@ -103,14 +103,14 @@ def assemble(plant: CompliantPlant, robot: Robot, q0: ArrayLike, dt: float) -> A
                 f"plant.payload_compensation: needs a mode with a model of gravity, {', '.join(WITH_GRAVITY)}; "
                 f"got {plant.mode}"
             )
-        period = ticks * TICK
-        scale = PayloadScale(plant.payload_compensation, robot, hand, bodies, plant.gravity, period)
+        exact = ticks * TICK
+        scale = PayloadScale(plant.payload_compensation, robot, hand, bodies, plant.gravity, exact)
     return Arm(robot, file, model, data, constants, state, bodies, rotors, scale, ticks, exchange, steps)
 
 
-def _ticks(field: str, dt: float) -> int:
+def _ticks(field: str, period: float) -> int:
     """Return how many ticks of the joint controllers a period has."""
-    period = as_positive(field, dt)
+    period = as_positive(field, period)
     ticks = round(period / TICK)
     if ticks < 1 or abs(ticks * TICK - period) > 1e-9 * period:
         raise ValueRangeError(

@@ -109,7 +109,7 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
     --------
     >>> import numpy as np, dqcontrol as dqc
     >>> arm, q = dqc.load_robot("meka-a2"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
-    >>> live = CompliantPlant(mode="THETA_GC", hand=True).start(arm, q, dt=0.008, steps=1, seed=0)
+    >>> live = CompliantPlant(mode="THETA_GC", hand=True).start(arm, q, period=0.008, steps=1, seed=0)
     >>> live.step(np.zeros(7))
     >>> bool(abs(live.q - q).max() < 1e-3)
     True
@@ -189,16 +189,16 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         if not isinstance(self.springs, str):
             _within("springs", [k for k in self.springs if k is not None] or None, SOFTEST, STIFFEST)
 
-    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> LiveCompliant:
-        """Return the arm at rest at q0.
+    def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> LiveCompliant:
+        """Return the arm at rest at start.
 
         Parameters
         ----------
         robot
             An arm of revolute joints with inertias, and with controllers of its own or those of a file.
-        q0
+        start
             First configuration, shape (n,), rad, within the position limits.
-        dt
+        period
             Control period T, s, a multiple of 1 ms.
         steps
             Number of periods; a live arm can be stepped further, as its noise is drawn step by step.
@@ -210,11 +210,11 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         MissingExtraError
             If mujoco is not installed.
         Error
-            If something does not fit the robot, or its motors cannot hold it at q0.
+            If something does not fit the robot, or its motors cannot hold it at start.
         """
         from dqcontrol.plants.compliant.compliant_live import LiveCompliant
 
-        return LiveCompliant(self, assemble(self, robot, q0, dt), seed)
+        return LiveCompliant(self, assemble(self, robot, start, period), seed)
 
     def target_mode(self) -> CommandMode:
         """Return its command mode."""
@@ -237,7 +237,7 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         """Return roughly how long a step takes; most of it are the ticks of the joint controllers."""
         return _STEP + _TICK[self.accurate] * period / TICK
 
-    def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
+    def linear_model(self, robot: Robot, start: Array, period: float) -> LinearModel | None:
         """Return all joints together, without gravity, limits and integrals; None where they do not follow angles.
 
         So it is in some modes, and without stiffness. Modes of minimum jerk plan anew at each command: not linear.
@@ -245,7 +245,9 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         from dqcontrol.plants.compliant import compliant_linear
 
         return (
-            compliant_linear.linearised(self, robot, q0, dt) if self.mode in compliant_linear.MODES else None
+            compliant_linear.linearised(self, robot, start, period)
+            if self.mode in compliant_linear.MODES
+            else None
         )
 
 

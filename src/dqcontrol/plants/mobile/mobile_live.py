@@ -104,7 +104,7 @@ class LiveMobile(LivePlant):
 
     def settle(self, start: Array, steps: int) -> None:
         """Let the robot come to rest on its contacts, and start the clock there."""
-        dt, count, seed = self._run
+        period, count, seed = self._run
         data = self.data
         self._command_gripper(0.0)
         self._compensate(start)
@@ -121,9 +121,9 @@ class LiveMobile(LivePlant):
         self._odometry = self._gear.odometry(start[:3])
         self._sight: Sight | None = None
         if self._plant.location == "camera":
-            self._sight = Sight(camera, start[:3], dt, count, seed)
+            self._sight = Sight(camera, start[:3], period, count, seed)
         elif self._plant.location == "fused":
-            self._sight = FusedSight(camera, start[:3], dt, count, seed, self._odometry)
+            self._sight = FusedSight(camera, start[:3], period, count, seed, self._odometry)
         self._measure()
 
     def step(self, command: ArrayLike) -> None:

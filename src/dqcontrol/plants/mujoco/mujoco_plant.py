@@ -31,7 +31,7 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
     becomes servo targets once a period T; the target q* moves linearly from where it is to its new value over
     the period, as the interpolators of real arms do: a target that jumped would kick the joints by k_p T u.
 
-    The arm starts at rest and in balance: the first target is q0 + τ_g / k_p, with τ_g the part of the
+    The arm starts at rest and in balance: the first target is start + τ_g / k_p, with τ_g the part of the
     gravity torque that is not compensated. As that part changes with the configuration, the joints sag.
     Position limits are mechanical stops, where a joint has both.
 
@@ -82,7 +82,7 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
     --------
     >>> import numpy as np, dqcontrol as dqc
     >>> arm = dqc.load_robot("iiwa7")
-    >>> plant = MujocoPlant(bandwidth=10).start(arm, np.full(7, 0.3), dt=0.01, steps=1, seed=0)
+    >>> plant = MujocoPlant(bandwidth=10).start(arm, np.full(7, 0.3), period=0.01, steps=1, seed=0)
     >>> plant.step(np.zeros(7))
     >>> bool(abs(plant.q - 0.3).max() < 1e-6)
     True
@@ -97,16 +97,16 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         """Return it with what its links touch."""
         return replace(self, world=world)
 
-    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> LiveMujoco:
-        """Return the arm at rest at q0.
+    def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> LiveMujoco:
+        """Return the arm at rest at start.
 
         Parameters
         ----------
         robot
             An arm with inertias.
-        q0
+        start
             First configuration, shape (n,), rad or m, within the position limits.
-        dt
+        period
             Control period T, s.
         steps
             Number of periods; a live arm can be stepped further, as its noise is drawn step by step.
@@ -118,8 +118,8 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         MissingExtraError
             If mujoco is not installed.
         ShapeError, ValueRangeError
-            If q0, dt or a parameter does not fit the robot, its inertias do not allow physics, or its effort
-            limits cannot hold it at q0.
+            If start, period or a parameter does not fit the robot, its inertias do not allow physics, or its effort
+            limits cannot hold it at start.
         """
         if base_coordinates(robot).any():
             raise ValueRangeError(
@@ -133,8 +133,8 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         if self.pads is not None and (self.world is None or self.gripper is not None):
             others = "'world'" if self.world is None else "pads or a gripper, not both"
             raise ValueRangeError(f"plant.pads: press a body of the world between them; give {others}")
-        start = start_within_limits(robot, q0)
-        substeps = self.substeps(dt)
+        start = start_within_limits(robot, start)
+        substeps = self.substeps(period)
         model = self._model(robot, start)
         data = self._balance(robot, model, start)
         if self.pads is not None:
@@ -185,15 +185,15 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         mujoco.mj_forward(model, data)
         return data
 
-    def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel:
-        """Return all joints together, coupled by their inertia at q0, in MuJoCo's own time steps.
+    def linear_model(self, robot: Robot, start: Array, period: float) -> LinearModel:
+        """Return all joints together, coupled by their inertia at start, in MuJoCo's own time steps.
 
         A step h takes v⁺ = (M + hD)⁻¹ (M v + h k_p (q* − q)) with D of servos and viscous friction, then
         q⁺ = q + h v⁺. What changes with the configuration (gravity, inertia), dry friction, effort limits and
         encoders are left out.
         """
-        h, steps, n = self.timestep, self.substeps(dt), robot.configuration_size
-        live = self.start(robot, q0, dt, 1, 0)
+        h, steps, n = self.timestep, self.substeps(period), robot.configuration_size
+        live = self.start(robot, start, period, 1, 0)
         mass, unit, zero = mass_matrix(live.model, live.data)[:n, :n], np.eye(n), np.zeros((n, n))
         damping = np.diag(live.damping + live.model.dof_damping.reshape(live.model.nv, -1)[:n, 0])
         pull = h * np.linalg.solve(mass + h * damping, np.diag(live.stiffness))
@@ -206,5 +206,5 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
             transition, inputs = step @ transition, step @ inputs
             inputs[2 * n :] += h * unit
         if self.command_mode == "measured":  # the target moves at the rate that ends at measured + T u
-            transition += inputs @ np.hstack([unit, zero, -unit]) / dt
+            transition += inputs @ np.hstack([unit, zero, -unit]) / period
         return LinearModel(transition, inputs)

@@ -48,7 +48,7 @@ class NearestPair(NamedTuple):
     link
         The robot's shape; None of the hand's point.
     thing
-        Number of the other shape among `KeptScene.things`; −1 where it is the robot's own.
+        Number of the other shape among `ConstraintView.things`; −1 where it is the robot's own.
     """
 
     label: str
@@ -102,7 +102,7 @@ class Surroundings:
         return found
 
 
-class KeptScene(Surroundings):
+class ConstraintView(Surroundings):
     """What constraints have around a robot, and which pair is nearest.
 
     Parameters
