@@ -15,6 +15,7 @@ from . import (
     logs as logs,
     loop as loop,
     measures as measures,
+    planning as planning,
     plants as plants,
     recording as recording,
     references as references,

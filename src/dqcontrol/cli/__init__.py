@@ -33,6 +33,7 @@ GROUPS = {  # of commands, as files of this folder, imported when called: `--hel
     },
     "Simulate and compare": {
         "check": "Check an experiment without running it: mistakes, and how near its loops are to instability.",
+        "plan": "Plan the way of an experiment around what stands there, and say what is proved of it.",
         "run": "Run an experiment and write its table, recordings and plots.",
         "sweep": "Run a parameter study, here or on a Dask cluster, and list its best points.",
         "compare": "Compare saved runs: one table, and plots.",

@@ -105,8 +105,8 @@ class PreparedConstraints:
         How much more than asked samples keep of each row, so that it holds between them too, m or rad.
     rate
         η, 1/s.
-    lag
-        Of joints behind their targets.
+    command_mode, lag
+        How commands move joints, and the lag of joints behind their targets.
     parameters
         For compiled code.
     """
@@ -119,6 +119,7 @@ class PreparedConstraints:
         self.given = given
         self.robot = robot
         self.period = period
+        self.command_mode: CommandMode = command_mode
         self.lag: Lag = lag if command_mode == "integrated" else AT_ONCE
         if len(robot.drives) and robot.input_size == robot.configuration_size:
             raise ValueRangeError(
@@ -213,7 +214,7 @@ class PreparedConstraints:
         for number, shape in self._watched[name]:
             moved = shape.moved(pose)
             rows[number, : len(moved.row)] = moved.row
-            rows[number, BALL : BALL + 4] = _ball_around(moved)
+            rows[number, BALL : BALL + 4] = ball_around(moved)
 
     def pair(self, row: int) -> ShapePair:
         """Return the shapes of a row that is a distance; obstacles are counted in their order, zones' walls after."""
@@ -234,9 +235,9 @@ class PreparedConstraints:
             lines.append(f"{self.labels[i]}: {self.text(i, values[i])}")
         return lines
 
-    def text(self, row: int, value: float) -> str:
-        """Say what a row's distance or room is and what was asked."""
-        asked = self.asked[row]
+    def text(self, row: int, value: float, asked: float | None = None) -> str:
+        """Say what a row's distance or room is and what was asked: what the constraints ask if omitted."""
+        asked = float(self.asked[row]) if asked is None else asked
         if self.is_angle[row]:
             limit = math.degrees(float(self._lines[row].row.limit))
             sign = 1.0 if self._lines[row].row.kind == AT_LEAST else -1.0
@@ -339,7 +340,7 @@ class PreparedConstraints:
     def _add_obstacle(self, shape: Shape, moving: Motion = _STILL) -> int:
         numbers = np.zeros(OBSTACLE)
         numbers[: len(shape.row)] = shape.row
-        numbers[BALL : BALL + 4] = _ball_around(shape)
+        numbers[BALL : BALL + 4] = ball_around(shape)
         self._obstacles.append((numbers, moving))
         return len(self._obstacles) - 1
 
@@ -548,7 +549,7 @@ class PreparedConstraints:
         for row, each in zip(bodies, self._bodies, strict=True):
             row[0] = each.frame
             row[1 : 1 + len(each.shape.row)] = each.shape.row
-            row[1 + BALL :] = _ball_around(each.shape)
+            row[1 + BALL :] = ball_around(each.shape)
         table = self._motions()
         rows = np.zeros((len(self._lines), row_of.size()))
         for k, line in enumerate(self._lines):
@@ -666,7 +667,7 @@ def _row(**values: float | Array) -> Row:
     return Row(**(empty | values))  # type: ignore[arg-type]
 
 
-def _ball_around(shape: Shape) -> Array:
+def ball_around(shape: Shape) -> Array:
     """Return centre and radius of a ball around a shape."""
     if isinstance(shape, Sphere):
         return np.array([*shape.center, shape.radius])

@@ -6,7 +6,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from msgspec import Meta
@@ -39,6 +39,9 @@ from dqcontrol.robots import Robot, WholeBody, nearest_pose
 from dqcontrol.robots.kinematics.driving import RIM_LEVER, TURNING_RADIUS
 from dqcontrol.robots.robot import base_coordinates
 from dqcontrol.world import World, floor_around
+
+if TYPE_CHECKING:
+    from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 
 _RAMP = 1.0  # s; no motion reaches its full speed sooner
 _WIDER = 1.25  # arcs of bases that steer, against their least radius: the rest is for corrections
@@ -215,6 +218,7 @@ class DriveTo(PlannedWay):
         robot: Robot,
         start: Array,
         world: World | None = None,
+        kept: PreparedConstraints | None = None,
         *,
         speed_fraction: float = 0.5,
         acceleration: ArrayLike | None = None,

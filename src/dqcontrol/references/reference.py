@@ -20,6 +20,7 @@ from dqcontrol.references.yaml_form import SpecStart
 from dqcontrol.world import World
 
 if TYPE_CHECKING:
+    from dqcontrol.constraints.prepared_constraints import PreparedConstraints
     from dqcontrol.robots import Robot
 
 SMOOTH = (
@@ -60,11 +61,14 @@ class Reference(ABC):
     corners
         Times at which the twist jumps, shape (k,), s, increasing. The end is one if the motion does not come
         to rest there by itself; the start is not.
+    plans_around
+        Whether `of_robot` asks what constraints keep.
     kind
         Its name in specs; empty if it has none. Its keys there are the parameters of `from_spec`.
     """
 
     kind: ClassVar[str] = ""
+    plans_around: ClassVar[bool] = False
     duration: float
     corners: Array
 
@@ -90,6 +94,7 @@ class Reference(ABC):
         robot: Robot,
         start: Array,
         world: World | None = None,
+        kept: PreparedConstraints | None = None,
         *_: Any,
         **parameters: Any,
     ) -> Reference:
@@ -103,6 +108,8 @@ class Reference(ABC):
             Who follows it, and from where, rad or m.
         world
             What stands around.
+        kept
+            What the laws of the spec keep; given to a reference that plans around it.
         **parameters
             As of `from_spec`.
         """

@@ -15,10 +15,12 @@ from numpy.typing import ArrayLike
 from dqcontrol import references as shapes
 from dqcontrol.algebra import pose, rotation, translation
 from dqcontrol.arrays import Array
+from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import Error, ShapeError, ValueRangeError, unknown_name
 from dqcontrol.experiments.spec.reference_base import Part, ReferenceSpec, Vector
 from dqcontrol.extensions.registry import registered, union_of
 from dqcontrol.extensions.user_code import function_at, place_from
+from dqcontrol.planning import PlanTo
 from dqcontrol.references.sample import as_pose
 from dqcontrol.references.yaml_form import SpecStart, Yaml
 from dqcontrol.robots import Robot
@@ -73,7 +75,12 @@ class FollowSpec(ReferenceSpec, frozen=True, kw_only=True, tag="follow"):
         return shapes.Follow(inner, self.body, _NOWHERE)
 
     def of_robot(
-        self, reference: shapes.Reference, robot: Robot, start: Array, world: World | None
+        self,
+        reference: shapes.Reference,
+        robot: Robot,
+        start: Array,
+        world: World | None,
+        kept: PreparedConstraints | None = None,
     ) -> shapes.Reference:
         if not isinstance(reference, shapes.Follow):
             raise ShapeError("reference: what changes a motion belongs to that inside of 'follow'")
@@ -86,7 +93,7 @@ class FollowSpec(ReferenceSpec, frozen=True, kw_only=True, tag="follow"):
         taught = body.pose if self.taught is None else pose(body.pose[:4], self.taught)
         inner = reference.reference
         if self.reference is not None:
-            inner = self.reference.of_robot(inner, robot, start, world)
+            inner = self.reference.of_robot(inner, robot, start, world, kept)
         return shapes.Follow(inner, self.body, taught, math.inf if self.until is None else self.until)
 
 
@@ -158,9 +165,15 @@ def _written(shape: type[shapes.Reference]) -> type[ReferenceSpec]:
         return shape.from_spec(start, **{name: getattr(self, name) for name in names})
 
     def of_robot(
-        self: Any, reference: shapes.Reference, robot: Robot, start: Array, world: World | None
+        self: Any,
+        reference: shapes.Reference,
+        robot: Robot,
+        start: Array,
+        world: World | None,
+        kept: PreparedConstraints | None = None,
     ) -> shapes.Reference:
-        return shape.of_robot(reference, robot, start, world, **{name: getattr(self, name) for name in names})
+        given = {name: getattr(self, name) for name in names}
+        return shape.of_robot(reference, robot, start, world, kept, **given)
 
     contents = {
         "__doc__": said,
@@ -168,6 +181,7 @@ def _written(shape: type[shapes.Reference]) -> type[ReferenceSpec]:
         "__annotations__": {name: kind for name, kind, *_ in fields},
         "_shape": _shape,
         "of_robot": of_robot,
+        "plans_around": shape.plans_around,
         **{name: default for name, _, *rest in fields for default in rest},
     }
     options = {"frozen": True, "kw_only": True, "forbid_unknown_fields": True, "tag": shape.kind}
@@ -201,6 +215,7 @@ def _form(hint: Any) -> Any:
     return next((each.form for each in getattr(hint, "__metadata__", ()) if isinstance(each, Yaml)), hint)
 
 
+_PLANNED = PlanTo  # stands above the package of references: known by being imported here
 for _shape in registered(shapes.Reference, "dqcontrol.references"):
     if vars(_shape).get("kind"):
         globals()[f"{_shape.__name__}Spec"] = _written(_shape)  # by this name, so that workers find it

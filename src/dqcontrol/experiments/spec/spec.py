@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
@@ -193,11 +194,19 @@ class HandStart(Part, frozen=True, kw_only=True):
             return postures(robot, pose, orientation=rotation is not None)
 
 
-def start_configuration(given: Start, robot: Robot, field: str = "start") -> Array:
-    """Return a start configuration, shape (n,): as given, or the best for a pose of the hand, with a `NoteWarning`."""
+def start_configuration(
+    given: Start,
+    robot: Robot,
+    field: str = "start",
+    chosen: Callable[[list[ReachingPosture]], ReachingPosture] = itemgetter(0),
+) -> Array:
+    """Return a start configuration, shape (n,): as given, or one for a pose of the hand, with a `NoteWarning`.
+
+    ``chosen`` takes it from those that bring the hand there; else it is the best.
+    """
     if not isinstance(given, HandStart):
         return as_array(field, given, (robot.configuration_size,))
-    best = given.postures(robot)[0]
+    best = chosen(given.postures(robot))
     numbers = ", ".join(
         f"{value:.4g}" if kind == "prismatic" else f"{math.degrees(value):.4g}°"
         for value, kind in zip(best.q, robot.joint_types, strict=True)

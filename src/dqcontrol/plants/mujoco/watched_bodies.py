@@ -28,9 +28,11 @@ class WatchedBodies:
         By name the measured pose, unit dual quaternion (8,), updated in place.
     """
 
-    def __init__(self, watched: Mapping[str, Body], places: Mapping[str, Any], dt: float, seed: int) -> None:
+    def __init__(
+        self, watched: Mapping[str, Body], places: Mapping[str, Any], period: float, seed: int
+    ) -> None:
         self._eyes = [
-            _Eye(name, body, place, dt, np.random.default_rng([seed, 5, k]))
+            _Eye(name, body, place, period, np.random.default_rng([seed, 5, k]))
             for k, ((name, body), place) in enumerate(zip(watched.items(), places.values(), strict=True))
         ]
         self.seen: dict[str, Array] = {eye.name: eye.pose for eye in self._eyes}
@@ -53,12 +55,12 @@ def seen_channels(watched: Mapping[str, Body]) -> Iterator[Channel]:
 class _Eye:
     """What watches one body: frames at equal times, each shown at the first sample at or after it."""
 
-    def __init__(self, name: str, body: Body, place: Any, dt: float, rng: np.random.Generator) -> None:
+    def __init__(self, name: str, body: Body, place: Any, period: float, rng: np.random.Generator) -> None:
         assert body.watch is not None
         self.name, self._watch, self._place, self._rng = name, body.watch, place, rng
         with error_prefix(f"world.{name}.watch"):
-            self._delay, _ = begun_periods("delay", body.watch.delay, dt)
-        self._per_period = body.watch.rate * dt
+            self._delay, _ = begun_periods("delay", body.watch.delay, period)
+        self._per_period = body.watch.rate * period
         self._weight = body.watch.weight
         self.pose: Array = body.pose.copy()
         self._shown: deque[Array] = deque(maxlen=self._delay + 1)

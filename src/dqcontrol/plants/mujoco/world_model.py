@@ -237,11 +237,11 @@ class WorldBodies:
         By name where watched bodies are measured, poses (8,), updated in place at each sample.
     """
 
-    def __init__(self, bodies: Mapping[str, Body], model: Any, data: Any, dt: float, seed: int) -> None:
+    def __init__(self, bodies: Mapping[str, Body], model: Any, data: Any, period: float, seed: int) -> None:
         self._data = data
         watched = {name: body for name, body in bodies.items() if body.watch is not None}
         places = {name: data.body(_body_name(name)) for name in watched}
-        self._watched = WatchedBodies(watched, places, dt, seed)
+        self._watched = WatchedBodies(watched, places, period, seed)
         self.seen: dict[str, Array] = self._watched.seen
         self.channels: tuple[Channel, ...] = (*body_channels(bodies), *seen_channels(watched))
         self.size: int = sum(channel.size for channel in self.channels)
@@ -320,10 +320,10 @@ class WorldContacts:
         Of contacts and bodies.
     """
 
-    def __init__(self, world: World, robot: Robot, model: Any, data: Any, dt: float, seed: int) -> None:
+    def __init__(self, world: World, robot: Robot, model: Any, data: Any, period: float, seed: int) -> None:
         mujoco = import_mujoco()
         assert robot.shapes is not None
-        self.bodies: WorldBodies = WorldBodies(world.bodies, model, data, dt, seed)
+        self.bodies: WorldBodies = WorldBodies(world.bodies, model, data, period, seed)
         self._model, self._data, self._force = model, data, mujoco.mj_contactForce
         self._names, self._links = list(world.bodies), robot.shapes.names
         number = {
