@@ -96,3 +96,35 @@ def test_a_spec_that_starts_at_a_pose_takes_the_posture_that_goes_through():
     assert np.abs(clear - best.q).max() > 0.1
     done = dqc.run(spec | kept | {"start": clear.tolist()})
     assert done.metrics.position.peak < 1.0  # mm
+
+
+def test_check_says_what_stands_in_the_way():
+    post = {"post": {"capsule": [0.05, 1.0], "position": [0.3, 0.2, 0.5]}}
+    arm = load("panda")
+    goal = dqc.DualQuaternion(arm.fkm([1.5, -0.8, 0, -2.4, 0, 1.6, 0.8]))
+    pose = {"position": goal.translation.tolist(), "quaternion": goal.vec8[:4].tolist()}
+    spec = {
+        "name": "way",
+        "robot": "panda",
+        "start": [0, -0.8, 0, -2.4, 0, 1.6, 0.8],
+        "period": 0.01,
+        "duration": 5,
+        "reference": {"kind": "set-point", "start": pose},
+        "law": {"kind": "proportional", "gain": 2},
+        "plant": {"kind": "integrator"},
+        "constraints": {"clear_of": "all"},
+        "world": post,
+    }
+    said = "\n".join(dqc.experiments.check(spec).remarks())
+    assert "straight to the set-point joints meet post: panda_link" in said
+    assert "plan-to" in said
+    square = {"kind": "square", "side": 0.2, "duration": 10}
+    spec = spec | {"reference": square, "duration": None}
+    far = {"post": {"capsule": [0.05, 1.0], "position": [0.3, -1.2, 0.5]}}
+    assert "the path meets" not in "\n".join(dqc.experiments.check(spec | {"world": far}).remarks())
+    path = dqc.experiments.prepare(spec | {"world": far}).scene.samples[:, :8]
+    corner = dqc.algebra.translation(path[len(path) // 2]).tolist()
+    said = "\n".join(
+        dqc.experiments.check(spec | {"world": {"ball": {"sphere": 0.03, "position": corner}}}).remarks()
+    )
+    assert "s the path meets ball: panda_link7" in said
