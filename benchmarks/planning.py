@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -32,42 +32,44 @@ FORWARDS, DOWN = algebra.rotation_from_rpy([0, np.pi / 2, 0]), algebra.rotation_
 def panda_with_hand() -> dqc.Robot:
     """Return a Panda whose hand and fingers are a capsule at its flange, kept away from links that can meet it."""
     arm = dqc.load_robot("panda")
-    assert isinstance(arm, dqc.SerialArm)
     assert arm.shapes is not None
     hand = LinkShape("hand and fingers", 7, Capsule(np.array([0, 0, 0.14]), np.array([0, 0, 0.2]), 0.06))
     shapes = arm.shapes.shapes
     pairs = [(len(shapes), k) for k, each in enumerate(shapes) if each.frame <= 3]
-    return replace(arm, shapes=LinkShapes((*shapes, hand), (*arm.shapes.pairs, *pairs)))
+    arm.shapes = LinkShapes((*shapes, hand), (*arm.shapes.pairs, *pairs))
+    return arm
+
+
+def beside(middle: np.ndarray, x: float, y: float, z: float) -> tuple[float, float, float]:
+    return float(middle[0]) + x, float(middle[1]) + y, float(middle[2]) + z
 
 
 def boards(x: float, heights: tuple[float, ...], depth: float, width: float) -> dict[str, Body]:
     """Return the boards and sides of a shelf in front of the robot."""
     found = {
-        f"board {k}": Body(box=(depth, width, 0.02), position=(x, 0, height))
+        f"board {k}": Body(box=[depth, width, 0.02], position=(x, 0, height))
         for k, height in enumerate(heights)
     }
     tall = heights[-1] - heights[0]
     for k, side in enumerate((-0.5, 0.5)):
         middle = (x, side * (width + 0.02), 0.5 * (heights[0] + heights[-1]))
-        found[f"side {k}"] = Body(box=(depth, 0.02, tall), position=middle)
+        found[f"side {k}"] = Body(box=[depth, 0.02, tall], position=middle)
     return found
 
 
 def walls(middle: np.ndarray, size: np.ndarray) -> dict[str, Body]:
     """Return the walls and the bottom of an open box."""
     x, y, z = size
-    found = {"bottom": Body(box=(x, y, 0.02), position=tuple(middle - [0, 0, 0.5 * z]))}
+    found = {"bottom": Body(box=[x, y, 0.02], position=beside(middle, 0, 0, -0.5 * z))}
     for k, sign in enumerate((-1, 1)):
-        found[f"front {k}"] = Body(
-            box=(0.02, y, z), position=tuple(middle + np.array([0.5 * sign * x, 0, 0]))
-        )
-        found[f"side {k}"] = Body(box=(x, 0.02, z), position=tuple(middle + np.array([0, 0.5 * sign * y, 0])))
+        found[f"front {k}"] = Body(box=[0.02, y, z], position=beside(middle, 0.5 * sign * x, 0, 0))
+        found[f"side {k}"] = Body(box=[x, 0.02, z], position=beside(middle, 0, 0.5 * sign * y, 0))
     return found
 
 
 def scene(kind: str, rng: np.random.Generator) -> tuple[dict[str, Body], tuple[np.ndarray, np.ndarray]]:
     """Return bodies, and poses of the hand's flange at start and goal."""
-    floor = {"floor": Body(box=(3.0, 3.0, 0.02), position=(0, 0, -0.06))}
+    floor = {"floor": Body(box=[3.0, 3.0, 0.02], position=(0, 0, -0.06))}
 
     def at(turn: np.ndarray, *place: float) -> np.ndarray:
         return algebra.pose(turn, np.array(place))
@@ -84,15 +86,15 @@ def scene(kind: str, rng: np.random.Generator) -> tuple[dict[str, Body], tuple[n
         ]
         return floor | boards(x, rows, 0.3, width), (places[0], places[1])
     if kind == "table over":
-        top = {"table": Body(box=(0.8, 1.2, 0.04), position=(0.75, 0, 0.3))}
+        top = {"table": Body(box=[0.8, 1.2, 0.04], position=(0.75, 0, 0.3))}
         blocks = {
-            f"block {k}": Body(box=(0.08, 0.08, 0.25), position=(0.5 + 0.1 * near[k], y, 0.45))
+            f"block {k}": Body(box=[0.08, 0.08, 0.25], position=(0.5 + 0.1 * near[k], y, 0.45))
             for k, y in enumerate((-0.15, 0.0, 0.15))
         }
         return floor | top | blocks, (at(DOWN, 0.5, -0.3 + near[2], 0.6), at(DOWN, 0.5, 0.3 + near[3], 0.6))
     if kind == "table under":
-        top = {"table": Body(box=(0.5, 0.9, 0.03), position=(0.7, 0, 0.5 + near[0]))}
-        return floor | top, (at(FORWARDS, 0.4, 0.1 + near[1], 0.25), at(DOWN, 0.5, -0.1 + near[2], 0.85))
+        top = {"table": Body(box=[0.5, 0.9, 0.03], position=(0.7, 0, 0.5 + near[0]))}
+        return floor | top, (at(FORWARDS, 0.4, 0.1 + near[1], 0.25), at(DOWN, 0.5, -0.1 + near[2], 0.72))
     if kind == "box":
         box = walls(np.array([0.5, 0.25, 0.12]), np.array([0.36, 0.36, 0.24]))
         return floor | box, (
@@ -106,7 +108,7 @@ def scene(kind: str, rng: np.random.Generator) -> tuple[dict[str, Body], tuple[n
         return floor | bodies, (at(DOWN, 0.5 + near[0], 0.25, 0.34), at(DOWN, 0.5, -0.25 + near[1], 0.34))
     # a cage of bars around the place in front, open above
     bars = {
-        f"bar {k}": Body(capsule=(0.012, 0.5), position=(0.52 + 0.21 * np.cos(a), 0.21 * np.sin(a), 0.25))
+        f"bar {k}": Body(capsule=(0.012, 0.4), position=(0.52 + 0.21 * np.cos(a), 0.21 * np.sin(a), 0.2))
         for k, a in enumerate(np.linspace(0.0, 2 * np.pi, 12, endpoint=False))
     }
     return floor | bars, (at(DOWN, 0.52 + 0.5 * near[0], near[1], 0.4), at(DOWN, 0.3, 0.4 + near[2], 0.4))
@@ -160,10 +162,7 @@ def plans(count: int) -> None:
             q = np.vstack(
                 [
                     way.way.at(np.linspace(0, way.length, 1000))[0],
-                    *(
-                        np.linspace(a, b, 200)
-                        for a, b in zip(way.configurations[:-1], way.configurations[1:], strict=True)
-                    ),
+                    *(np.linspace(a, b, 200) for a, b in pairwise(way.configurations)),
                 ]
             )
             least = (way.kept.values(q, np.zeros(len(q))) - way.kept.asked).min()

@@ -54,6 +54,7 @@ def test_where_none_goes_through_sample_and_pair_are_told():
         branch_along(robot, ball, poses)
     assert told.value.reason == "path"
     assert told.value.pair.startswith("ball: ")
+    assert told.value.sample is not None
     assert 5 < told.value.sample < 30
 
 
