@@ -9,6 +9,7 @@ step, 15 s, 2/s of gain, 10 mm to keep, and the limits of the joints; ours also 
 
 * ours: K with constraints and their escape (a hand that is held goes aside, or the joints go to another posture), and
   without it;
+* planned: the way is planned and proved before (`dqc.planning`), and followed by a law that keeps the same constraints;
 * Mink: its collision limit bounds a step, m, by gain (d − d_min)/T, m/s; as shipped (gain 0.85), and corrected to
   gain = η T², which bounds the speed of approach by η (d − d_min), η = 10/s;
 * NEO (Haviland and Corke 2021), the quadratic program of the paper with slack, manipulability and dampers, written here
@@ -86,6 +87,20 @@ def by_ours(
     return dqc.simulate(arm, target, law, dqc.plants.Integrator(), start, PERIOD, MOST).q
 
 
+def by_plan(arm: dqc.Robot, balls: np.ndarray, goal: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Return the configurations of a planned way that our law follows, (N, n), rad; the start if there is none."""
+    given = fenced(arm, balls, acceleration=10.0)
+    try:
+        found = dqc.planning.plan(arm, PreparedConstraints(given, arm, PERIOD, "measured"), start, goal)
+    except dqc.errors.PlanError:
+        return start[None]
+    law = dqc.laws.GuidedProportional(gain=GAIN, pull=5.0, constraints=given)
+    way = dqc.planning.PlanTo(found)
+    return dqc.simulate(
+        arm, way, law, dqc.plants.Integrator(), start, PERIOD, min(way.duration + 1.0, MOST)
+    ).q
+
+
 def end_of(
     arm: dqc.Robot, kept: PreparedConstraints, goal: np.ndarray, path: np.ndarray
 ) -> tuple[str, float]:
@@ -117,6 +132,8 @@ def ways_of(
         "ours": partial(by_ours, arm, balls, goal, start, ESCAPE),
         "ours, without escape": partial(by_ours, arm, balls, goal, start, None),
     }
+    if find_spec("ompl") and find_spec("toppra"):
+        ways["ours, planned"] = partial(by_plan, arm, balls, goal, start)
     if find_spec("mink"):
         for name, approach in (("Mink, corrected", correct(PERIOD)), ("Mink, as shipped", AS_SHIPPED)):
             step = by_mink(arm, fenced(arm, balls), goal, approach)

@@ -17,6 +17,11 @@ def links_of(robot):
     return robot.shapes.shapes
 
 
+def things_of(constraints):
+    assert constraints.world is not None
+    return constraints.world.shapes
+
+
 def random_things(rng, reach):
     """Return a ball, a bar, a box, a column and a table around a robot."""
 

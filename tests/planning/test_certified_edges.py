@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from obstacles import around, sphere
-from planning_scenes import ROBOTS, least_sampled, links_of, load, random_constraints, random_edges
+from planning_scenes import ROBOTS, least_sampled, links_of, load, random_constraints, random_edges, things_of
 from shape_samples import coal_distance
 
 import dqcontrol as dqc
@@ -51,7 +51,7 @@ def test_coal_measures_no_less_along_certified_edges():
                 for frames in [robot.frames(q)]
                 for link in links_of(robot)
                 if link.frame > 0
-                for name, thing in given.world.shapes
+                for name, thing in things_of(given)
                 if not (name == "table" and link.frame == 1)  # turns on it
             ]
             if certified:

@@ -6,7 +6,14 @@ import sys
 import numpy as np
 import pytest
 from obstacles import around, box, plane, sphere
-from planning_scenes import least_sampled, links_of, load, random_configurations, random_constraints
+from planning_scenes import (
+    least_sampled,
+    links_of,
+    load,
+    random_configurations,
+    random_constraints,
+    things_of,
+)
 from shape_samples import coal_distance
 
 import dqcontrol as dqc
@@ -85,7 +92,7 @@ def test_coal_finds_nothing_too_near_on_a_way_out_of_a_shelf():
         for link in links_of(robot):
             if link.frame > 0:
                 shape = link.shape.moved(frames[link.frame - 1])
-                for _, board in given.world.shapes:
+                for _, board in things_of(given):
                     assert coal_distance(coal, shape, board) >= given.margin - 1e-6
 
 

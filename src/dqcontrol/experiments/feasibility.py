@@ -12,7 +12,13 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.controller import Controller
 from dqcontrol.errors import DivergedError
-from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, PreparedRobot
+from dqcontrol.experiments.prepared_experiment import (
+    FULL_POSE,
+    PATH_SAMPLES,
+    Combination,
+    PreparedExperiment,
+    PreparedRobot,
+)
 from dqcontrol.laws import (
     BestHeading,
     GuidedProportional,
@@ -30,11 +36,14 @@ from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.measures.margins import least_margin
 from dqcontrol.measures.task_range import inverse_of, lost_share
 from dqcontrol.measures.task_result import FOLLOWED, SETTLED, TaskResult, task_result
+from dqcontrol.planning.branches import continued
+from dqcontrol.planning.certified_edges import CertifiedEdges
+from dqcontrol.planning.standing_world import standing
 from dqcontrol.plants import Integrator
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.references import Sample
 from dqcontrol.references.drive_to import DriveTo, PlannedWay
-from dqcontrol.references.sample import POSE, TWIST, TWIST_RATE
+from dqcontrol.references.sample import POSE, TIME, TWIST, TWIST_RATE
 from dqcontrol.robots import Robot
 from dqcontrol.robots.robot import base_coordinates
 
@@ -143,8 +152,34 @@ def task_remarks(setting: PreparedExperiment) -> Iterator[str]:
         yield from _of_singular_start(case)
         yield from _of_first_command(setting, case)
         yield from _of_constraints(setting, case)
+        yield from _of_way(case)
         yield from _of_rolling(setting, case)
     yield from run_remarks(setting)
+
+
+def _of_way(case: Combination) -> Iterator[str]:
+    """Say what stands in the way: of joints that go straight to a set-point, or of a path that the hand follows."""
+    given, scene = case.variant.law.constraints, case.scene
+    robot, start = scene.robot, scene.start
+    if given is None or len(robot.drives) or isinstance(scene.reference, PlannedWay):
+        return
+    if standing(given) is not given:
+        return  # what moves may be elsewhere by then
+    edges, poses = CertifiedEdges(robot, given), scene.samples[:, POSE]
+    if math.isinf(scene.reference.duration):
+        goal = robot.solve(poses[0], start)
+        if goal.success and not (edge := edges.clear(start, goal.q)).certified:
+            yield (
+                f"{case.names.label}: straight to the set-point joints meet {edge.label}; a law keeps away and may be "
+                "held there: reference plan-to goes around"
+            )
+    elif robot.configuration_size >= FULL_POSE:
+        chosen = np.unique(np.linspace(0, len(poses) - 1, PATH_SAMPLES).astype(int))
+        first = robot.solve(poses[0], start, restarts=0)
+        found = continued(edges, first.q, poses[chosen])
+        if first.success and found.pair:
+            time = scene.samples[chosen[len(found.configurations)], TIME]
+            yield f"{case.names.label}: at t = {time:.3g} s the path meets {found.why}"
 
 
 def run_remarks(setting: PreparedExperiment) -> Iterator[str]:

@@ -70,8 +70,8 @@ T = TypeVar("T")
 _KEPT_BYTES = 200e6  # of prepared laws; beyond that they are prepared again when their turn comes
 _MOST_TRIALS = 10_000_000
 _MOST_KNOWN = 16  # robots and scenes
-_FULL_POSE = 6  # joints, with fewer of which a hand follows no pose
-_PATH_SAMPLES = 200  # of a path that starts are tried with: 20 mm apart on one of 4 m
+FULL_POSE = 6  # joints, with fewer of which a hand follows no pose
+PATH_SAMPLES = 200  # of a path that starts are tried with: 20 mm apart on one of 4 m
 
 
 @dataclass(frozen=True)
@@ -389,14 +389,14 @@ def _tasks(spec: Spec, robot: Robot, start: Array, folder: Path, times: Array) -
 def _through_all(spec: Spec, folder: Path, robot: Robot, found: list[ReachingPosture]) -> ReachingPosture:
     """Return the best posture from which the hand can go all of the reference and keep constraints; else the best."""
     given = [variant.law.constraints for variant in spec.variants]
-    if any(each != given[0] for each in given) or robot.configuration_size < _FULL_POSE or len(robot.drives):
+    if any(each != given[0] for each in given) or robot.configuration_size < FULL_POSE or len(robot.drives):
         return found[0]
     asked = given[0] or Constraints(self_collision=False)
     paths = []
     for each in found:
         reference = spec.reference.build(robot.fkm(each.q), folder)
         goes = 0.0 if math.isinf(reference.duration) else reference.duration
-        times = np.linspace(0.0, goes, _PATH_SAMPLES if goes else 1)
+        times = np.linspace(0.0, goes, PATH_SAMPLES if goes else 1)
         paths.append((each.q, reference.samples(times)[:, POSE]))
     try:
         through = first_through(paths, CertifiedEdges(robot, asked))
