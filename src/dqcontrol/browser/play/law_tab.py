@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from dqcontrol.browser.play.session import PlaySession, law_from
 from dqcontrol.browser.served_page import import_viser
 from dqcontrol.errors import Error
@@ -103,4 +105,8 @@ def _gain_of(rates: LoopRates | None) -> float:
     """Return the largest of the gains of position and orientation, 1/s."""
     if rates is None:
         return 0.0
-    return max(float(abs(each).max()) for each in (rates.position, rates.orientation) if each is not None)
+    return max(
+        float(np.abs(np.asarray(each, np.complex128)).max())
+        for each in (rates.position, rates.orientation)
+        if each is not None
+    )
