@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dqcontrol.browser.play.session import SHOWN, Moment
+from dqcontrol.browser.play.session import SHOWN, ChartPoint
 from dqcontrol.figures.style import COLOURS
 
 _HEIGHT = 128  # px
@@ -25,7 +25,7 @@ class Charts:
             self._chart(gui, "Clearance beyond what is asked [mm]", ("robot",), (None, None)),
         ]
 
-    def show(self, history: Sequence[Moment]) -> None:
+    def show(self, history: Sequence[ChartPoint]) -> None:
         """Show what happened."""
         rows = np.array([[*moment] for moment in history] or [[0.0] * 6])
         time = rows[:, 0] - rows[-1, 0]

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from dqcontrol.browser.play.session import PlaySession, law_from
-from dqcontrol.browser.served_page import import_viser
 from dqcontrol.errors import Error
 from dqcontrol.experiments.gain_advice import law_parameters
 from dqcontrol.laws.loop_rates import LoopRates
@@ -28,12 +29,14 @@ class LawTab:
         kinds = tuple(law_parameters(1.0, 1.0))
         present = str(session.spec["law"].get("kind"))
         self._kind = gui.add_dropdown("Law", tuple(dict.fromkeys((*kinds, present))), initial_value=present)
-        self._gain = gui.add_slider("Gain k [1/s]", _LEAST, 100.0, _STEP, 5.0)
+        self._box: Any = gui.add_folder("Gain")
+        self._marked: object = None
+        self._gain: Any = None
+        self._mark(5.0, 10.0, 100.0)
         self._expected = gui.add_markdown("")
         self._inverse = gui.add_dropdown("Inverse", tuple(_INVERSES))
         self._ghost = gui.add_dropdown("Second robot", (_NONE, *kinds), initial_value=_NONE)
         self._kind.on_update(lambda _: self._changed())
-        self._gain.on_update(lambda _: self._changed())
         self._inverse.on_update(lambda _: self._inverse_changed())
         self._ghost.on_update(lambda _: self._ghost_changed())
         self.refresh()
@@ -60,13 +63,19 @@ class LawTab:
         """Let the slider reach beyond the limit, as far as that is near; mark both."""
         most = max(1.3 * limit if limit < 8 * good else 4 * good, 1.2 * gain, 1.0)
         most = _STEP * math.ceil(most / _STEP)
-        mark = import_viser()._messages.GuiSliderMark  # what `add_slider` makes of pairs
-        marks = [mark(round(good, 1), f"good {good:.3g}")] if _LEAST < good < most else []
+        marks = [(round(good, 1), f"good {good:.3g}")] if _LEAST < good < most else []
         if limit < most:
-            marks.append(mark(round(limit, 1), f"limit {limit:.3g}"))
-        self._gain.max = most
-        self._gain.marks = tuple(marks)
-        self._gain.value = min(max(round(gain, 1), _LEAST), most)
+            marks.append((round(limit, 1), f"limit {limit:.3g}"))
+        value = min(max(round(gain, 1), _LEAST), most)
+        if self._marked == (most, marks):
+            self._gain.value = value
+            return
+        self._marked = most, marks
+        if self._gain is not None:
+            self._gain.remove()  # marks cannot be changed
+        with self._box:
+            self._gain = self._gui.add_slider("k [1/s]", _LEAST, most, _STEP, value, marks=tuple(marks))
+        self._gain.on_update(lambda _: self._changed())
 
     def _changed(self) -> None:
         if self._busy:
@@ -103,4 +112,8 @@ def _gain_of(rates: LoopRates | None) -> float:
     """Return the largest of the gains of position and orientation, 1/s."""
     if rates is None:
         return 0.0
-    return max(float(abs(each).max()) for each in (rates.position, rates.orientation) if each is not None)
+    return max(
+        float(np.abs(np.asarray(each, np.complex128)).max())
+        for each in (rates.position, rates.orientation)
+        if each is not None
+    )

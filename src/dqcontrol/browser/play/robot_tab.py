@@ -42,9 +42,9 @@ class RobotTab:
                 (1e3, 1e3, 1e2, 1e3),
                 strict=True,
             ):
-                value = getattr(case.plant, key, 0.0)
-                slider.visible = is_servo and not isinstance(value, list)
-                if slider.visible:
+                value: Any = getattr(case.plant, key, 0.0)
+                slider.visible = is_servo and isinstance(value, float | int)
+                if isinstance(value, float | int) and is_servo:
                     slider.value = min(max(scale * float(value), slider.min), slider.max)
         finally:
             self._busy = False

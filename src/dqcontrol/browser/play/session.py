@@ -28,6 +28,7 @@ from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepar
 from dqcontrol.experiments.run import run
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.experiments.spec.spec import part_of_spec, readable_again
+from dqcontrol.experiments.spec.spec_files import locate_files
 from dqcontrol.files.plain_data import yaml_text
 from dqcontrol.laws import Law
 from dqcontrol.loop.live import Live, Pace
@@ -45,7 +46,7 @@ _REST = {"kind": "set-point", "duration": 1.0}
 _SLOW, _RESTS = 1e-4, 0.3  # rad/s or m/s, and s for which nothing is faster: the robot rests
 
 
-class Moment(NamedTuple):
+class ChartPoint(NamedTuple):
     """A point of the charts.
 
     Attributes
@@ -109,7 +110,7 @@ class PlaySession:
         self._folder, self._known = folder or Path.cwd(), dict[bytes, Any]()
         self.lock = threading.RLock()
         self.told: deque[str] = deque(maxlen=50)
-        self.history: deque[Moment] = deque(maxlen=round(SHOWN / _CHARTED))
+        self.history: deque[ChartPoint] = deque(maxlen=round(SHOWN / _CHARTED))
         self.missed, self.is_paused = 0, False
         self._noted = 0
         self._closed = threading.Event()
@@ -349,7 +350,7 @@ class PlaySession:
         ghost = self.ghost.state.position_error if self.ghost else np.nan
         now = self.history[-1].time + _CHARTED if self.history else 0.0
         missed, self._noted = self.missed - self._noted, self.missed
-        self.history.append(Moment(now, state.position_error, state.share, clearance, ghost, missed))
+        self.history.append(ChartPoint(now, state.position_error, state.share, clearance, ghost, missed))
 
     def _settle(self) -> None:
         """Begin a recording at rest from which everything follows, once the robot rests after another law began."""
@@ -371,7 +372,8 @@ class PlaySession:
     def run_spec(self, points: str) -> dict[str, Any]:
         """Return the spec that gives the recording again, with its target in a points file of that name if need be."""
         with self.lock:
-            spec, periods = dict(self.spec), len(self.rows)
+            spec, periods = copy.deepcopy(self.spec), len(self.rows)
+        locate_files(spec, self._folder)
         spec["duration"] = (periods - 1) * self.live.period
         spec["supervisor"] = spec.get("supervisor") or True
         if spec["reference"].get("kind") == "set-point":
@@ -386,18 +388,19 @@ class PlaySession:
         Error
             If there is nothing to save, a file exists, or cannot be written.
         """
-        record, exact = self.record(), self._exact
-        if len(record) < 2:
-            raise Error("record: nothing has happened yet; move the target first")
         points = path.with_suffix(".csv")
-        spec = self.run_spec(points.name)
+        with self.lock:
+            if len(self.rows) < 2:
+                raise Error("record: nothing has happened yet; move the target first")
+            record, exact, spec = self.record(), self._exact, self.run_spec(points.name)
         for file in (path, points):
             if file.exists():
                 raise ExistsError(f"{file}: exists already; choose another name")
+        is_streamed = bool(spec["reference"].get("streamed"))
         spec = {key: readable_again(key, each) for key, each in spec.items()} | {"name": path.stem}
         with writing(path):
             path.write_text(yaml_text(spec), encoding="utf-8")
-            if spec["reference"].get("streamed"):
+            if is_streamed:
                 points.write_text(_points(record), encoding="utf-8")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
