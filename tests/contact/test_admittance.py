@@ -1,5 +1,7 @@
 """The admittance stage against matrix exponentials, finite differences, transforms of wrenches and energy."""
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -117,7 +119,7 @@ def test_the_spring_makes_no_energy_where_stiffnesses_differ():
         [1 + np.cos(angles), 0.5 + 0.8 * np.sin(angles), 0.6 * np.sin(2 * angles + 0.7)]
     )
     plain = 0.0
-    for here, there in zip(way[:-1], way[1:], strict=True):
+    for here, there in itertools.pairwise(way):
         phi, step = 0.5 * (here + there), Rotation.from_rotvec(there) * Rotation.from_rotvec(here).inv()
         # in balance, Jₗᵀ m = K φ: find m by the stage's own generalised force
         transposed = np.column_stack([_generalised(phi, each) for each in np.eye(3)])

@@ -192,7 +192,7 @@ class LostContact(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 class SilentSensor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What happens when the sensor says nothing, or no number: three samples the last value stands, then force axes rest.
+    """What happens when the sensor says nothing: three samples the last value stands, then force axes rest.
 
     Parameters
     ----------

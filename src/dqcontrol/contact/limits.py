@@ -21,10 +21,14 @@ if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
     class LaggingPlant(Protocol):
-        """What is asked of a plant."""
+        """What is asked of a plant; see `dqcontrol.plants.plant.Plant`."""
 
-        def linear_model(self, robot: Robot, start: Array, period: float) -> LinearModel | None: ...
-        def lag(self, robot: Robot) -> Lag: ...
+        def linear_model(self, robot: Robot, start: Array, period: float) -> LinearModel | None:
+            """Return how small commands move the joints."""
+
+        def lag(self, robot: Robot) -> Lag:
+            """Return how late the joints follow."""
+            ...
 
 
 _SOFTEST, _STIFFEST = 10.0, 1e8  # N/m that are looked at: a sponge, and beyond steel on steel
