@@ -16,7 +16,6 @@ from dqcontrol.errors import MissingExtraError
 
 HOST = "127.0.0.1"  # nobody else's machine: there is no password
 _TICK = 1 / 30  # s
-_NARROW = 600  # pixels of the scene
 _AMBIENT = 1.2  # beside viser's own lights: shadows are not black
 
 
@@ -56,8 +55,6 @@ class ServedPage(ABC):
         viser = import_viser()
         with contextlib.redirect_stdout(io.StringIO()), only_own_pages():  # without its banner
             self.server: Any = viser.ViserServer(host=HOST, port=port, label=title, verbose=False)
-
-        self.server.on_client_connect(_fold_if_narrow)
 
     @property
     def url(self) -> str:
@@ -101,9 +98,3 @@ class ServedPage(ABC):
             shadow_opacity=shadows,
             position=(0.0, 0.0, min(0.0, height)),
         )
-
-
-def _fold_if_narrow(client: Any) -> None:
-    """Fold the controls of who looks from a phone: they would cover the scene, and one tap opens them."""
-    if client.camera.image_width < _NARROW:
-        client.gui.main_panel.minimize()
