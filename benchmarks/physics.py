@@ -76,7 +76,7 @@ def static_sag() -> float:
         live.step(np.zeros(7))
         rows.append(live.q.copy())
     q = np.mean(rows, axis=0)
-    load = arm.gravity_torque(q, (0, 0, -9.809))
+    load = arm.gravity_forces(q, (0, 0, -9.809))
     sag = (load / ratio - 0.7 * load) / k_p
     return float(np.abs((live.reference - q) / sag - 1)[1:3].max())
 

@@ -51,7 +51,7 @@ def test_the_browser_draws_what_is_around_and_reddens_what_is_near(kept, record)
     from dqcontrol.browser.numbers import numbers
 
     track = Track("one", ARM, record, constraints=kept)
-    assert "Beyond what is asked: ball" in numbers([("one", "#000000", track.reading(70))])
+    assert "Clearance above margin, ball" in numbers([("one", "#000000", track.reading(70))])
     page = Page([track], 18090)
     try:
         around = page._runs[0]._around

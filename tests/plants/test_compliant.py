@@ -50,7 +50,7 @@ def test_arm_starts_in_balance(mode, hand):
 def test_spring_carries_gravity():
     live = CompliantPlant().start(MEKA, Q0, T, 100, 0)
     stiffness = load_controllers(MEKA).stiffness("default")
-    load = MEKA.gravity_torque(Q0, (0, 0, -9.809))
+    load = MEKA.gravity_forces(Q0, (0, 0, -9.809))
     np.testing.assert_allclose(live.data.qpos[7:] - Q0, load / stiffness, atol=1e-12)
 
 
@@ -64,7 +64,7 @@ def test_controllers_know_the_weight_of_the_hand(hand, mass):
     assert MEKA.inertia is not None
     inertia = dqc.robots.Inertia(bodies[:, 0], bodies[:, 1:], MEKA.inertia.tensor)
     other = dqc.SerialArm(MEKA.chain[:, :7], MEKA.joint_types, inertia=inertia, joint_names=MEKA.joint_names)
-    np.testing.assert_allclose(held, other.gravity_torque(Q0, (0, 0, -9.809)), atol=1e-11)
+    np.testing.assert_allclose(held, other.gravity_forces(Q0, (0, 0, -9.809)), atol=1e-11)
 
 
 def torque_loop_gain(file):
@@ -85,7 +85,7 @@ def test_static_sag_of_theta_gc_is_that_of_its_equation(springs):
     rest(live, 1.0, 0.1 * np.array([1, 1, 1, -1, 1, -1, 1]))
     rest(live, 3.0)
     q = mean_angles(live, 1.0)
-    load = MEKA.gravity_torque(q, (0, 0, -9.809))
+    load = MEKA.gravity_forces(q, (0, 0, -9.809))
     ratio = np.where(file.column("torque_loop", "k_i") > 0, 1.0, torque_loop_gain(file))
     integral = np.array([1.0, 0, 0, 0.35, 0, 0, 0])  # N·m; joint 5's is slow and has not settled
     sag = ((load / ratio - factor * load) / stiffness - integral) / file.column("position_loop", "k_p")
@@ -99,7 +99,7 @@ def test_static_sag_of_theta_is_that_of_its_equation():
     live = CompliantPlant(mode="THETA").start(MEKA, Q0, T, 0, 0)
     rest(live, 1.0, 0.2 * np.array([1, 1, 1, -1, 1, -1, 1]))
     rest(live, 2.0)
-    load = MEKA.gravity_torque(live.q, (0, 0, -9.809))
+    load = MEKA.gravity_forces(live.q, (0, 0, -9.809))
     sag = load / load_controllers(MEKA).stiffness("default") + load / live.servo_stiffness
     assert np.abs(sag).max() > 0.02
     np.testing.assert_allclose(live.reference - live.q, sag, rtol=0.02, atol=1e-5)
@@ -112,7 +112,7 @@ def test_iiwa_carries_itself_with_exact_gravity_and_sags_with_a_wrong_one(spring
         live = CompliantPlant(gravity_factor=factor, springs=springs).start(IIWA, QI, T, 0, 0)
         rest(live, 1.0, np.full(7, 0.1))
         rest(live, 1.0)
-        load = IIWA.gravity_torque(live.q, (0, 0, -9.809))
+        load = IIWA.gravity_forces(live.q, (0, 0, -9.809))
         np.testing.assert_allclose(live.reference - live.q, (1 - factor) * load / k, rtol=0.02, atol=3e-5)
 
 
@@ -248,7 +248,6 @@ def test_bad_controller_files_are_named(tmp_path, edit, words):
         ({"duty": 2.0}, ValueRangeError, "plant.duty: must lie in -1 … 1"),
         ({"hand": 3}, ShapeError, "plant.hand: expected true or false or text, got a whole number"),
         ({"pushes": {"time": 1}}, ShapeError, "plant.pushes: expected a list, got a mapping"),
-        ({"obstacles": [3]}, ShapeError, r"plant.obstacles\[0\]: expected Obstacle, got a whole number"),
         ({"payload": 0.9}, ShapeError, "plant.payload: expected Payload or a list or nothing, got a number"),
         (
             {"wrist_fault": True},

@@ -130,7 +130,7 @@ def test_own_models_move_and_weigh_what_the_robot_says(name):
     for q in np.random.default_rng(SEED).uniform(-1, 1, (5, robot.configuration_size)):
         data.qpos[:] = q
         mujoco.mj_forward(model, data)
-        np.testing.assert_allclose(data.qfrc_bias, robot.gravity_torque(q), atol=1e-11)
+        np.testing.assert_allclose(data.qfrc_bias, robot.gravity_forces(q), atol=1e-11)
     live = MujocoPlant().start(robot, np.full(robot.configuration_size, 0.2), 0.01, 100, 0)
     run(live, np.full(robot.configuration_size, 0.1), 100)
     np.testing.assert_allclose(live.q, 0.3 - 0.1 * live.damping / live.stiffness, atol=2e-4)

@@ -181,14 +181,14 @@ def test_at_rest_under_gravity_until_commanded(make_arm, delay, stiffness):
     arm = make_arm(6, (2,), mass=4.0)
     q0, alpha = np.array([0.3, -0.5, 0.1, 0.7, 0.2, -0.4]), 0.8
     plant = Servo(sag=alpha, stiffness=stiffness, delay=delay * T)
-    sag0 = alpha * arm.gravity_torque(q0) / np.array(stiffness)
+    sag0 = alpha * arm.gravity_forces(q0) / np.array(stiffness)
     assert np.abs(sag0).max() > 1e-3
     q, _ = drive(plant, arm, q0, np.zeros((500, 6)))
     assert np.abs(q - q0).max() < 1e-14
     u = np.random.default_rng(SEED).normal(size=6)
     q, _ = drive(plant, arm, q0, np.concatenate([np.tile(u, (50, 1)), np.zeros((1500, 6))]))
     target = q0 + sag0 + 50 * T * u
-    assert q[-1] == pytest.approx(target - alpha * arm.gravity_torque(q[-1]) / np.array(stiffness), abs=1e-12)
+    assert q[-1] == pytest.approx(target - alpha * arm.gravity_forces(q[-1]) / np.array(stiffness), abs=1e-12)
     assert np.abs(q[-1] - q0 - 50 * T * u).max() > 1e-4, "the sag depends on the configuration"
 
 
@@ -197,7 +197,7 @@ def test_gravity_points_where_it_is_told(make_arm):
     for gravity in ((0.0, 0.0, 0.0), (9.81, 0.0, 0.0), (1.0, -2.0, 3.0)):
         live = Servo(command_mode="measured", sag=1.0, gravity=gravity).start(arm, q0, T, 1, 0)
         live.step(np.zeros(6))
-        sag = arm.gravity_torque(q0, gravity) / 500
+        sag = arm.gravity_forces(q0, gravity) / 500
         assert live.q == pytest.approx(q0 - sag * (1 - np.exp(-T / 0.05)), abs=1e-14)
 
 
@@ -214,7 +214,7 @@ def test_sag_law_of_measured_commands(make_arm, gain):
     trace = close_loop(law, plant.start(arm, q0, T, 4000, 0), samples)
     q, u = trace.q[-1], trace.command[-1]
     assert np.abs(trace.q[-1] - trace.q[-200]).max() < 1e-10, "it has come to rest"
-    sag = arm.gravity_torque(q) / 2000
+    sag = arm.gravity_forces(q) / 2000
     assert T * u == pytest.approx(sag, abs=1e-9)
     matrix = algebra.hamilton_minus(desired) @ np.diag([1, -1, -1, -1, 1, -1, -1, -1]) @ arm.pose_jacobian(q)
     error = np.eye(8)[0] - algebra.short(algebra.multiply(algebra.conjugate(arm.fkm(q)), desired))

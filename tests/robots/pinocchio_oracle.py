@@ -78,7 +78,7 @@ class UrdfOracle:
         jacobian = self.base_pose.toActionMatrixInverse() @ jacobian
         return np.vstack([jacobian[3:], jacobian[:3]])
 
-    def gravity_torque(self, q):
+    def gravity_forces(self, q):
         return pin.computeGeneralizedGravity(self.model, self.data, self.configuration(q))
 
     def mass_matrix(self, q):

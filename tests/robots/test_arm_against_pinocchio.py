@@ -75,7 +75,7 @@ def test_urdf_lumped_bodies(oracle):
     total = sum(body.mass for body in oracle.model.inertias[1:])
     assert oracle.arm.inertia.mass.sum() == pytest.approx(total, rel=1e-12)
     for q in sample(oracle.arm, np.random.default_rng(2), 5):
-        close(oracle.arm.gravity_torque(q), oracle.gravity_torque(q), atol=1e-9)
+        close(oracle.arm.gravity_forces(q), oracle.gravity_forces(q), atol=1e-9)
         close(symmetric(pin.crba(own, own.createData(), q)), oracle.mass_matrix(q), atol=1e-9)
 
 
@@ -125,10 +125,10 @@ def check_against_own_model(arm, q):
     check_finite_differences(arm, q)
     if arm.inertia is not None:
         torque = pin.computeGeneralizedGravity(model, data, q)
-        close(arm.gravity_torque(q), torque, atol=1e-9)
+        close(arm.gravity_forces(q), torque, atol=1e-9)
         model.gravity.linear = np.array([1.0, -2.0, 3.0])
         torque = pin.computeGeneralizedGravity(model, data, q)
-        close(arm.gravity_torque(q, [1, -2, 3]), torque, atol=1e-9)
+        close(arm.gravity_forces(q, [1, -2, 3]), torque, atol=1e-9)
 
 
 @pytest.mark.parametrize("dh", ["standard", "modified"])

@@ -68,7 +68,7 @@ def test_joined_data_is_kept(iiwa):
     q = RNG.uniform(-1, 1, 14)
     pose = pose_matrix(iiwa.fkm(q[:7]))
     down = pose[:3, :3].T @ [0, 0, -9.81]
-    np.testing.assert_allclose(arm.gravity_torque(q)[7:], panda.gravity_torque(q[7:], down), atol=1e-10)
+    np.testing.assert_allclose(arm.gravity_forces(q)[7:], panda.gravity_forces(q[7:], down), atol=1e-10)
 
 
 def test_joined_names_stay_distinct_and_missing_inertia_stays_missing(iiwa):

@@ -89,7 +89,7 @@ def test_limits_masses_and_gains(path):
     mujoco.mj_forward(model, data)
     bias = data.qfrc_bias
     expected = [bias[0], bias[1], bias[2], bias[3] + 2 * bias[4], bias[5]]
-    assert np.abs(robot.gravity_torque(q) - expected).max() < 1e-9
+    assert np.abs(robot.gravity_forces(q) - expected).max() < 1e-9
 
 
 def test_inertia_of_joints_with_a_reference_position(tmp_path):
@@ -108,7 +108,7 @@ def test_inertia_of_joints_with_a_reference_position(tmp_path):
         mujoco.mj_forward(model, data)
         ours = MujocoPlant(armature=0.0).start(robot, q, 0.01, 1, 0)
         assert np.abs(mass_matrix(ours.model, ours.data) - mass_matrix(model, data)).max() < 1e-12
-        assert np.abs(robot.gravity_torque(q) - data.qfrc_bias).max() < 1e-12
+        assert np.abs(robot.gravity_forces(q) - data.qfrc_bias).max() < 1e-12
 
 
 def test_a_chain_of_it_is_an_arm(path):

@@ -69,7 +69,7 @@ def test_iiwa7_is_the_published_one():
     for q in within(arm, 1):
         np.testing.assert_allclose(pose_matrix(arm.fkm(q)), tool_pose(model, q), rtol=0, atol=1e-12)
         torque = pin.computeGeneralizedGravity(model, model.createData(), q)
-        np.testing.assert_allclose(arm.gravity_torque(q), torque, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(arm.gravity_forces(q), torque, rtol=0, atol=1e-9)
         expected = symmetric(pin.crba(model, model.createData(), q))
         np.testing.assert_allclose(symmetric(pin.crba(own, own.createData(), q)), expected, rtol=0, atol=1e-9)
     assert arm.inertia.mass.sum() == pytest.approx(23.9 - 4.855658, abs=1e-4)
@@ -119,7 +119,7 @@ def test_meka_hangs_down_at_zero_and_stays_there():
     np.testing.assert_allclose(
         pose[:3, 3], [0.00502, -0.18465 - 0.03175, -0.27857 - 0.27747 - 0.04414], atol=1e-12
     )
-    assert np.abs(arm.gravity_torque(np.zeros(7))).max() < 1.5
+    assert np.abs(arm.gravity_forces(np.zeros(7))).max() < 1.5
 
 
 def test_ax18_reaches_along_its_links():
@@ -202,7 +202,7 @@ def test_bodies_given_at_the_end_of_their_links(name, links):
     own = model_of(arm)
     for q in within(arm, 6):
         torque = pin.computeGeneralizedGravity(model, model.createData(), q)
-        np.testing.assert_allclose(arm.gravity_torque(q), torque, rtol=0, atol=1e-8)
+        np.testing.assert_allclose(arm.gravity_forces(q), torque, rtol=0, atol=1e-8)
         if name == "barrett-wam":
             expected = symmetric(pin.crba(model, model.createData(), q))
             np.testing.assert_allclose(

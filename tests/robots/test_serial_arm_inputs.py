@@ -13,7 +13,7 @@ METHODS = (
     "twist_jacobian",
     "translation_jacobian",
     "rotation_jacobian",
-    "gravity_torque",
+    "gravity_forces",
 )
 
 
@@ -68,13 +68,13 @@ def test_bad_configurations(arm, method, q, error, text):
 
 def test_bad_gravity(arm):
     with pytest.raises(ShapeError, match=r"gravity: expected shape \(…, 3\)"):
-        arm.gravity_torque(np.zeros(7), [0, 0])
+        arm.gravity_forces(np.zeros(7), [0, 0])
     with pytest.raises(ShapeError, match="gravity: expected shape"):
-        arm.gravity_torque(np.zeros(7), np.zeros((2, 3)))
+        arm.gravity_forces(np.zeros(7), np.zeros((2, 3)))
     with pytest.raises(ValueRangeError, match="gravity: must be finite"):
-        arm.gravity_torque(np.zeros(7), [0, 0, np.nan])
+        arm.gravity_forces(np.zeros(7), [0, 0, np.nan])
     with pytest.raises(ValueRangeError, match="inertia: ax18 has none"):
-        load_robot("ax18").gravity_torque(np.zeros(5))
+        load_robot("ax18").gravity_forces(np.zeros(5))
 
 
 def test_gravity_in_closed_form():
@@ -101,5 +101,5 @@ def test_gravity_in_closed_form():
     angle, slide = 0.3, 0.2
     down = 9.81 * np.cos(angle) * (2 * 0.5 + 3 * 1.0) + 9.81 * np.sin(angle) * 3 * (slide + 0.1)
     np.testing.assert_allclose(
-        arm.gravity_torque([angle, slide]), [-down, 9.81 * 3 * np.cos(angle)], rtol=1e-12
+        arm.gravity_forces([angle, slide]), [-down, 9.81 * 3 * np.cos(angle)], rtol=1e-12
     )

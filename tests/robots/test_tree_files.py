@@ -47,7 +47,7 @@ def test_a_tree_is_the_same_from_its_file(hand, tmp_path):
     assert (again.limits.effort == robot.limits.effort).all()
     for name in ("a1", "b1", "palm"):
         assert np.abs(again.fkm([0.4], name) - robot.fkm([0.4], name)).max() < 1e-15
-    assert np.abs(again.gravity_torque([0.4]) - robot.gravity_torque([0.4])).max() < 1e-15
+    assert np.abs(again.gravity_forces([0.4]) - robot.gravity_forces([0.4])).max() < 1e-15
 
 
 @pytest.mark.parametrize(

@@ -151,7 +151,7 @@ def test_gravity_of_a_tree_against_pinocchio():
     q = at_random(robot)
     theirs, gather = pinocchio_at(model, tree, robot, q)
     expected = gather.T @ pin.computeGeneralizedGravity(model, model.createData(), theirs)
-    assert np.abs(robot.gravity_torque(np.stack([q, q]))[1] - expected).max() < 1e-9
+    assert np.abs(robot.gravity_forces(np.stack([q, q]))[1] - expected).max() < 1e-9
 
 
 def test_floating_base():

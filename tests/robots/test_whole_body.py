@@ -302,7 +302,7 @@ def test_arms_are_their_own_inputs():
     assert IIWA.drives.shape == (0, 6)
     alone = WholeBody([IIWA])
     np.testing.assert_array_equal(alone.twist_jacobian(np.ones(7)), IIWA.twist_jacobian(np.ones(7)))
-    np.testing.assert_array_equal(alone.gravity_torque(np.ones(7)), IIWA.gravity_torque(np.ones(7)))
+    np.testing.assert_array_equal(alone.gravity_forces(np.ones(7)), IIWA.gravity_forces(np.ones(7)))
 
 
 def test_whole_bodies_as_parts():
@@ -421,7 +421,7 @@ def test_bad_arguments():
     with pytest.raises(ValueRangeError, match="q: must be finite"):
         body.kinematics(np.array([0, 0, np.nan, 0, 0, 0, 0, 0]))
     with pytest.raises(ValueRangeError, match=r"inertia: .* has none"):
-        body.gravity_torque(np.zeros(8))
+        body.gravity_forces(np.zeros(8))
     with pytest.raises(ShapeError, match=r"^limits: expected Limits or None, got \(\[0\], \[1\]\)$"):
         SerialArm.from_dh([0], [0], [1], [0], limits=([0], [1]))
     with pytest.raises(ValueRangeError, match="joint 1 has lower 1 ≥ upper -1; lower must be below upper"):

@@ -125,7 +125,7 @@ def test_a_base_without_an_arm_follows_its_odometry_alone(pair, node, tmp_path):
 
 def transforms():
     """Return topic and type of transforms here: tf's, or ours."""
-    kind = base_transform._tf_message()
+    kind = base_transform.tf_message()
     return (base_transform.TF, kind) if kind else (base_transform.OURS, TransformStamped)
 
 

@@ -467,3 +467,24 @@ def test_gains_check_and_tune_speak_with_one_voice():
     free = dqc.tune(spec, budget=20, damping=0)
     assert free.best.result.law["gain"] == pytest.approx(18.1, rel=0.02)
     assert free.best.faster is None
+
+
+def test_laws_that_miss_the_outcome_lose():
+    """The hand is to be at its goal after 1 s: gains that are too low for that are no winners, however smooth."""
+    problem = {
+        "name": "outcome",
+        "robot": "iiwa7",
+        "start": [0, 0.6, 0, 1.6, 0, 0.6, 0],
+        "period": 0.01,
+        "reference": {"kind": "set-point", "duration": 1.0, "offset": {"translation": [0.05, 0, 0]}},
+        "law": {"kind": "proportional", "gain": 2},
+        "plant": {"kind": "servo", "time_constant": 0.03},
+        "tune": {"objectives": {"command_jerk": 1.0}, "budget": 12, "held_out": {"seeds": 1}},
+    }
+    gains = {}
+    for outcome in (None, [{"hand": "at", "within": [0.001, 0.1]}]):
+        result = dqc.tune(problem | ({"outcome": outcome} if outcome else {}), jobs=1)
+        gains[bool(outcome)] = result.best.result
+    assert gains[False].law["gain"] < 3
+    assert gains[True].law["gain"] > 3.5
+    assert gains[True].violation == 0

@@ -16,6 +16,8 @@ from dqcontrol.errors import MissingExtraError
 
 HOST = "127.0.0.1"  # nobody else's machine: there is no password
 _TICK = 1 / 30  # s
+_NARROW = 600  # pixels of the scene
+_AMBIENT = 1.2  # beside viser's own lights: shadows are not black
 
 
 def import_viser() -> Any:
@@ -41,6 +43,8 @@ class ServedPage(ABC):
     ----------
     port
         Of this machine; the next free one if it is taken.
+    title
+        Of the browser's tab.
 
     Raises
     ------
@@ -48,10 +52,12 @@ class ServedPage(ABC):
         If viser is not installed.
     """
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port: int, title: str = "dqcontrol") -> None:
         viser = import_viser()
         with contextlib.redirect_stdout(io.StringIO()), only_own_pages():  # without its banner
-            self.server: Any = viser.ViserServer(host=HOST, port=port, label="dqcontrol", verbose=False)
+            self.server: Any = viser.ViserServer(host=HOST, port=port, label=title, verbose=False)
+
+        self.server.on_client_connect(_fold_if_narrow)
 
     @property
     def url(self) -> str:
@@ -76,6 +82,9 @@ class ServedPage(ABC):
     ) -> None:
         """Look from a position at a point, m, at a floor of a height and with sides of a length, m."""
         server = self.server
+        # The usual map of light takes half a minute to draw without a graphics card.
+        server.scene.configure_environment_map(None)
+        server.scene.add_light_ambient("/light", intensity=_AMBIENT)
         server.gui.configure_theme(control_width="large", show_share_button=False)
         server.gui.main_panel.dock_right()
         server.scene.set_up_direction("+z")
@@ -92,3 +101,9 @@ class ServedPage(ABC):
             shadow_opacity=shadows,
             position=(0.0, 0.0, min(0.0, height)),
         )
+
+
+def _fold_if_narrow(client: Any) -> None:
+    """Fold the controls of who looks from a phone: they would cover the scene, and one tap opens them."""
+    if client.camera.image_width < _NARROW:
+        client.gui.main_panel.minimize()

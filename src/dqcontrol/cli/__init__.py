@@ -39,7 +39,8 @@ GROUPS = {  # of commands, as files of this folder, imported when called: `--hel
         "compare": "Compare saved runs: one table, and plots.",
     },
     "Look": {
-        "view": "Look at runs in a browser, over time or while they run.",
+        "play": "Take a robot's target in the hand, in a browser: laws, gains, joints and bodies change meanwhile.",
+        "view": "Look at runs in a browser, over time or while they run; or save them as a page.",
         "report": "Regenerate the reports of saved runs, with all figures, which studies leave out.",
         "figures": "Draw the figures of saved results for papers, as PDF, SVG or PNG.",
         "clip": "Save a clip of a run or several, .mp4, .webp or .gif, or one picture, .png.",

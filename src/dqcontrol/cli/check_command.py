@@ -24,6 +24,8 @@ def check(spec: Path, /) -> None:
 
     checks = checked(spec)
     print_table(checks.table())
+    if checks.contact is not None:
+        print_table(checks.contact)
     for remark in checks.remarks():
         print(remark)
     if checks.unstable or any(one.fails for one in checks):

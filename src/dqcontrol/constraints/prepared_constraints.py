@@ -137,6 +137,9 @@ class PreparedConstraints:
         self._first_obstacle: dict[str, int] = {}  # by name
         self._points: list[int] = []  # numbers of bodies that are balls about named frames
         self._obstacles: list[tuple[Array, Motion]] = []
+        self._watched: dict[
+            str, list[tuple[int, Shape]]
+        ] = {}  # numbers of obstacles, shapes seen from their body
         self._lines: list[_Line] = []
         self.names: tuple[str, ...] = given.names
         self.rate: float = self._rate()
@@ -197,6 +200,21 @@ class PreparedConstraints:
         if status:
             self.robot.fkm(rows)  # says what is wrong
         return out
+
+    def place(self, parameters: Array, name: str, pose: Array) -> None:
+        """Write where a watched body is, pose (8,), into parameters for compiled code; others are left alone.
+
+        It counts as standing there until the next time.
+        """
+        if name not in self._watched:
+            return
+        count = len(self._obstacles) * OBSTACLE
+        first = self.parameters.size - self._after_obstacles - count
+        rows = parameters[first : first + count].reshape(-1, OBSTACLE)
+        for number, shape in self._watched[name]:
+            moved = shape.moved(pose)
+            rows[number, : len(moved.row)] = moved.row
+            rows[number, BALL : BALL + 4] = ball_around(moved)
 
     def pair(self, row: int) -> ShapePair:
         """Return the shapes of a row that is a distance; obstacles are counted in their order, zones' walls after."""
@@ -344,12 +362,16 @@ class PreparedConstraints:
             self._lines.append(_Line(row, label, levers, 0.0))
 
     def _add_obstacles(self) -> None:
+        world = self.given.world
         for name, each in self.given.obstacles.items():
             field, clear = f"constraints.clear_of.{name}", each.clear
             margin = self.given.margin if clear.margin is None else clear.margin
             self._first_obstacle[name] = len(self._obstacles)
             for k, shape in enumerate(each.shapes):
                 obstacle = self._add_obstacle(shape, each.moves)
+                if world is not None and (body := world.bodies[name]).watch is not None:
+                    seen_from = shape.moved(algebra.conjugate(body.pose))
+                    self._watched.setdefault(name, []).append((obstacle, seen_from))
                 part = f" {k + 1}" if len(each.shapes) > 1 else ""
                 for chosen in self._chosen(field, clear.links):
                     if clear.links is None and self._stands_on(shape, self._bodies[chosen]):
@@ -600,6 +622,7 @@ class PreparedConstraints:
             kept=kept_of.pack(**kept._asdict()),
             scene=scene_of.pack(**scene._asdict()),
         )
+        self._after_obstacles: int = table.size
         work = {
             "n": n,
             "m": m,

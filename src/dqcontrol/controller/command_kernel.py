@@ -25,11 +25,12 @@ from dqcontrol.compiled.compile import (
 from dqcontrol.compiled.intrinsics import caller
 from dqcontrol.compiled.law_signature import CONSTRAINT, call_law
 from dqcontrol.compiled.memory_layout import MemoryLayout
+from dqcontrol.contact.contact_layout import CONTACT, CONTACT_STATE, WRENCH
 from dqcontrol.controller.task_levels import TASKS
 from dqcontrol.laws.null_space import PREFERENCE, WORK_SIZE
 from dqcontrol.limits.position_limit import POSITION_LIMIT
 from dqcontrol.limits.velocity_limit import LIMIT
-from dqcontrol.references.sample import TIME
+from dqcontrol.references.sample import SAMPLE_SIZE, TIME
 from dqcontrol.robots.kinematics.kinematics_kernels import call_chain, split
 
 LAW_FAILED = 100  # added to the law's status; the kinematics' own stays
@@ -41,6 +42,7 @@ STEP = STATUS(PLAN, WRITE, INPUT, READ, types.intp, types.float64, WRITE, WRITE)
 _call_preference, _call_limit, _call_position_limit = map(caller, (PREFERENCE, LIMIT, POSITION_LIMIT))
 _call_tasks = caller(TASKS)
 _call_constraint = caller(CONSTRAINT)
+_call_contact = caller(CONTACT)
 
 
 class Plan(NamedTuple):
@@ -48,15 +50,17 @@ class Plan(NamedTuple):
 
     Attributes
     ----------
-    kinematics, preference, law, position_limit, limit, tasks, constraint
+    kinematics, preference, law, position_limit, limit, tasks, constraint, contact
         Addresses; 0 where nothing is to be done.
+    contact_at
+        Where the state has what contact remembers.
     delivered_at, last_at, sent_at
         Where the state takes what left, of the law the hand's twist and the command, of its limits the command; 0:
         nowhere.
     state
         Its size.
     table_rows, table_columns, rows, columns, work, inputs, preferring, position_limiting, limiting, tasking,
-    tasking_work, constraining, constraint_work
+    tasking_work, constraining, constraint_work, contacting, contact_work
         Of the robot, of the law's parameters over time, and of the parts of `PreparedMemory`.
     """
 
@@ -67,6 +71,8 @@ class Plan(NamedTuple):
     limit: int
     tasks: int
     constraint: int
+    contact: int
+    contact_at: int
     delivered_at: int
     last_at: int
     sent_at: int
@@ -84,6 +90,8 @@ class Plan(NamedTuple):
     tasking_work: int
     constraining: int
     constraint_work: int
+    contacting: int
+    contact_work: int
 
 
 class PreparedMemory(NamedTuple):
@@ -109,6 +117,8 @@ class PreparedMemory(NamedTuple):
         Parameters and scratch of further tasks.
     constraining, constraint_work
         Parameters and scratch of constraints; the scratch begins with the report of the last sample.
+    contacting, contact_work
+        Of the contact stage, see `ContactParameters` and `ContactWork`; empty without one.
     """
 
     table: Annotated[Array, "table_rows", "table_columns"]
@@ -124,6 +134,8 @@ class PreparedMemory(NamedTuple):
     tasking_work: Annotated[Array, "tasking_work"]
     constraining: Annotated[Array, "constraining"]
     constraint_work: Annotated[Array, "constraint_work"]
+    contacting: Annotated[Array, "contacting"]
+    contact_work: Annotated[Array, "contact_work"]
 
 
 _plan = MemoryLayout(Plan)
@@ -154,6 +166,14 @@ def compute_command(prepared, q, sample, k, state, out):
     status = call_chain(plan.kinematics, memory.table, q, memory.kinematics)
     if status != OK:
         return status
+    if plan.contact != 0:
+        at, room = plan.contact_at, memory.contact_work
+        status = _call_contact(
+            plan.contact, pose, sample, k, memory.contacting, state[at : at + CONTACT_STATE], room
+        )
+        if status != OK:
+            return LAW_FAILED + status
+        sample = room[WRENCH : WRENCH + SAMPLE_SIZE]  # laws, tasks and constraints follow the compliant frame
     work = memory.work
     if plan.preference != 0:
         preferred = work[0 : out.shape[0]]

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, SINGULAR, InterpretedKernel, Kernel
 from dqcontrol.compiled.law_signature import LAW as LAW
+from dqcontrol.contact.contact_layout import CONTACT_STATE, WRENCH, contact_work
 from dqcontrol.controller.command_kernel import (
     LAW_FAILED,
     Plan,
@@ -28,7 +29,7 @@ from dqcontrol.laws.inverses import FilteredInverse, inverse_parameters
 from dqcontrol.laws.null_space import WORK_SIZE
 from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.limits.velocity_limit import unlimited
-from dqcontrol.references.sample import TIME, Sample
+from dqcontrol.references.sample import SAMPLE_SIZE, TIME, Sample
 from dqcontrol.robots.command_mode import AT_ONCE, CommandMode, Lag
 from dqcontrol.robots.kinematics.kinematics_kernels import split
 from dqcontrol.robots.robot import Robot
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     from dqcontrol.constraints.prepared_constraints import PreparedConstraints
     from dqcontrol.laws.law import Law
 
-_GROWTH = inverse_parameters.place("growth")  # share and farthest follow
+_GROWTH = inverse_parameters.place("growth")  # its share follows
 
 
 class Controller:
@@ -55,6 +56,9 @@ class Controller:
         Pose of the hand (8,) and motion preferred in the null space (m,) at the last command.
     constraints
         What is kept, made ready; None without.
+    wrench
+        Force and torque that the sensor measures, shape (6,), N and N·m, for a law with contact: who has a measurement
+        writes it here before each command, and NaN where there is none. Empty without contact.
     report
         What became of that at the last command, see ``Report``; empty without constraints.
     """
@@ -105,12 +109,14 @@ class Controller:
             for i, each in enumerate(growth_for(robot, law.loop_rates(parameters), lag.late, period)):
                 parameters[:, _GROWTH + i] = each
         law_memory = law.state_size(robot)
+        contact = law.contact
+        self._contact_at, contact_memory = law_memory, CONTACT_STATE if contact else 0
         memory = position.memory(robot, command_mode, period) if position else 0
         if self.constraints:
             memory = self.constraints.memory
-        self._memory_size = memory
-        self.state_size: int = law_memory + memory
-        self._feedback = law.delivered_at, law.last_at, law_memory + memory - m if memory else 0
+        self._memory_size = contact_memory + memory
+        self.state_size: int = law_memory + contact_memory + memory
+        self._feedback = law.delivered_at, law.last_at, self.state_size - m if memory else 0
         self._preference = law.null_space.kernel if law.null_space else None
         self._position_limit = position.kernel if position else None
         limit, limit_parameters = limits.prepare(robot)
@@ -133,6 +139,8 @@ class Controller:
             ),
             constraining=self.constraints.parameters if self.constraints else empty,
             constraint_work=np.zeros(self.constraints.scratch) if self.constraints else empty,
+            contacting=contact.parameters(period) if contact else empty,
+            contact_work=np.full(contact_work.size(), np.nan) if contact else empty,
         )
         self.memory: Array = prepared_memory.pack(**parts._asdict())
         self._sizes = {
@@ -150,15 +158,18 @@ class Controller:
             "tasking_work": parts.tasking_work.size,
             "constraining": parts.constraining.size,
             "constraint_work": parts.constraint_work.size,
+            "contacting": parts.contacting.size,
+            "contact_work": parts.contact_work.size,
         }
         self._parts = prepared_memory(self.memory, *(self._sizes[name] for name in prepared_memory.sizes))
         if tasks and self._grows:
             at = task_levels.place("growth")
-            growth, share, farthest = parameters[:, _GROWTH : _GROWTH + 3].max(axis=0)
-            self._parts.tasking[at : at + 4] = growth, 0.5 * (period + lag.late), share, farthest
+            growth, share = parameters[:, _GROWTH : _GROWTH + 2].max(axis=0)
+            self._parts.tasking[at : at + 3] = growth, 0.5 * (period + lag.late), share
         self.parameters: Array = self._parts.parameters
         if law.lag_at:
             self.parameters[:, law.lag_at] = sum(lag.mean)
+        self.wrench: Array = self._parts.contact_work[:WRENCH]
         self.work, self.preferred = self._parts.work, self._parts.work[:m]
         self.pose = self._parts.kinematics[:8]
         self.report: Array = self._parts.constraint_work[: self.constraints.report if self.constraints else 0]
@@ -210,14 +221,27 @@ class Controller:
         kinematics = self.robot.kernels.twist_kinematics
         tasks = self.tasks.kernel if self.tasks else None
         kept = self.constraints.kernel if self.constraints else None
-        stages = kinematics, self._preference, self.kernel, self._position_limit, self._limit, tasks, kept
+        contact = self._law.contact.kernel if self._law.contact else None
+        stages = (
+            kinematics,
+            self._preference,
+            self.kernel,
+            self._position_limit,
+            self._limit,
+            tasks,
+            kept,
+            contact,
+        )
         return dict(zip(Plan._fields, stages, strict=False))
 
     @cached_property
     def plan(self) -> NDArray[np.intp]:
         """Where compiled code finds the law's stages and sizes."""
         addresses = [stage.pointer if isinstance(stage, Kernel) else 0 for stage in self.stages.values()]
-        numbers = dict(zip(Plan._fields, [*addresses, *self._feedback], strict=False)) | self._sizes
+        numbers = (
+            dict(zip(Plan._fields, [*addresses, self._contact_at, *self._feedback], strict=False))
+            | self._sizes
+        )
         return np.array([numbers[name] for name in Plan._fields], dtype=np.intp)
 
     def initial_state(self, q: ArrayLike) -> Array:
@@ -312,6 +336,11 @@ class Controller:
         parameters = self.parameters[min(row, len(self.parameters) - 1)]
         return q, *split(self._parts.kinematics), sample, parameters, state, self.work
 
+    def place(self, name: str, pose: Array) -> None:
+        """Tell its constraints where a watched body of the world is measured, pose (8,), inertial frame."""
+        if self.constraints is not None:
+            self.constraints.place(self._parts.constraining, name, pose)
+
     def sent(self, state: Array, command: Array) -> None:
         """Tell the law what left in place of its last command, as a supervisor changes it, shape (m,)."""
         if any(self._feedback):
@@ -344,6 +373,13 @@ class Controller:
         if status := self.robot.kernels.twist_kinematics(self.robot.table, q, buffer):
             return status
         pose, _, twist_jacobian = split(buffer)
+        if self._law.contact:
+            at, room = self._contact_at, parts.contact_work
+            remembered = state[at : at + CONTACT_STATE]
+            k_now = max(round(sample[TIME] / period), 0) if k < 0 else k
+            if status := self._law.contact.kernel(pose, sample, k_now, parts.contacting, remembered, room):
+                return LAW_FAILED + status
+            sample = room[WRENCH : WRENCH + SAMPLE_SIZE]
         if self._preference:
             parameters, scratch = parts.preferring, parts.preference_work
             self._preference(q, twist_jacobian, parameters, scratch, self.preferred)

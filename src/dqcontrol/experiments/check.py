@@ -12,6 +12,7 @@ from typing import Any
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, NoteWarning, StabilityWarning
+from dqcontrol.experiments.contact_check import contact_table
 from dqcontrol.experiments.feasibility import run_remarks, task_remarks
 from dqcontrol.experiments.prepared_experiment import Combination, Names, PreparedExperiment, prepare
 from dqcontrol.experiments.spec import AnyPlant, Spec
@@ -244,11 +245,14 @@ class Checks(Sequence[LoopCheck]):
         The loops of each combination.
     tasks
         What speaks against its doing what is asked: joints that are too few, velocities beyond their limits.
+    contact
+        What the knobs of its contact loops mean; None without contact.
     """
 
     name: str
     rows: tuple[LoopCheck, ...]
     tasks: tuple[str, ...] = ()
+    contact: Table | None = None
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -264,7 +268,8 @@ class Checks(Sequence[LoopCheck]):
 
     def __str__(self) -> str:
         """Return the table, and what to do."""
-        return "\n".join([str(self.table()), *self.remarks()])
+        contact = [] if self.contact is None else ["", str(self.contact)]
+        return "\n".join([str(self.table()), *self.remarks(), *contact])
 
     def _repr_markdown_(self) -> str:
         """Return what notebooks show: the same."""
@@ -353,7 +358,8 @@ def check(source: str | Path | dict[str, Any]) -> Checks:
     proportional · servo: position unstable: k = 60 1/s, limit 50 1/s; largest recommended k = 7.2 1/s
     """
     setting = prepare(source, leaving_out=("tune", "learn"))
-    return Checks(setting.spec.name, tuple(loop_checks(setting)), tuple(task_remarks(setting)))
+    rows, contact = tuple(loop_checks(setting)), contact_table(setting.spec, setting.cases)
+    return Checks(setting.spec.name, rows, tuple(task_remarks(setting)), contact)
 
 
 def warn_unstable(setting: PreparedExperiment, *, stacklevel: int) -> list[LoopCheck]:

@@ -22,7 +22,16 @@ from dqcontrol.compiled.kernel_cache import has_source, source_hash
 from dqcontrol.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.controller import Controller, PreparedTasks
-from dqcontrol.errors import NoteWarning, PlanError, ReachError, ShapeError, ValueRangeError, error_prefix
+from dqcontrol.errors import (
+    LimitWarning,
+    NoteWarning,
+    PlanError,
+    ReachError,
+    ShapeError,
+    ValueRangeError,
+    error_prefix,
+)
+from dqcontrol.experiments.contact_check import check_contact
 from dqcontrol.experiments.contacts import check_floor
 from dqcontrol.experiments.reach import check_reach
 from dqcontrol.experiments.results_folder import folder_names
@@ -301,6 +310,9 @@ def prepare_spec(
                 cases.append(
                     Combination(place, scene, variant, plant, limits[name], compiled[name], law, gains)
                 )
+    if checked:
+        for case in cases:
+            check_contact(spec, case)
     return PreparedExperiment(spec, folder, scenes, tuple(cases))
 
 
@@ -321,7 +333,7 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
     reference = spec.reference.build(robot.fkm(start), folder)
     kept = _kept(spec, robot) if spec.reference.plans_around else None
     with error_prefix("reference") if kept else nullcontext():
-        reference = spec.reference.of_robot(reference, _widest(spec, robot), start, kept)
+        reference = spec.reference.of_robot(reference, _widest(spec, robot), start, spec.surroundings, kept)
     times = spec.period * np.arange(step_count(reference, spec.period, spec.duration), dtype=np.float64)
     samples = reference.samples(times)
     if spec.skip_initial > samples[-1, -1]:
@@ -331,7 +343,9 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
     try:
         check_reach(robot, start, samples)
     except ReachError as error:
-        raise ReachError(f"{error}{length_slip(spec.reference, robot)}") from None
+        if not getattr(reference, "streamed", False):  # what a hand leads may well go out of reach
+            raise ReachError(f"{error}{length_slip(spec.reference, robot)}") from None
+        warnings.warn(str(error), LimitWarning, stacklevel=2)
     check_floor(robot, start, samples)
     return PreparedRobot(robot, start, reference, samples, _tasks(spec, robot, start, folder, times))
 

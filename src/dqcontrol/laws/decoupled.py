@@ -188,7 +188,7 @@ def position_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parame
     for i in range(3):
         target[i] = given.gain * (there[i] - here[i])
     error, inverse = pose_error(pose, sample), inverse_parameters(given.inverse)
-    error = counted((0.0, 0.0, 0.0, error[3], error[4], error[5]), inverse.share, inverse.farthest)
+    error = counted((0.0, 0.0, 0.0, error[3], error[4], error[5]), inverse.share)
     curved = curvature(twist_jacobian, here[0], here[1], here[2], error, 1.0)
     _velocity_rows(here, twist_jacobian, own.matrix)
     return solve(own.matrix, target, own.preferred, curved, given.inverse, own.solver, out)
@@ -212,7 +212,7 @@ def rotation_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parame
     for i in range(3):
         omega[i] *= length
     error, inverse = pose_error(pose, sample), inverse_parameters(given.inverse)
-    error = counted((error[0], error[1], error[2], 0.0, 0.0, 0.0), inverse.share, inverse.farthest)
+    error = counted((error[0], error[1], error[2], 0.0, 0.0, 0.0), inverse.share)
     curved = curvature(twist_jacobian, 0.0, 0.0, 0.0, error, length * length)
     return solve(matrix, omega, own.preferred, curved, given.inverse, own.solver, out)
 

@@ -147,9 +147,11 @@ def desired_twist(sample, pose, twist_jacobian, numbers, last, out):
     h J̇u⁻ is at most half of |ξ_d + h ξ̇_d| in the measure [ℓω ; v of the hand]: near singularities u⁻ grows without
     bounds. At goals at rest nothing is added; where a path turns back ξ_d is 0 for a moment, but ξ̇_d is not.
     """
+    moving = 0.0
     for i in range(6):
         out[i] = sample[8 + i]
-    if numbers.shape[0] > 0:
+        moving += abs(sample[8 + i]) + abs(sample[14 + i])
+    if numbers.shape[0] > 0 and moving != 0.0:  # at rest the call is spared
         _add_second_order(sample, pose, twist_jacobian, numbers, last, out)
 
 

@@ -54,7 +54,7 @@ def solve_hand_twist(pose, twist_jacobian, hand_twist, error, preferred, inverse
     n = twist_jacobian.shape[1]
     p = position(pose)
     px, py, pz = p
-    missing = counted(error, inverse.share, inverse.farthest)
+    missing = counted(error, inverse.share)
     square_length = inverse.length * inverse.length
     if n >= 6 and inverse.kind != BY_MANIPULABILITY:
         square_level, vanishing = inverse.level * inverse.level, inverse.damping * inverse.damping

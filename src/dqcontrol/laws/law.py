@@ -16,6 +16,7 @@ from dqcontrol.compiled.compile import Kernel
 from dqcontrol.compiled.law_signature import LAW as LAW
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.constraints.constraints import Constraints
+from dqcontrol.contact.admittance import Admittance
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
 from dqcontrol.laws.hand_twist import twist_work
 from dqcontrol.laws.loop_rates import LoopRates
@@ -66,6 +67,7 @@ class Law(
     gain_powers: ClassVar[Mapping[str, float]] = {}
     null_space: AnyNullSpace | None = None
     constraints: Constraints | None = None
+    contact: Admittance | None = None
 
     def parameter_rows(self, robot: Robot, times: Array) -> Array:
         """Return the kernel's parameters at each time, shape (N, p), or (1, p) if they are constant."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, Kernel
+from dqcontrol.contact.contact_layout import WRENCH
 from dqcontrol.controller.controller import Controller, status_text
 from dqcontrol.errors import DivergedError, Error, FallenError, ShapeError, ValueRangeError, as_array
 from dqcontrol.files.long_array import long_array
@@ -24,6 +25,7 @@ from dqcontrol.loop.trace import Stop, Trace, empty_records, ended
 from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance
 from dqcontrol.plants.live_plant import LivePlant, PlantProtocol, live_plant
 from dqcontrol.plants.plant import CompiledPlant
+from dqcontrol.references.follow import Follow
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE
 from dqcontrol.supervisor.supervisor_layout import GO, moment_layout
 
@@ -44,6 +46,7 @@ def close_loop(
     clock: Clock | None = None,
     supervision: Supervision | None = None,
     recording: SampleSink | None = None,
+    follow: Follow | None = None,
 ) -> Trace:
     """Drive a plant along samples with a law.
 
@@ -73,6 +76,8 @@ def close_loop(
         to rest within the supervisor's limits, and an exception raised only then.
     recording
         Gets every sample at once; the loop is then interpreted, and ends, braking if it can, when it cannot be written.
+    follow
+        Displaces the samples to where its body is measured.
 
     Returns
     -------
@@ -105,7 +110,18 @@ def close_loop(
             )
     if supervision is not None:
         _ = supervision.supervisor.kernel.pointer  # compiled now, not while the robot moves
-    steps = _Steps(law, plant, samples, disturbance, clock, supervision, recording)
+    if law.wrench.size and not live.wrench.size:
+        raise ValueRangeError(
+            f"contact: {type(plant).__name__} measures no wrench, so no force can be controlled; "
+            "take a plant with a force sensor"
+        )
+    if follow is not None:
+        if follow.body not in live.seen:
+            raise ValueRangeError(
+                f"reference.body: nothing measures '{follow.body}' here; its 'watch' needs a plant that moves it"
+            )
+        samples = samples.copy()
+    steps = _Steps(law, plant, samples, disturbance, clock, supervision, recording, follow)
     if clock is not None:
         _warm_up(law, live, samples, disturbance)
         asked = first_interrupt(supervision.end) if supervision else nullcontext()
@@ -166,9 +182,11 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
             noise=plant.noise,
             q=plant.q,
             measured=plant.measured,
+            wrench=plant.wrench if plant.wrench.size else np.full(WRENCH, np.nan),
+            readings=plant.readings,
         ),
         compiled.course(samples=samples, stop=_stop_array(stop), done=done, settling=settling),
-        compiled.Records(*(each[:count] for each in steps.records)),
+        compiled.Records(*(each[:count] for each in (*steps.records, steps.readings.rows))),
     )
     failure, halted, steps.done = None, "", int(done[0])
     finished = "duration" if steps.done == count else "settled"
@@ -200,10 +218,12 @@ class _Steps:
         clock: Clock | None,
         supervision: Supervision | None,
         recording: SampleSink | None,
+        follow: Follow | None,
     ) -> None:
         self.law, self.samples, self.disturbance = law, samples, disturbance
         self.plant = live = live_plant(plant)
         self.clock, self.supervision, self.recording = clock, supervision, recording
+        self._follow_body, self._followed = follow, np.zeros(8)
         self.desired, self.senses = samples, None
         if supervision is not None:
             self.desired = long_array(len(samples) + most_steps_to_rest(supervision.supervisor), SAMPLE_SIZE)
@@ -214,7 +234,7 @@ class _Steps:
         self.realised = np.zeros((len(self.desired), 6)) if disturbance else np.zeros((0, 6))
         self.law_state = law.initial_state(plant.q)
         self.done, self.was_sent, self.rests = 0, True, False
-        self._readings = Readings(live, len(self.desired))
+        self.readings = Readings(live, len(self.desired))
         self._fault, self.unanswered = "", ""
         if clock is not None:
             self._take_memory()
@@ -223,7 +243,7 @@ class _Steps:
         """Write what steps will write: the system gives memory at that, and is not asked while a robot moves."""
         codes = self.supervision.codes if self.supervision else np.zeros(0)
         rest = self.desired[len(self.samples) :]
-        for array in (*self.records, rest, self.realised, codes, self._readings.rows):
+        for array in (*self.records, rest, self.realised, codes, self.readings.rows):
             array.fill(0.0)
 
     def run(self, stop: Stop | None, progress: Callable[[int, int], None] | None) -> Trace:
@@ -249,7 +269,7 @@ class _Steps:
         # a stop after the fault is its consequence, a failure is not
         is_first = (supervision and not failure) or not has_failed(found.stopped)
         stopped = self._fault if self._fault and is_first else found.stopped
-        signals = self._readings.signals(len(found.q))
+        signals = self.readings.signals(len(found.q))
         if supervision:
             signals |= supervision.signals(len(found.q))
         return replace(found, stopped=stopped, readings=signals)
@@ -333,8 +353,11 @@ class _Steps:
         k, plant, supervision = self.done, self.plant, self.supervision
         q, measured, command, kept = (record[k] for record in self.records)
         q[:], measured[:] = plant.q, plant.measured
-        self._readings.take(k)
+        self.readings.take(k)
+        self._see(k, row)
         command[:] = 0.0
+        if self.law.wrench.size:
+            self.law.wrench[:] = plant.wrench
         failure = _ask(self.law, plant.measured, row, k, self.law_state, command) if asks else None
         kept[:] = self.law.report
         if failure and supervision is None:
@@ -354,6 +377,18 @@ class _Steps:
         if self.clock:
             self.clock.commanded()
         return failure
+
+    def _see(self, k: int, row: Array) -> None:
+        """Let law and desired sample know where watched bodies are measured."""
+        for name, pose in self.plant.seen.items():
+            self.law.place(name, pose)
+        follow = self._follow_body
+        if follow is None or k >= len(self.samples):
+            return
+        if row[TIME] <= follow.until:
+            self._followed[:] = self.plant.seen[follow.body]
+        row[:] = follow.carried(row, self._followed)
+        self.desired[k] = row
 
     def _move(self) -> None:
         """Send the last command, and let the robot move for a period."""

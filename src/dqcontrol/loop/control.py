@@ -155,6 +155,16 @@ class Control:
             raise Error(f"deactivate: the controller is {self.phase.value}, not active")
         self._request, self.phase = END, Phase.STOPPING
 
+    def take_law(self, law: Controller) -> None:
+        """Go on with another law for the same robot and period; its memory begins with the last measured joints.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If what it keeps is not kept there; the present law goes on then.
+        """
+        self._law_state, self.law = law.initial_state(self.measured), law
+
     def emergency_stop(self, cause: str = "") -> None:
         """Brake as hard as the supervisor may, and hold until `reset`; while inactive it refuses to start.
 
@@ -220,6 +230,8 @@ class Control:
             self.deactivate()
         if measured is not None:
             self.measured[:] = measured
+            if self.law.wrench.size:  # one that is old is none
+                self.law.wrench[:] = wrench if wrench.size else math.nan
             self._ask_law(self.time)
         request, self._request = self._request, GO
         rests = self.supervisor.step(

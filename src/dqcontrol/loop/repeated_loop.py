@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, Kernel
+from dqcontrol.contact.contact_layout import WRENCH
 from dqcontrol.controller.controller import Controller
 from dqcontrol.errors import DivergedError
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.closed_loop import close_loop
 from dqcontrol.loop.record import has_failed
+from dqcontrol.loop.signals import Signal
 from dqcontrol.loop.simulate import supervise
 from dqcontrol.loop.trace import FARTHEST
 from dqcontrol.plants.disturbance import Disturbance
@@ -35,6 +38,8 @@ class RolloutView(NamedTuple):
         As of a `Record`, one row a sample.
     failed
         Whether it diverged, or was stopped.
+    readings
+        What the plant sensed, by name; empty of compiled plants.
     """
 
     samples: Array
@@ -42,6 +47,7 @@ class RolloutView(NamedTuple):
     measured: Array
     command: Array
     failed: bool
+    readings: Mapping[str, Signal] = MappingProxyType({})
 
 
 class RepeatedLoop:
@@ -127,6 +133,8 @@ class RepeatedLoop:
             noise=plant.noise,
             q=plant.q,
             measured=plant.measured,
+            wrench=plant.wrench if plant.wrench.size else np.full(WRENCH, np.nan),
+            readings=_NOTHING,
         )
         self._course = compiled.course(
             samples=self.samples, stop=np.zeros(2), done=self._done, settling=np.zeros(9)
@@ -136,7 +144,8 @@ class RepeatedLoop:
     def _records_of(self, report: int) -> compiled.Records:
         """Return where a run is written whose law reports that many numbers a sample."""
         if report not in self._written:
-            arrays = *self._records, np.empty((len(self.samples), report))
+            count = len(self.samples)
+            arrays = *self._records, np.empty((count, report)), np.empty((count, 0))
             self._written[report] = compiled.records(
                 **dict(zip(compiled.Records._fields, arrays, strict=True))
             )
@@ -180,7 +189,8 @@ class RepeatedLoop:
         except DivergedError:
             empty = np.zeros((0, self.robot.configuration_size))
             return RolloutView(self.samples[:0], empty, empty, np.zeros((0, self.robot.input_size)), True)
-        return RolloutView(trace.desired, trace.q, trace.measured, trace.command, has_failed(trace.stopped))
+        failed = has_failed(trace.stopped)
+        return RolloutView(trace.desired, trace.q, trace.measured, trace.command, failed, trace.readings)
 
 
 def share_records(loops: Sequence[RepeatedLoop]) -> None:

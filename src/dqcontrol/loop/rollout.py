@@ -10,6 +10,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.bundle import Bundle
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, kernel
 from dqcontrol.compiled.intrinsics import ADDRESS, caller
+from dqcontrol.contact.contact_layout import WRENCH
 from dqcontrol.controller.command_kernel import LAW_FAILED, PLAN, compute_command, note_sent, unpack
 from dqcontrol.plants.disturbance_step import DISTURBANCE
 from dqcontrol.plants.plant import PLANT
@@ -103,6 +104,10 @@ class PlantArrays(NamedTuple):
         Random numbers that it uses, one row a sample.
     q, measured
         Configuration, and what the encoders say of it, shape (n,), rad or m.
+    wrench
+        Measured, shape (6,), N and N·m; NaN where it measures none.
+    readings
+        What else it senses.
     """
 
     parameters: Annotated[Array, READ]
@@ -110,18 +115,21 @@ class PlantArrays(NamedTuple):
     noise: Annotated[Array, READ2]
     q: Annotated[Array, WRITE]
     measured: Annotated[Array, WRITE]
+    wrench: Annotated[Array, READ]
+    readings: Annotated[Array, READ]
 
 
 class Records(NamedTuple):
     """What is recorded, one row a sample: see `PlantArrays`, for what was sent to the plant ``command``, and ``kept``.
 
-    That is the report of the law's constraints, without numbers where it has none.
+    That is the report of the law's constraints; it and ``readings`` are without numbers where there are none.
     """
 
     q: Annotated[Array, WRITE2]
     measured: Annotated[Array, WRITE2]
     command: Annotated[Array, WRITE2]
     kept: Annotated[Array, WRITE2]
+    readings: Annotated[Array, WRITE2]
 
 
 class Course(NamedTuple):
@@ -188,6 +196,10 @@ def rollout(stages, law, supervisor, disturbance, plant, course, records):
         for i in range(n):
             records.q[k, i] = q[i]
             records.measured[k, i] = measured[i]
+        for i in range(records.readings.shape[1]):
+            records.readings[k, i] = plant.readings[i]
+        for i in range(WRENCH if prepared.plan.contact != 0 else 0):
+            prepared.memory.contact_work[i] = plant.wrench[i]
         status = compute_command(prepared, measured, samples[k], k, law.state, command)
         for i in range(records.kept.shape[1]):
             records.kept[k, i] = prepared.memory.constraint_work[i]

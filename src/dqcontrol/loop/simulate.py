@@ -27,6 +27,7 @@ from dqcontrol.loop.trace import Stop
 from dqcontrol.plants.disturbance import Disturbance
 from dqcontrol.plants.plant import Plant, command_mode, lagging_mode, limits_before
 from dqcontrol.references import Reference
+from dqcontrol.references.follow import Follow, follow_in
 from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
@@ -140,6 +141,7 @@ def simulate(
         seed=seed,
         interpreted=interpreted,
         progress=progress,
+        follow=follow_in(reference),
     )
 
 
@@ -159,6 +161,7 @@ def simulate_prepared(
     recording: SampleSink | None = None,
     watch: Watch | None = None,
     black_box: BlackBox | None = None,
+    follow: Follow | None = None,
 ) -> Record:
     """Drive a plant along samples (N, 21) with a law made ready; what `simulate` does after its preparation.
 
@@ -180,6 +183,7 @@ def simulate_prepared(
         clock=clock,
         supervision=supervision,
         recording=recording,
+        follow=follow,
     )
     if not len(trace.q):
         raise DivergedError(trace.stopped)

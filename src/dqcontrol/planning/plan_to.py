@@ -187,6 +187,7 @@ class PlanTo(PlannedWay):
         reference: Reference,
         robot: Robot,
         start: Array,
+        world: World | None = None,
         kept: PreparedConstraints | None = None,
         *,
         goal: Goal,
@@ -199,7 +200,7 @@ class PlanTo(PlannedWay):
         """Return the way from the start configuration to the goal; see `Reference.of_robot`."""
         if kept is None:
             raise ValueRangeError("plan-to: is the reference of a law, and no further task's")
-        target = goal.target(reference.at(0.0).pose, kept.given.world)
+        target = goal.target(reference.at(0.0).pose, world)
         found = plan(robot, kept, start, target, seed, effort, clearance=clearance)
         warnings.warn(f"plan: {found}", NoteWarning, stacklevel=2)
         return cls(found, speed_fraction, approach)

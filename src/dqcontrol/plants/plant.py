@@ -55,14 +55,6 @@ class PhysicsPicture(NamedTuple):
     coordinates: Callable[[Any, Array, Mapping[str, Array]], Array]
 
 
-class MovingBox(NamedTuple):
-    """A box in pictures: its places (N, 3), m, its orientations (N, 4), and half its sizes (3,), m."""
-
-    position: Array
-    quaternion: Array
-    half_sizes: Array
-
-
 class Plant(
     NamedFields,
     frozen=True,
@@ -159,25 +151,6 @@ class Plant(
     def step_time(self, period: float, *, is_compiled: bool) -> float:
         """Return roughly how long one step of a run takes on one core, s, so that long studies are shared out."""
         return _COMPILED_STEP if is_compiled else _INTERPRETED_STEP
-
-    def balls(self, times: Array) -> list[tuple[Array, float]]:
-        """Return the balls in the hand's way, for pictures.
-
-        Parameters
-        ----------
-        times
-            Shape (N,), s.
-
-        Returns
-        -------
-        list
-            Of each its centres, shape (N, 3), m, base frame, NaN while it is not there, and its radius, m.
-        """
-        return []
-
-    def boxes(self, robot: Robot, q: Array, readings: Mapping[str, Array]) -> list[MovingBox]:
-        """Return what boxes a robot moves in a run, by its configurations (N, n) and what was sensed, for pictures."""
-        return []
 
     def in_world(self, world: World) -> Self:
         """Return this plant among the bodies of a world; one that nothing touches stays as it is."""

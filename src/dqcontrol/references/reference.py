@@ -17,6 +17,7 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.files.long_array import long_array
 from dqcontrol.references.sample import SAMPLE_SIZE, TIME, TWIST, TWIST_RATE, Sample
 from dqcontrol.references.yaml_form import SpecStart
+from dqcontrol.world import World
 
 if TYPE_CHECKING:
     from dqcontrol.constraints.prepared_constraints import PreparedConstraints
@@ -92,6 +93,7 @@ class Reference(ABC):
         reference: Reference,
         robot: Robot,
         start: Array,
+        world: World | None = None,
         kept: PreparedConstraints | None = None,
         *_: Any,
         **parameters: Any,
@@ -104,6 +106,8 @@ class Reference(ABC):
             From `from_spec`, with all that modifies it.
         robot, start
             Who follows it, and from where, rad or m.
+        world
+            What stands around.
         kept
             What the laws of the spec keep; given to a reference that plans around it.
         **parameters

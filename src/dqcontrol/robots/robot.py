@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+from dqcontrol.robots.dynamics.rigid_bodies import bias_forces, mass_matrices, rigid_bodies, work_size
 from dqcontrol.robots.files.description import chain_reach, describe
 from dqcontrol.robots.inverse.inverse_kinematics import InverseKinematics
 from dqcontrol.robots.kinematics import driving
@@ -21,6 +23,9 @@ from dqcontrol.robots.link_shapes import LinkShapes
 
 if TYPE_CHECKING:
     from dqcontrol.robots.whole_body import Drive
+
+DOWN: Array = np.array([0.0, 0.0, -9.81])  # m/s²
+DOWN.flags.writeable = False
 
 Form: TypeAlias = Literal["constrained", "unconstrained"]
 
@@ -227,7 +232,7 @@ class Robot(InverseKinematics):
             raise ValueRangeError(f"u: moves {self.name} to NaN or infinity in {period:g} s")
         return out.reshape(*batch_shape, self.configuration_size)
 
-    def gravity_torque(self, q: ArrayLike, gravity: ArrayLike = (0.0, 0.0, -9.81)) -> Array:
+    def gravity_forces(self, q: ArrayLike, gravity: ArrayLike = DOWN) -> Array:
         """Return the joint torques that hold the robot still, τ_g = ∂U/∂q.
 
         Parameters
@@ -245,26 +250,113 @@ class Robot(InverseKinematics):
         Raises
         ------
         ShapeError, ValueRangeError
-            If a size is wrong, a value is not finite, or the arm has no inertia.
+            If a size is wrong, a value is not finite, or the robot has no inertia.
 
         Examples
         --------
         >>> import dqcontrol as dqc
-        >>> dqc.load_robot("iiwa7").gravity_torque([0, 1.57, 0, 0, 0, 0, 0]).shape
+        >>> dqc.load_robot("iiwa7").gravity_forces([0, 1.57, 0, 0, 0, 0, 0]).shape
         (7,)
         """
+        bodies = self._known_inertia("gravity torque").table
+        rows, shape = self._as_rows(q)
+        out, work = np.empty_like(rows), np.empty(WORK * len(bodies))
+        self._checked(gravity_torques(self.inertia_chain, bodies, rows, _fall(gravity), out, work), q)
+        return out.reshape(shape)
+
+    def mass_matrix(self, q: ArrayLike) -> Array:
+        """Return the mass matrix M of the equations of motion M(q) q̈ + C(q, q̇) q̇ + g(q) = τ.
+
+        Rates are those of the configuration: of a mobile base ẋ, ẏ and φ̇, as if each were a joint's.
+
+        Parameters
+        ----------
+        q
+            Configurations, shape (…, n), rad or m.
+
+        Returns
+        -------
+        Array
+            Shape (…, n, n), symmetric, kg m², kg m and kg. Formula: `dqcontrol.robots.dynamics`.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If a size is wrong, a value is not finite, or the robot has no inertia.
+
+        Examples
+        --------
+        >>> import dqcontrol as dqc
+        >>> dqc.load_robot("iiwa7").mass_matrix([0, 1.57, 0, 0, 0, 0, 0]).shape
+        (7, 7)
+        """
+        (bodies, size), (rows, shape), n = self._rigid_bodies, self._as_rows(q), self.configuration_size
+        out = np.empty((*shape, n))
+        self._checked(mass_matrices.compiled(bodies, rows, out.reshape(-1), np.empty(size)), q)
+        return out
+
+    def bias_forces(self, q: ArrayLike, rates: ArrayLike, gravity: ArrayLike = DOWN) -> Array:
+        """Return the joint forces that a motion without acceleration needs, C(q, q̇) q̇ + g(q).
+
+        Parameters
+        ----------
+        q, rates
+            Configurations and their rates q̇, shape (…, n), rad or m, rad/s or m/s; leading axes alike, or broadcast.
+        gravity
+            Acceleration of free fall in the base frame, shape (3,), m/s².
+
+        Returns
+        -------
+        Array
+            Shape (…, n), N·m or N.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If a size is wrong, a value is not finite, or the robot has no inertia.
+
+        Examples
+        --------
+        >>> import numpy as np, dqcontrol as dqc
+        >>> arm, q = dqc.load_robot("iiwa7"), np.full(7, 0.3)
+        >>> bool(np.allclose(arm.bias_forces(q, np.zeros(7)), arm.gravity_forces(q)))
+        True
+        """
+        bodies, size = self._rigid_bodies
+        rows, shape = self._as_rows(q)
+        speeds, other = self._as_rows(rates, "rates")
+        if shape != other:
+            shape, rows, speeds = paired_rows(self._rows("q", q), "rates", self._rows("rates", rates))
+            shape = *shape, self.configuration_size
+        out = np.empty(shape)
+        given = bodies, rows, speeds, _fall(gravity), out.reshape(-1), np.empty(size)
+        self._checked(bias_forces.compiled(*given), q, rates)
+        return out
+
+    @cached_property
+    def _rigid_bodies(self) -> tuple[Array, int]:
+        """The table of `dqcontrol.robots.dynamics`, and the scratch that it takes."""
+        self._known_inertia("dynamics")
+        return rigid_bodies(self), work_size(len(self.inertia.mass))  # type: ignore[union-attr]
+
+    def _known_inertia(self, what: str) -> Inertia:
         if self.inertia is None:
-            raise ValueRangeError(f"inertia: {self.name} has none, so its gravity torque is unknown")
+            plural = "are" if what.endswith("s") else "is"
+            raise ValueRangeError(f"inertia: {self.name} has none, so its {what} {plural} unknown")
+        return self.inertia
+
+    def _as_rows(self, q: ArrayLike, field: str = "q") -> tuple[Array, tuple[int, ...]]:
+        """Return configurations or rates as rows, and the shape that they had."""
         n = self.configuration_size
-        values, fall = as_array("q", q, (n,)), as_array("gravity", gravity, (3,))
-        if fall.ndim != 1:
-            raise ShapeError(f"gravity: expected shape (3,), got {fall.shape}")
-        rows = np.ascontiguousarray(values.reshape(-1, n))
-        out, bodies = np.empty_like(rows), self.inertia.table
-        gravity_torques(
-            self.inertia_chain, bodies, rows, np.ascontiguousarray(fall), out, np.empty(WORK * len(bodies))
-        )
-        return out.reshape(values.shape)
+        if type(q) is np.ndarray and q.shape == (n,) and q.dtype == np.float64 and q.flags.c_contiguous:
+            return q.reshape(1, n), (n,)  # the fast path: numbers that are not finite the kernel finds
+        values = self._rows(field, q)
+        return np.ascontiguousarray(values.reshape(-1, n)), values.shape
+
+    def _checked(self, status: int, q: ArrayLike, rates: ArrayLike = 0.0) -> None:
+        if status:
+            as_array("rates", rates)  # says what is wrong
+            self._raise(status, q)
 
     def _repr_markdown_(self) -> str:
         """Return what notebooks show: a table of the coordinates with their limits."""
@@ -277,6 +369,15 @@ class Robot(InverseKinematics):
             speed = "–" if joint.velocity is None else f"{joint.velocity:.4g}{unit}/s"
             lines.append(f"| {joint.name} | {joint.type} | {' | '.join(ends)} | {speed} |")
         return "\n".join([f"**{about.name}**: reach {about.reach:.3g} m{mass}", "", *lines])
+
+
+def _fall(gravity: ArrayLike) -> Array:
+    if gravity is DOWN:
+        return DOWN
+    fall = as_array("gravity", gravity, (3,))
+    if fall.ndim != 1:
+        raise ShapeError(f"gravity: expected shape (3,), got {fall.shape}")
+    return np.ascontiguousarray(fall)
 
 
 def paired_rows(q: Array, field: str, other: Array) -> tuple[tuple[int, ...], Array, Array]:

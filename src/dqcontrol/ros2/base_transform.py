@@ -26,7 +26,7 @@ TF, OURS = "/tf", "/base_transform"
 _KEPT = QoSProfile(depth=100)  # as tf2's own
 
 
-def _tf_message() -> Any:
+def tf_message() -> Any:
     """Return the type of the messages on `/tf`; None if it is not installed."""
     try:
         return importlib.import_module("tf2_msgs.msg").TFMessage
@@ -36,7 +36,7 @@ def _tf_message() -> Any:
 
 def transform_publisher(node: Node) -> Callable[[Odometry], None]:
     """Return what publishes the transform that an odometry says, with its stamp."""
-    kind = _tf_message()
+    kind = tf_message()
     publisher = node.create_publisher(kind or TransformStamped, TF if kind else OURS, _KEPT)
 
     def publish(odometry: Odometry) -> None:
@@ -76,7 +76,7 @@ class FrameCorrection:
     ) -> None:
         self._frames, self._heard = (parent, child), -math.inf
         self.pose: Array = np.full(3, np.nan)
-        kind = _tf_message()
+        kind = tf_message()
         self.topic: str = node.resolve_topic_name(TF if kind else OURS)
         node.create_subscription(kind or TransformStamped, self.topic, guarded(self._hear), _KEPT)
 

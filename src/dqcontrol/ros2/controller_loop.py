@@ -47,6 +47,7 @@ from dqcontrol.ros2.recorder import Recorder
 from dqcontrol.ros2.robot_parts import Indices
 from dqcontrol.ros2.tracked_hand import TrackedHand
 from dqcontrol.ros2.tuning import numbers_of, retune
+from dqcontrol.ros2.world_topics import WorldTopics
 
 _STEADY = 0.5  # s: while nodes find each other, messages come with gaps
 _HEARTBEAT = 0.05  # s
@@ -132,6 +133,8 @@ class Following:
             TrackedHand(node, tracker, self._base, self._guarded) if tracker else None
         )
         self._felt = Felt(node, self._parts, self._joints, self._tool, self._guarded)
+        if (world := loaded.setting.spec.surroundings) is not None:
+            self._world = WorldTopics(node, self.control, world, self._base, self._guarded)
         self._felt.listen(supervisor)
         names = [one.name for one in numbers_of(loaded)]
         declare(node, numbers_of(loaded))

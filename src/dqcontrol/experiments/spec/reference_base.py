@@ -18,6 +18,7 @@ from dqcontrol.errors import Error, FileFormatError, ValueRangeError, as_array
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.references.yaml_form import SpecStart
 from dqcontrol.robots import Robot
+from dqcontrol.world import World
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -145,9 +146,14 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
         return reference
 
     def of_robot(
-        self, reference: shapes.Reference, robot: Robot, start: Array, kept: PreparedConstraints | None = None
+        self,
+        reference: shapes.Reference,
+        robot: Robot,
+        start: Array,
+        world: World | None,
+        kept: PreparedConstraints | None = None,
     ) -> shapes.Reference:
-        """Return the reference that `build` returned, or what a robot at its start configuration makes of it."""
+        """Return the reference that `build` returned, or what a robot at its start, in a world, makes of it."""
         return reference
 
     def _shape(self, start: SpecStart) -> shapes.Reference:

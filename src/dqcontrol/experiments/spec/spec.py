@@ -16,6 +16,7 @@ from msgspec import UNSET, Meta, UnsetType
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.constraints import Constraints
+from dqcontrol.contact import Admittance
 from dqcontrol.controller import PreparedTasks
 from dqcontrol.controller.task_levels import POSTURE, FurtherTask, TaskPart
 from dqcontrol.errors import Error, FileFormatError, NoteWarning, ShapeError, as_array, error_prefix
@@ -30,6 +31,7 @@ from dqcontrol.experiments.spec.parameter_sets import Changes, Label, Variant, v
 from dqcontrol.experiments.spec.reference_base import Quaternion, Vector, rotation_from
 from dqcontrol.experiments.spec.reference_spec import AnyReference, Part, reference_data
 from dqcontrol.experiments.spec.spec_files import complete_plants, locate_files, use_copies
+from dqcontrol.experiments.spec.world_file import said_world
 from dqcontrol.extensions.registry import union_of
 from dqcontrol.extensions.user_code import admit, place_of
 from dqcontrol.files.plain_data import yaml_text
@@ -57,7 +59,7 @@ from dqcontrol.robots.kinematics.joined_chains import chain_as_tree
 from dqcontrol.robots.tree_robot import Root, TaskKind
 from dqcontrol.supervisor import Supervisor
 from dqcontrol.world import World
-from dqcontrol.world.world import Bodies, plain_world
+from dqcontrol.world.world import Bodies
 
 if TYPE_CHECKING:
     AnyLaw: TypeAlias = Law
@@ -149,8 +151,8 @@ class FurtherTaskSpec(Part, frozen=True, kw_only=True):
     part: TaskPart = "pose"
     posture: Annotated[list[float] | None, Meta(description="rad or m")] = None
 
-    def further_task(self, robot: Robot, start: Array, folder: Path) -> FurtherTask:
-        """Return the task of a robot that starts somewhere, shape (n,)."""
+    def further_task(self, robot: Robot, start: Array, folder: Path, world: World | None) -> FurtherTask:
+        """Return the task of a robot that starts somewhere, shape (n,), in a world."""
         own = self.task.task() if isinstance(self.task, TaskSpec) else self.task
         reference, part = None, self.part
         if own == POSTURE:
@@ -164,7 +166,7 @@ class FurtherTaskSpec(Part, frozen=True, kw_only=True):
             if self.reference is not None:
                 reference = self.reference.build(tree.pose_of(own, start), folder)
                 if not is_mass:
-                    reference = self.reference.of_robot(reference, tree.with_task(own), start)
+                    reference = self.reference.of_robot(reference, tree.with_task(own), start, world)
         return FurtherTask(own, self.gain, reference, self.level, self.weight, part, self.posture)
 
 
@@ -286,6 +288,8 @@ class Spec(Part, frozen=True, kw_only=True):
         Of all laws that name none.
     tasks
         What two arms or another tree are to do beside the law's task.
+    contact
+        How the frame that laws follow gives way to the measured wrench; see `Admittance`.
     world
         What stands around the robots, by name; or the name of a file that says it.
     outcome
@@ -331,6 +335,7 @@ class Spec(Part, frozen=True, kw_only=True):
     null_space: AnyNullSpace | None = None
     tasks: Annotated[list[FurtherTaskSpec], Meta(min_length=1, max_length=20)] | None = None
     constraints: Constraints | None = None
+    contact: Admittance | None = None
     world: Bodies | None = None
     outcome: Annotated[list[Expectation], Meta(min_length=1, max_length=50)] | None = None
 
@@ -407,7 +412,7 @@ class Spec(Part, frozen=True, kw_only=True):
         further = []
         for i, each in enumerate(self.tasks):
             with error_prefix(f"tasks[{i}]"):
-                further.append(each.further_task(robot, start, folder))
+                further.append(each.further_task(robot, start, folder, self.surroundings))
         return PreparedTasks(robot, further, start, times)
 
     def limits_of(self, plant: AnyPlant, robot: Robot) -> CommandLimits:
@@ -424,7 +429,7 @@ class Spec(Part, frozen=True, kw_only=True):
         """Return a law with what the spec says of all laws."""
         missing = {
             key: getattr(self, key)
-            for key in ("null_space", "constraints")
+            for key in ("null_space", "constraints", "contact")
             if getattr(self, key) is not None and getattr(law, key) is None
         }
         law = msgspec.structs.replace(law, **missing) if missing else law
@@ -531,7 +536,7 @@ def in_numbers(where: str, data: dict[str, Any], folder: Path) -> dict[str, Any]
     """Return plain data with what files say in their place, and with numbers in SI units for texts like ``60 mm``."""
     complete_plants(data, folder)
     if "world" in data:
-        data["world"] = plain_world(data["world"], folder)
+        data["world"] = said_world(data["world"], folder)
     admit(where, data, folder)
     return _with_numbers(where, data)
 

@@ -362,7 +362,7 @@ def identify(
     for each in commanded:
         each.check(arm.joint_names)
     period = float(np.median([each.period for each in commanded]))
-    torques = [arm.gravity_torque(each.q) if arm.inertia is not None else None for each in commanded]
+    torques = [arm.gravity_forces(each.q) if arm.inertia is not None else None for each in commanded]
     modes: tuple[Mode, ...] = commanded[0].modes
     if "integrated" in modes and all(_adds_up(each) for each in commanded):
         modes = ("integrated",)

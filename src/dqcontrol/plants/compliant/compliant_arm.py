@@ -14,7 +14,6 @@ from dqcontrol.plants.compliant.controller_file import ControllerFile, load_cont
 from dqcontrol.plants.compliant.elastic_model import TICK, elastic_model, joint_inertia, steps_per_tick
 from dqcontrol.plants.compliant.joint_columns import LOWER, MODES, UPPER, WITH_GRAVITY
 from dqcontrol.plants.compliant.joint_constants import constants_table, gravity_bodies, static_state
-from dqcontrol.plants.compliant.obstacle import steps_per_touch
 from dqcontrol.plants.compliant.payload_compensation import PayloadScale
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.plants.plant import start_within_limits
@@ -77,17 +76,17 @@ def assemble(plant: CompliantPlant, robot: Robot, start: ArrayLike, period: floa
     actuation = replace(file.actuation(plant.springs), dry_friction=dry_friction)
     elastic = actuation.elastic
     hand = file.hand(plant.hand)
-    model = elastic_model(robot, actuation, hand=hand, gravity=plant.gravity, accurate=plant.accurate)
+    model = elastic_model(
+        robot, actuation, hand=hand, gravity=plant.gravity, accurate=plant.accurate, world=plant.world
+    )
     data: Any = mujoco.MjData(model)
     data.qpos[:n] = start
     mujoco.mj_forward(model, data)
     load = data.qfrc_bias[:n].copy()
-    data.qpos[n:] = (start + load / actuation.stiffness)[elastic]
-    inertia = joint_inertia(model, data)
-    steps = max(
-        steps_per_tick(inertia, robot, actuation, plant.accurate),
-        steps_per_touch(plant.obstacles, model, data, n),
-    )
+    own = n + int(elastic.sum())  # coordinates of links and rotors; those of the world come after
+    data.qpos[n:own] = (start + load / actuation.stiffness)[elastic]
+    inertia = joint_inertia(model, data)[:own, :own]
+    steps = steps_per_tick(inertia, robot, actuation, plant.accurate)
     model.opt.timestep = TICK / steps
     mujoco.mj_forward(model, data)
     moved = np.diag(inertia)[:n] + np.where(elastic, actuation.rotor_inertia, 0.0)

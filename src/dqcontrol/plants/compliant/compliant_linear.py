@@ -40,7 +40,7 @@ _WITHOUT: dict[str, Any] = {
     "pushes": [],
     "payload": None,
     "payload_compensation": None,
-    "obstacles": [],
+    "world": None,
     "encoder_losses": [],
     "dry_friction": 0.0,
     "base_shaking": 0.0,

@@ -12,7 +12,6 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each, unknown_name
 from dqcontrol.geometry import Plane
 from dqcontrol.plants.camera import Camera
-from dqcontrol.plants.mobile.gripper import FINGERS, Gripper, add_gripper
 from dqcontrol.plants.mobile.live_camera import SEEN
 from dqcontrol.plants.mobile.mobile_live import LiveMobile, dofs_of
 from dqcontrol.plants.mobile.mobile_picture import recorded_coordinates
@@ -24,6 +23,7 @@ from dqcontrol.plants.mobile.wheeled_base import (
     add_wheel_motors,
     with_assumed_inertia,
 )
+from dqcontrol.plants.mujoco.gripper import Gripper, add_gripper
 from dqcontrol.plants.mujoco.mujoco_model import add_arm, add_inertias, compiled, import_mujoco
 from dqcontrol.plants.mujoco.mujoco_servos import JointServos
 from dqcontrol.plants.mujoco.world_model import add_world
@@ -266,8 +266,6 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         damping = model.dof_damping.reshape(model.nv, -1)[:, 0]
         names = robot.joint_names[3:]
         damping[dofs_of(model, names)] = as_each("plant.viscous_friction", self.viscous_friction, len(names))
-        if self.gripper is not None:
-            damping[dofs_of(model, FINGERS)] = self.gripper.force / self.gripper.speed
         return model
 
 

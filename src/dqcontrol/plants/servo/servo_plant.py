@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
+from typing import Annotated, Any, ClassVar, NamedTuple, Self, TypeAlias
 
 import numpy as np
 from msgspec import Meta
@@ -21,10 +21,12 @@ from dqcontrol.plants.servo import servo_step as layout
 from dqcontrol.plants.servo.free_response import free_response
 from dqcontrol.plants.servo.servo_base import start_on_base
 from dqcontrol.plants.servo.servo_step import servo
+from dqcontrol.plants.servo.touching import Wrist, touching
 from dqcontrol.robots.command_mode import COMMAND_MODES, CommandMode, Lag
 from dqcontrol.robots.kinematics.gravity import WORK
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot, base_coordinates
+from dqcontrol.world import World
 
 Each: TypeAlias = Annotated[float, Meta(ge=0)] | list[Annotated[float, Meta(ge=0)]]
 _EachAboveZero: TypeAlias = Annotated[float, Meta(gt=0)] | list[Annotated[float, Meta(gt=0)]]
@@ -84,6 +86,10 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         With which the speeds of mobile bases follow their commands, s; 0: at once.
     camera
         What measures where mobile bases are; without one that is known exactly.
+    wrist
+        A force sensor at the hand, which then touches the springy boxes of the world; nothing if omitted.
+    world
+        What it touches. A spec gives its own.
     """
 
     has_velocity_limits: ClassVar[bool] = True
@@ -103,6 +109,12 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     base_time_constant: Annotated[float, Meta(ge=0, le=100, description="of bases, s")] = 0.0
     camera: Camera | None = None
+    wrist: Wrist | None = None
+    world: World | None = None
+
+    def in_world(self, world: World) -> Self:
+        """Return it with what its hand touches, if it can feel that."""
+        return self if self.wrist is None else replace(self, world=world)
 
     @classmethod
     def complete(cls, data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
@@ -136,6 +148,10 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
             robot.configuration_size,
         )
         if base_coordinates(robot).any():
+            if self.wrist is not None:
+                raise ValueRangeError(
+                    f"plant.wrist: is at the hand of an arm, and {robot.name} has a mobile base"
+                )
             return start_on_base(self, robot, start, period, steps, seed)
         for field in ("base_time_constant", "camera"):
             if getattr(self, field):
@@ -146,7 +162,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         gain, stiffness = (self._each(field, n, zero_allowed=False) for field in ("gain", "stiffness"))
         sag = self.sag
         compliance = sag / stiffness
-        sag0 = compliance * robot.gravity_torque(start, self.gravity) if sag else np.zeros(n)
+        sag0 = compliance * robot.gravity_forces(start, self.gravity) if sag else np.zeros(n)
         target = start + sag0
         ends = robot.limits if self.position_limit else Limits.none(n)
         oldest = max((each.delay for each in answers), default=0)
@@ -180,7 +196,10 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
             if joint[:, layout.NOISE].any()
             else np.zeros((steps, n))
         )
-        return CompiledPlant(servo, parameters, state, start, noise)
+        plant = CompiledPlant(servo, parameters, state, start, noise)
+        if self.wrist is None:
+            return plant
+        return touching(plant, self.wrist, self.world, robot, self.gravity, period, seed)
 
     def target_mode(self) -> CommandMode:
         """Return its command mode."""

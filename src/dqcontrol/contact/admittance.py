@@ -1,0 +1,360 @@
+"""Admittance: how a compliant frame gives way to the wrench that is measured at the hand."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from msgspec import Meta
+
+from dqcontrol import algebra
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import Kernel
+from dqcontrol.contact.admittance_stage import AdmittanceStage
+from dqcontrol.contact.admittance_step import admittance
+from dqcontrol.contact.contact_layout import BASE, HAND, REFERENCE, contact_parameters
+from dqcontrol.errors import ShapeError, ValueRangeError
+from dqcontrol.named_fields import NamedFields
+
+_AXES = {"reference": REFERENCE, "base": BASE, "hand": HAND}
+_TURN = 2.0  # rad: a deflection below half a turn keeps its logarithm smooth
+_RIGID = "rigid"
+
+Three = tuple[float, float, float]
+Stiffness = float | Literal["rigid"]
+NotNegative = Annotated[float, Meta(ge=0)]
+_THREE = Meta(min_length=3, max_length=3)
+
+
+class Compliance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """M, D and K of three axes: one number for all, or one an axis.
+
+    Parameters
+    ----------
+    mass
+        M, kg or kg m². Small is best for arms that follow positions: M/D is a lag in the loop (`contact_limits`).
+    damping
+        D, N·s/m or N·m·s/rad.
+    stiffness
+        K, N/m or N·m/rad; 0 for none, as force control has, and ``rigid`` for an axis that does not give way.
+    """
+
+    spec_key: ClassVar[str] = "contact.translation"
+    mass: NotNegative | Annotated[list[NotNegative], _THREE] = 0.0
+    damping: NotNegative | Annotated[list[NotNegative], _THREE] = 0.0
+    stiffness: Stiffness | Annotated[list[Stiffness], _THREE] = 0.0
+
+    def rows(self, field: str) -> Array:
+        """Return [M, D, K] of each axis, shape (3, 3); all 0 of rigid ones.
+
+        Raises
+        ------
+        ValueRangeError
+            If a number is negative, or an axis has neither mass nor damping.
+        """
+        rows = np.zeros((3, 3))
+        for k, name in enumerate(("mass", "damping", "stiffness")):
+            given = getattr(self, name)
+            each = given if isinstance(given, list) else (given,) * 3
+            for i, value in enumerate(each):
+                number = math.nan if isinstance(value, str) else float(value)
+                if number < 0 or math.isinf(number):
+                    raise ValueRangeError(f"contact.{field}.{name}: must be ≥ 0, got {number:g}")
+                rows[i, k] = number
+        for i, axis in enumerate("xyz"):
+            if np.isnan(rows[i, 2]):
+                rows[i] = 0.0
+            elif not rows[i, 0] and not rows[i, 1]:
+                raise ValueRangeError(
+                    f"contact.{field}: along {axis} mass and damping are both 0; give one, or stiffness: rigid"
+                )
+        return rows
+
+
+class ForceReference(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A force over time: linear between given times, held before the first and after the last.
+
+    Parameters
+    ----------
+    times
+        s, increasing.
+    values
+        N or N·m at each.
+    """
+
+    spec_key: ClassVar[str] = "contact.force"
+    times: Annotated[list[float], Meta(min_length=1, description="s")]
+    values: Annotated[list[float], Meta(min_length=1)]
+
+    def __post_init__(self) -> None:
+        if len(self.times) != len(self.values) or (np.diff(self.times) <= 0).any():
+            raise ShapeError("contact.force: expected as many values as times, which increase")
+
+
+Wanted = Annotated[float, Meta(description="N")] | ForceReference
+WantedMoment = Annotated[float, Meta(description="N·m")] | ForceReference
+
+
+class WantedWrench(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the environment is to exert on the hand, by axis; what is left out is not controlled.
+
+    Who pushes along −z wants a force of the environment along +z.
+    """
+
+    spec_key: ClassVar[str] = "contact.force"
+    x: Wanted | None = None
+    y: Wanted | None = None
+    z: Wanted | None = None
+    mx: WantedMoment | None = None
+    my: WantedMoment | None = None
+    mz: WantedMoment | None = None
+
+    @property
+    def components(self) -> list[Wanted | WantedMoment | None]:
+        """In the order of the stage: moments, then forces."""
+        return [self.mx, self.my, self.mz, self.x, self.y, self.z]
+
+
+class Tool(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What hangs beyond the sensor, and what the sensor shows without it, as `identify_tool` finds them.
+
+    Parameters
+    ----------
+    mass, center
+        kg, and m in the sensor's axes.
+    force_bias, torque_bias
+        N and N·m.
+    """
+
+    spec_key: ClassVar[str] = "contact.sensor.tool"
+    mass: Annotated[float, Meta(ge=0, le=1e4, description="kg")] = 0.0
+    center: Annotated[Three, Meta(description="m")] = (0.0, 0.0, 0.0)
+    force_bias: Annotated[Three, Meta(description="N")] = (0.0, 0.0, 0.0)
+    torque_bias: Annotated[Three, Meta(description="N·m")] = (0.0, 0.0, 0.0)
+
+
+class ForceSensor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where the force sensor is, how late it is, and what hangs on it.
+
+    Parameters
+    ----------
+    position, rpy
+        As seen from the hand: m, and roll, pitch, yaw, rad.
+    filter
+        Time constant of its low pass, s.
+    tool
+        What it carries and its bias; nothing if the wrench has no weight in it.
+    """
+
+    spec_key: ClassVar[str] = "contact.sensor"
+    position: Annotated[Three, Meta(description="m")] = (0.0, 0.0, 0.0)
+    rpy: Annotated[Three, Meta(description="rad")] = (0.0, 0.0, 0.0)
+    filter: Annotated[float, Meta(ge=0, description="s")] = 0.0
+    tool: Tool | None = None
+
+
+class DeflectionLimits(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How fast and how far the compliant frame may leave the desired one; not bounded where omitted.
+
+    Parameters
+    ----------
+    speed, turn_speed
+        Along and about each axis, m/s and rad/s.
+    depth, turn
+        Along and about each axis, m and rad; ``turn`` at most 2 rad, its default.
+    """
+
+    spec_key: ClassVar[str] = "contact.limits"
+    speed: Annotated[float, Meta(gt=0, description="m/s")] | None = None
+    turn_speed: Annotated[float, Meta(gt=0, description="rad/s")] | None = None
+    depth: Annotated[float, Meta(gt=0, description="m")] | None = None
+    turn: Annotated[float, Meta(gt=0, le=_TURN, description="rad")] = _TURN
+
+
+class LostContact(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """When contact counts as lost, and how fast the force axes then look for it again.
+
+    Parameters
+    ----------
+    below
+        Force, N. Contact is made above twice of it, for three samples.
+    after
+        For how long, s.
+    speed
+        Along each axis until contact is made again, m/s; as ``limits.speed`` if omitted.
+    """
+
+    spec_key: ClassVar[str] = "contact.lost"
+    below: Annotated[float, Meta(gt=0, description="N")] = 0.5
+    after: Annotated[float, Meta(gt=0, description="s")] = 0.05
+    speed: Annotated[float, Meta(gt=0, description="m/s")] | None = None
+
+
+class SilentSensor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What happens when the sensor says nothing: three samples the last value stands, then force axes rest.
+
+    Parameters
+    ----------
+    after
+        s; from then on the hand retreats along the force that it wanted, or holds where ``retreat`` is 0.
+    retreat
+        By how much, m.
+    speed
+        m/s.
+    """
+
+    spec_key: ClassVar[str] = "contact.silent"
+    after: Annotated[float, Meta(gt=0, description="s")] = 0.05
+    retreat: Annotated[float, Meta(ge=0, description="m")] = 0.005
+    speed: Annotated[float, Meta(gt=0, description="m/s")] = 0.02
+
+
+class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A stage before any law: the frame that the law follows gives way to the measured wrench.
+
+    M ÿ + D ẏ + K y = w − w_d along each axis, y the deflection from the desired pose, w what the environment exerts and
+    w_d what it is to exert; solved exactly over a period. The law gets the pose of the compliant frame, its twist and
+    twist rate, so give it one with feed-forward: without, the stiffness that the loop bears is a third. What it bears
+    says `contact_limits`.
+
+    Parameters
+    ----------
+    axes
+        In which M, D, K and the force are given: of the ``reference``, of the ``base``, or as the ``hand`` feels them
+        (the deflection is then counted along the axes of the reference, which the hand follows).
+    sensor
+        See `ForceSensor`.
+    translation, rotation
+        See `Compliance`; ``rigid``: does not give way.
+    force
+        See `WantedWrench`.
+    ramp
+        s in which the wanted force grows from what is measured at the start.
+    dead_band
+        N, along axes without a wanted force: friction for leading by hand.
+    limits, lost, silent
+        See `DeflectionLimits`, `LostContact`, `SilentSensor`.
+    gravity
+        m/s² in the base frame, for the tool's weight.
+    allow_unstable
+        True: runs are not refused against something so stiff that the loop is unstable.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> push = dqc.contact.Admittance(
+    ...     translation=dqc.contact.Compliance(damping=200.0, stiffness=["rigid", "rigid", 0.0]),
+    ...     force=dqc.contact.WantedWrench(z=2.0), ramp=0.0)
+    >>> stage, x = push.start(0.004), dqc.DualQuaternion.from_translation([0.5, 0, 0.3]).vec8
+    >>> sample = np.concatenate([x, np.zeros(13)])
+    >>> shaped = stage.step(x, sample, np.zeros(6))  # in free air it comes down at 2 N / 200 N·s/m
+    >>> float(shaped[13].round(9))
+    -0.01
+    """
+
+    spec_key: ClassVar[str] = "contact"
+    kernel: ClassVar[Kernel] = admittance
+    axes: Literal["reference", "base", "hand"] = "reference"
+    sensor: ForceSensor = ForceSensor()
+    translation: Compliance | Literal["rigid"] = "rigid"
+    rotation: Compliance | Literal["rigid"] = "rigid"
+    force: WantedWrench = WantedWrench()
+    ramp: Annotated[float, Meta(ge=0, description="s")] = 0.5
+    dead_band: Annotated[float, Meta(ge=0, description="N")] = 0.0
+    limits: DeflectionLimits = DeflectionLimits()
+    lost: LostContact = LostContact()
+    silent: SilentSensor = SilentSensor()
+    gravity: Annotated[Three, Meta(description="m/s²")] = (0.0, 0.0, -9.81)
+    allow_unstable: bool = False
+
+    def __post_init__(self) -> None:
+        rows, wanted = self.axis_rows, self.force.components
+        for i, name in enumerate(("mx", "my", "mz", "x", "y", "z")):
+            if wanted[i] is not None and not rows[i, :2].any():
+                raise ValueRangeError(f"contact.force.{name}: is wanted along a rigid axis; let it give way")
+        if not rows[:, :2].any():
+            raise ValueRangeError(
+                "contact: all axes are rigid; give 'translation' or 'rotation' that gives way"
+            )
+
+    @property
+    def axis_rows(self) -> Array:
+        """[M, D, K] of each axis φx φy φz x y z, shape (6, 3); all 0 of rigid ones."""
+        parts = (self.rotation, "rotation"), (self.translation, "translation")
+        return np.vstack([np.zeros((3, 3)) if isinstance(p, str) else p.rows(field) for p, field in parts])
+
+    def parameters(self, period: float) -> Array:
+        """Return what the kernel reads, with a period, s."""
+        rows, wanted = self.axis_rows, self.force.components
+        tool, sensor, limits, lost = self.sensor.tool or Tool(), self.sensor, self.limits, self.lost
+        deepest = np.repeat([limits.turn, limits.depth or np.inf], 3)
+        fastest = np.repeat([limits.turn_speed or np.inf, limits.speed or np.inf], 3)
+        approach = fastest.copy()
+        approach[3:] = min(lost.speed or np.inf, fastest[3])
+        return contact_parameters.pack(
+            period=period,
+            axes=_AXES[self.axes],
+            sensor=[*algebra.rotation_from_rpy(sensor.rpy), *sensor.position],
+            bias=[*tool.force_bias, *tool.torque_bias],
+            tool_mass=tool.mass,
+            tool_center=tool.center,
+            gravity=self.gravity,
+            mass=rows[:, 0],
+            damping=rows[:, 1],
+            stiffness=rows[:, 2],
+            transition=[exact_step(*row, period) for row in rows],
+            forced=[each is not None for each in wanted],
+            ramp=round(self.ramp / period),
+            dead_band=self.dead_band,
+            fastest=fastest,
+            approach=approach,
+            deepest=deepest,
+            touching=2 * lost.below,
+            lost=lost.below,
+            lost_after=lost.after / period,
+            silent_after=self.silent.after / period,
+            retreat=self.silent.retreat,
+            retreat_speed=self.silent.speed,
+            wanted=self._wanted_rows(period),
+        )
+
+    def _wanted_rows(self, period: float) -> Array:
+        wanted = self.force.components
+        ends = [each.times[-1] for each in wanted if isinstance(each, ForceReference)]
+        times = period * np.arange(math.ceil(max(ends, default=0.0) / period) + 1)
+        columns = [
+            np.interp(times, each.times, each.values)
+            if isinstance(each, ForceReference)
+            else np.full(len(times), each or 0.0)
+            for each in wanted
+        ]
+        return np.column_stack(columns)
+
+    def start(self, period: float) -> AdmittanceStage:
+        """Return the stage at work, alone, with a period, s."""
+        return AdmittanceStage(self, period)
+
+
+def exact_step(mass: float, damping: float, stiffness: float, period: float) -> Array:
+    """Return [F G] of y and v after a period by y, v and a force that is held, six numbers: the matrix exponential.
+
+    Without mass v is the mean rate.
+
+    Examples
+    --------
+    >>> exact_step(0.0, 200.0, 0.0, 0.004).tolist()  # 2 N move it by 40 µm
+    [1.0, 0.0, 2e-05, 0.0, 0.0, 0.005]
+    """
+    if mass == 0.0 and damping == 0.0:
+        return np.zeros(6)
+    if mass == 0.0:
+        if stiffness == 0.0:
+            return np.array([1.0, 0.0, period / damping, 0.0, 0.0, 1 / damping])
+        left = math.exp(-stiffness * period / damping)
+        gone = -math.expm1(-stiffness * period / damping)
+        return np.array([left, 0, gone / stiffness, -gone / period, 0, gone / stiffness / period])
+    from scipy.linalg import expm
+
+    rates = np.array([[0, 1, 0], [-stiffness / mass, -damping / mass, 1 / mass], [0, 0, 0]])
+    return np.asarray(expm(rates * period))[:2].ravel()

@@ -1,0 +1,285 @@
+"""One period of the contact stage, compiled: desired sample and wrench in, sample of the compliant frame out.
+
+With y = (φ, p) the deflection of the compliant frame from the desired one in task axes, along each axis
+
+    M ÿ + D ẏ + K y = w − w_d,    w = (Jₗ(φ)ᵀ m, f),
+
+m and f what the environment exerts on the hand, about it. Its orientation is exp(½φ), turned from the desired one, and
+its angular velocity Jₗ(φ) φ̇; so Jₗᵀm is the force that belongs to φ, and the spring's moment on the hand is
+Jₗ(φ)⁻ᵀ K φ: the gradient of ½ φᵀKφ, which turns without a gain of energy also where the stiffnesses differ. Along
+each axis the equation is linear, and a period is its matrix exponential with w held: exact, whatever M, D, K and T.
+
+The logarithm is the decoupled one, 2 log r and p apart: that of the screw mixes axes as soon as the frame is turned.
+"""
+
+from __future__ import annotations
+
+import math
+
+from dqcontrol.compiled.compile import NOT_FINITE, OK, inline, kernel
+from dqcontrol.compiled.intrinsics import stack_array
+from dqcontrol.contact.contact_layout import (
+    BASE,
+    CONTACT,
+    HAND,
+    contact_parameters,
+    contact_state,
+    contact_work,
+)
+
+_SMALL = 1e-2  # rad²: below, series are exact to rounding with the terms that they have
+_MADE = 3.0  # samples above the limit that make contact
+_HELD = 3.0  # samples that the last wrench stands for missing ones
+_numbers = stack_array(18)
+
+
+@inline
+def _turned(w, x, y, z, a, b, c):
+    """Return a vector turned by a quaternion."""
+    tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    return a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx
+
+
+@inline
+def _cross(a, b, c, x, y, z):
+    return b * z - c * y, c * x - a * z, a * y - b * x
+
+
+@inline
+def _factors(square):
+    """Return a = (1 − cos θ)/θ² and b = (θ − sin θ)/θ³, and their derivatives by θ²."""
+    if square < _SMALL:
+        a = 0.5 - square * (1.0 / 24 - square * (1.0 / 720 - square / 40320))
+        b = 1.0 / 6 - square * (1.0 / 120 - square * (1.0 / 5040 - square / 362880))
+        da = -1.0 / 24 + square * (1.0 / 360 - square / 13440)
+        db = -1.0 / 120 + square * (1.0 / 2520 - square / 120960)
+        return a, b, da, db
+    angle = math.sqrt(square)
+    sine, cosine = math.sin(angle), math.cos(angle)
+    a, b = (1.0 - cosine) / square, (angle - sine) / (square * angle)
+    return a, b, (0.5 * sine / angle - a) / square, 0.5 * ((1.0 - cosine) / square - 3.0 * b) / square
+
+
+@inline
+def _turning(phi, rate, more):
+    """Return ω = Jₗ(φ) φ̇ and its derivative, Jₗ φ̈ + J̇ₗ φ̇."""
+    square = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
+    a, b, da, db = _factors(square)
+    change = 2.0 * (phi[0] * rate[0] + phi[1] * rate[1] + phi[2] * rate[2])
+    cx, cy, cz = _cross(phi[0], phi[1], phi[2], rate[0], rate[1], rate[2])
+    dx, dy, dz = _cross(phi[0], phi[1], phi[2], cx, cy, cz)
+    ex, ey, ez = _cross(rate[0], rate[1], rate[2], cx, cy, cz)
+    gx, gy, gz = _cross(phi[0], phi[1], phi[2], more[0], more[1], more[2])
+    hx, hy, hz = _cross(phi[0], phi[1], phi[2], gx, gy, gz)
+    da, db = da * change, db * change
+    return (
+        rate[0] + a * cx + b * dx,
+        rate[1] + a * cy + b * dy,
+        rate[2] + a * cz + b * dz,
+        more[0] + a * gx + b * hx + da * cx + db * dx + b * ex,
+        more[1] + a * gy + b * hy + da * cy + db * dy + b * ey,
+        more[2] + a * gz + b * hz + da * cz + db * dz + b * ez,
+    )
+
+
+@inline
+def felt(pose, sample, given, wrench, out):
+    """Write moment and force on the hand in task axes, without weight and bias of the tool."""
+    rw, rx, ry, rz = pose[0], pose[1], pose[2], pose[3]
+    sensor, bias, center = given.sensor, given.bias, given.tool_center
+    sw, sx, sy, sz = sensor[0], sensor[1], sensor[2], sensor[3]
+    gx, gy, gz = given.gravity[0], given.gravity[1], given.gravity[2]
+    gx, gy, gz = _turned(rw, -rx, -ry, -rz, gx, gy, gz)
+    gx, gy, gz = _turned(sw, -sx, -sy, -sz, gx, gy, gz)
+    gx, gy, gz = given.tool_mass * gx, given.tool_mass * gy, given.tool_mass * gz
+    tx, ty, tz = _cross(center[0], center[1], center[2], gx, gy, gz)
+    fx, fy, fz = wrench[0] - bias[0] - gx, wrench[1] - bias[1] - gy, wrench[2] - bias[2] - gz
+    mx, my, mz = wrench[3] - bias[3] - tx, wrench[4] - bias[4] - ty, wrench[5] - bias[5] - tz
+    fx, fy, fz = _turned(sw, sx, sy, sz, fx, fy, fz)
+    mx, my, mz = _turned(sw, sx, sy, sz, mx, my, mz)
+    lx, ly, lz = _cross(sensor[4], sensor[5], sensor[6], fx, fy, fz)
+    mx, my, mz = mx + lx, my + ly, mz + lz
+    if given.axes != HAND:
+        fx, fy, fz = _turned(rw, rx, ry, rz, fx, fy, fz)
+        mx, my, mz = _turned(rw, rx, ry, rz, mx, my, mz)
+        if given.axes != BASE:
+            fx, fy, fz = _turned(sample[0], -sample[1], -sample[2], -sample[3], fx, fy, fz)
+            mx, my, mz = _turned(sample[0], -sample[1], -sample[2], -sample[3], mx, my, mz)
+    out[0], out[1], out[2], out[3], out[4], out[5] = mx, my, mz, fx, fy, fz
+
+
+@inline
+def _note_contact(given, own, wrench):
+    """Count the samples in which the hand touches and does not."""
+    total = 0.0
+    for i in range(3, 6):
+        if given.forced[i] != 0.0 or given.forced[3] + given.forced[4] + given.forced[5] == 0.0:
+            total += wrench[i] * wrench[i]
+    size = math.sqrt(total)
+    own.above[0] = own.above[0] + 1.0 if size > given.touching else 0.0
+    own.below[0] = own.below[0] + 1.0 if size < given.lost else 0.0
+    if own.above[0] >= _MADE:
+        own.touches[0] = 1.0
+    elif own.touches[0] != 0.0 and own.below[0] >= given.lost_after:
+        own.touches[0] = 0.0
+        own.losses[0] += 1.0
+
+
+@inline
+def _place(sample, given, y, v, rate, out):
+    """Write the compliant frame's pose, twist and twist rate, of deflection, its rate and what that changes by."""
+    rw, rx, ry, rz = sample[0], sample[1], sample[2], sample[3]
+    px = 2.0 * (rw * sample[5] - sample[4] * rx - (sample[6] * rz - sample[7] * ry))
+    py = 2.0 * (rw * sample[6] - sample[4] * ry - (sample[7] * rx - sample[5] * rz))
+    pz = 2.0 * (rw * sample[7] - sample[4] * rz - (sample[5] * ry - sample[6] * rx))
+    ox, oy, oz = sample[8], sample[9], sample[10]
+    ax, ay, az = sample[14], sample[15], sample[16]
+    cx, cy, cz = _cross(px, py, pz, ox, oy, oz)
+    vx, vy, vz = sample[11] - cx, sample[12] - cy, sample[13] - cz
+    cx, cy, cz = _cross(vx, vy, vz, ox, oy, oz)
+    ex, ey, ez = _cross(px, py, pz, ax, ay, az)
+    bx, by, bz = sample[17] - cx - ex, sample[18] - cy - ey, sample[19] - cz - ez
+    wx, wy, wz, dx, dy, dz = _turning(y, v, rate)
+    half = 0.5 * math.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
+    share = 0.5 * (math.sin(half) / half if half > 1e-8 else 1.0 - half * half / 6.0)
+    ew, ei, ej, ek = math.cos(half), share * y[0], share * y[1], share * y[2]
+    ux, uy, uz, sx, sy, sz, hx, hy, hz = y[3], y[4], y[5], v[3], v[4], v[5], rate[3], rate[4], rate[5]
+    if given.axes == BASE:
+        out[0] = ew * rw - ei * rx - ej * ry - ek * rz
+        out[1] = ew * rx + ei * rw + ej * rz - ek * ry
+        out[2] = ew * ry - ei * rz + ej * rw + ek * rx
+        out[3] = ew * rz + ei * ry - ej * rx + ek * rw
+        fx, fy, fz = _turned(ew, ei, ej, ek, ox, oy, oz)
+        ax, ay, az = _turned(ew, ei, ej, ek, ax, ay, az)
+        cx, cy, cz = _cross(wx, wy, wz, fx, fy, fz)
+        ax, ay, az = ax + dx + cx, ay + dy + cy, az + dz + cz
+        ox, oy, oz = fx + wx, fy + wy, fz + wz
+        vx, vy, vz, bx, by, bz = vx + sx, vy + sy, vz + sz, bx + hx, by + hy, bz + hz
+    else:
+        out[0] = rw * ew - rx * ei - ry * ej - rz * ek
+        out[1] = rw * ei + rx * ew + ry * ek - rz * ej
+        out[2] = rw * ej - rx * ek + ry * ew + rz * ei
+        out[3] = rw * ek + rx * ej - ry * ei + rz * ew
+        ux, uy, uz = _turned(rw, rx, ry, rz, ux, uy, uz)
+        sx, sy, sz = _turned(rw, rx, ry, rz, sx, sy, sz)
+        hx, hy, hz = _turned(rw, rx, ry, rz, hx, hy, hz)
+        wx, wy, wz = _turned(rw, rx, ry, rz, wx, wy, wz)
+        dx, dy, dz = _turned(rw, rx, ry, rz, dx, dy, dz)
+        cx, cy, cz = _cross(ox, oy, oz, ux, uy, uz)
+        vx, vy, vz = vx + cx + sx, vy + cy + sy, vz + cz + sz
+        ex, ey, ez = _cross(ox, oy, oz, cx + 2.0 * sx, cy + 2.0 * sy, cz + 2.0 * sz)
+        cx, cy, cz = _cross(ax, ay, az, ux, uy, uz)
+        bx, by, bz = bx + cx + ex + hx, by + cy + ey + hy, bz + cz + ez + hz
+        cx, cy, cz = _cross(ox, oy, oz, wx, wy, wz)
+        ax, ay, az = ax + cx + dx, ay + cy + dy, az + cz + dz
+        ox, oy, oz = ox + wx, oy + wy, oz + wz
+    px, py, pz = px + ux, py + uy, pz + uz
+    w, x, y3, z = out[0], out[1], out[2], out[3]
+    out[4] = -0.5 * (px * x + py * y3 + pz * z)
+    out[5] = 0.5 * (px * w + py * z - pz * y3)
+    out[6] = 0.5 * (py * w + pz * x - px * z)
+    out[7] = 0.5 * (pz * w + px * y3 - py * x)
+    cx, cy, cz = _cross(px, py, pz, ox, oy, oz)
+    out[8], out[9], out[10], out[11], out[12], out[13] = ox, oy, oz, vx + cx, vy + cy, vz + cz
+    cx, cy, cz = _cross(vx, vy, vz, ox, oy, oz)
+    ex, ey, ez = _cross(px, py, pz, ax, ay, az)
+    out[14], out[15], out[16] = ax, ay, az
+    out[17], out[18], out[19], out[20] = bx + cx + ex, by + cy + ey, bz + cz + ez, sample[20]
+
+
+@kernel(CONTACT)
+def admittance(pose, sample, k, parameters, state, work):
+    """Write the sample that the law follows: pose now, and the mean twist of the coming period, w of now included.
+
+    So no sample is lost between wrench and motion; a pose and a rate of the same instant cost up to half the stiffness
+    that the loop bears.
+    """
+    given, own, room = contact_parameters(parameters), contact_state(state), contact_work(work)
+    scratch = _numbers()
+    rate, more, known = scratch[0:6], scratch[6:12], scratch[12:18]
+    y, v, wrench = own.y, own.v, own.wrench
+    row = given.wanted[min(k, given.wanted.shape[0] - 1)]
+    check = 0.0
+    for i in range(6):
+        check += 0.0 * room.wrench[i]
+        known[i] = y[i]
+    hears = check == 0.0
+    own.silent[0] = 0.0 if hears else own.silent[0] + 1.0
+    if hears:
+        felt(pose, sample, given, room.wrench, wrench)
+        if own.begin[0] == 0.0:
+            for i in range(6):
+                own.begun[i] = wrench[i]
+        _note_contact(given, own, wrench)
+    share = min(own.begin[0] / given.ramp, 1.0) if given.ramp > 0.0 else 1.0
+    own.begin[0] += 1.0
+    is_lost = own.losses[0] > 0.0 and own.touches[0] == 0.0
+    free = math.sqrt(
+        (1.0 - given.forced[3]) * wrench[3] * wrench[3]
+        + (1.0 - given.forced[4]) * wrench[4] * wrench[4]
+        + (1.0 - given.forced[5]) * wrench[5] * wrench[5]
+    )
+    kept = max(0.0, 1.0 - given.dead_band / free) if given.dead_band > 0.0 and free > 0.0 else 1.0
+    square = y[0] * y[0] + y[1] * y[1] + y[2] * y[2]
+    a, b, _, _ = _factors(square)
+    # Jᵀ m = m − a φ × m + b φ × (φ × m)
+    cx, cy, cz = _cross(y[0], y[1], y[2], wrench[0], wrench[1], wrench[2])
+    dx, dy, dz = _cross(y[0], y[1], y[2], cx, cy, cz)
+    known[0], known[1], known[2] = (
+        wrench[0] - a * cx + b * dx,
+        wrench[1] - a * cy + b * dy,
+        wrench[2] - a * cz + b * dz,
+    )
+    for i in range(3, 6):
+        known[i] = wrench[i] if given.forced[i] != 0.0 else kept * wrench[i]
+    pushing = math.sqrt(row[3] * row[3] + row[4] * row[4] + row[5] * row[5])
+    retreats = own.silent[0] > given.silent_after
+    if retreats:
+        step = (
+            min(given.retreat_speed * given.period, given.retreat - own.retreated[0])
+            if pushing > 0.0
+            else 0.0
+        )
+        own.retreated[0] += step
+    else:
+        step = 0.0
+        own.retreated[0] = 0.0
+    for i in range(6):
+        rate[i], more[i] = 0.0, 0.0
+        if given.mass[i] == 0.0 and given.damping[i] == 0.0:
+            continue
+        before = v[i]
+        if retreats and given.forced[i] != 0.0:
+            after, ahead = 0.0, y[i] + (step * row[i] / pushing if i >= 3 else 0.0)
+        else:
+            wanted = own.begun[i] + share * (row[i] - own.begun[i]) if given.forced[i] != 0.0 else 0.0
+            force = known[i] - wanted
+            if own.silent[0] > _HELD:
+                force = 0.0  # never w := 0, which is free air: a force axis rests, a spring goes home
+            f = given.transition[i]
+            ahead = f[0] * y[i] + f[1] * before + f[2] * force
+            after = f[3] * y[i] + f[4] * before + f[5] * force
+        most = given.approach[i] if is_lost else given.fastest[i]
+        mean = (ahead - y[i]) / given.period
+        if abs(mean) > most:
+            mean = most if mean > 0.0 else -most
+            ahead = y[i] + given.period * mean
+        after = min(max(after, -most), most)
+        if abs(ahead) > given.deepest[i]:
+            ahead = given.deepest[i] if ahead > 0.0 else -given.deepest[i]
+            mean = (ahead - y[i]) / given.period
+            if after * ahead > 0.0:
+                after = 0.0
+        rate[i] = mean
+        if given.mass[i] > 0.0:
+            more[i] = (after - before) / given.period
+        known[i] = ahead
+        v[i] = after
+    _place(sample, given, y, rate, more, room.shaped)
+    for i in range(6):
+        own.energy[0] += given.period * wrench[i] * rate[i]
+        if not (given.mass[i] == 0.0 and given.damping[i] == 0.0):
+            y[i] = known[i]
+    for i in range(14):
+        check = 0.0 * room.shaped[i] if i == 0 else check + 0.0 * room.shaped[i]
+    return OK if check == 0.0 else NOT_FINITE

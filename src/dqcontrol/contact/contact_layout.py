@@ -1,0 +1,144 @@
+"""What the contact stage is prepared with, remembers and writes, by name."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+from numba import types
+
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import READ, STATUS, WRITE
+from dqcontrol.compiled.memory_layout import MemoryLayout
+from dqcontrol.references.sample import SAMPLE_SIZE
+
+REFERENCE, BASE, HAND = 0.0, 1.0, 2.0  # whose axes
+
+# measured pose, sample, its number, parameters, state, work; the work begins with the wrench that the host writes
+CONTACT = STATUS(READ, READ, types.intp, READ, WRITE, WRITE)
+
+
+class ContactParameters(NamedTuple):
+    """What the stage is prepared with; axes in the order φx φy φz x y z, as states have them.
+
+    Attributes
+    ----------
+    period
+        T, s.
+    axes
+        `REFERENCE`, `BASE` or `HAND`.
+    sensor
+        Of the force sensor as seen from the hand: r (4), p (3).
+    bias
+        Force and torque that the sensor shows without load, (6,).
+    tool_mass, tool_center, gravity
+        Of what hangs on the sensor, kg and m in its axes; m/s² in the base frame.
+    mass, damping, stiffness
+        Of each axis, which is rigid where both mass and damping are 0.
+    transition
+        y and v after a period, by y, v and force: rows [F G] of each axis.
+    ramp
+        Periods in which the wanted wrench grows from what is measured at the start.
+    dead_band
+        N, in which forces along springy axes count for nothing.
+    fastest, approach
+        Largest rates of y, (6,), rad/s and m/s: in contact or before the first one, and after contact was lost.
+    deepest
+        Largest |y|, (6,), rad and m.
+    touching, lost
+        N: contact is made above one, lost below the other.
+    lost_after, silent_after
+        Periods.
+    retreat, retreat_speed
+        m and m/s along the wanted force, once the sensor has been silent for longer.
+    wanted
+        Rows over time of the wrench that the environment is to exert, one a period or one for all.
+    """
+
+    period: float
+    axes: float
+    sensor: Annotated[Array, 7]
+    bias: Annotated[Array, 6]
+    tool_mass: float
+    tool_center: Annotated[Array, 3]
+    gravity: Annotated[Array, 3]
+    mass: Annotated[Array, 6]
+    damping: Annotated[Array, 6]
+    stiffness: Annotated[Array, 6]
+    transition: Annotated[Array, 6, 6]
+    forced: Annotated[Array, 6]
+    ramp: float
+    dead_band: float
+    fastest: Annotated[Array, 6]
+    approach: Annotated[Array, 6]
+    deepest: Annotated[Array, 6]
+    touching: float
+    lost: float
+    lost_after: float
+    silent_after: float
+    retreat: float
+    retreat_speed: float
+    wanted: Annotated[Array, ..., 6]
+
+
+class ContactState(NamedTuple):
+    """What the stage remembers.
+
+    Attributes
+    ----------
+    y, v
+        Deflection [φ ; p] of the compliant frame from the desired one, in task axes, and its rate.
+    wrench
+        Last known wrench in task axes, moment first as y.
+    begun
+        The same at the first sample.
+    begin
+        Number of samples since the start.
+    silent
+        Samples without a wrench, one after the other.
+    above, below
+        Samples with a force above the limit of contact, and below that of loss, one after the other.
+    touches
+        1 in contact.
+    losses
+        How often contact was lost.
+    retreated
+        m.
+    energy
+        What the environment has put into the hand, J.
+    """
+
+    y: Annotated[Array, 6]
+    v: Annotated[Array, 6]
+    wrench: Annotated[Array, 6]
+    begun: Annotated[Array, 6]
+    begin: Annotated[Array, 1]
+    silent: Annotated[Array, 1]
+    above: Annotated[Array, 1]
+    below: Annotated[Array, 1]
+    touches: Annotated[Array, 1]
+    losses: Annotated[Array, 1]
+    retreated: Annotated[Array, 1]
+    energy: Annotated[Array, 1]
+
+
+class ContactWork(NamedTuple):
+    """What the stage reads and writes at each sample.
+
+    Attributes
+    ----------
+    wrench
+        Force and torque at the sensor, its axes, (6,), N and N·m; NaN while it is silent. The host writes it.
+    shaped
+        The sample that the law follows in place of the desired one.
+    """
+
+    wrench: Annotated[Array, 6]
+    shaped: Annotated[Array, SAMPLE_SIZE]
+
+
+contact_parameters: MemoryLayout[ContactParameters] = MemoryLayout(ContactParameters)
+contact_state: MemoryLayout[ContactState] = MemoryLayout(ContactState)
+contact_work: MemoryLayout[ContactWork] = MemoryLayout(ContactWork)
+
+WRENCH = 6  # numbers at the begin of the work
+CONTACT_STATE: int = contact_state.size()

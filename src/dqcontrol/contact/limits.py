@@ -1,0 +1,295 @@
+"""What a contact loop bears, said before anything touches: from the poles of its sampled linear model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import expm
+
+from dqcontrol import algebra
+from dqcontrol.arrays import Array
+from dqcontrol.contact.admittance import Admittance, ForceReference, exact_step
+from dqcontrol.errors import ValueRangeError, as_array, as_positive
+
+if TYPE_CHECKING:
+    from dqcontrol.controller import Controller
+    from dqcontrol.plants.linear_model import LinearModel
+    from dqcontrol.robots.command_mode import Lag
+    from dqcontrol.robots.robot import Robot
+
+    class LaggingPlant(Protocol):
+        """What is asked of a plant; see `dqcontrol.plants.plant.Plant`."""
+
+        def linear_model(self, robot: Robot, start: Array, period: float) -> LinearModel | None:
+            """Return how small commands move the joints."""
+
+        def lag(self, robot: Robot) -> Lag:
+            """Return how late the joints follow."""
+            ...
+
+
+_SOFTEST, _STIFFEST = 10.0, 1e8  # N/m that are looked at: a sponge, and beyond steel on steel
+_LOOKED_AT = 49  # between them: seven a decade, so that a window of instability is not stepped over
+_ROUNDING = 1e-7  # of a pole's modulus: double poles at 1, of redundant joints at rest, are found to that
+_MASSES = tuple(np.geomspace(0.1, 100.0, 7).tolist())  # kg of loose parts: a pen to a machine
+_IMPACT = (
+    3.7  # K θ v / w at which a contact at speed v peaks at 3 w; measured 3.6 to 4.2 over lags of 6 to 65 ms
+)
+_STEP = 1e-6  # of an argument, for slopes
+
+
+class LoosePart(NamedTuple):
+    """Something free to move, behind a contact spring: the mass (kg) of which least stiffness (N/m) is borne."""
+
+    stiffness: float
+    mass: float
+
+
+@dataclass(frozen=True)
+class ContactLimits:
+    """What a contact loop bears.
+
+    Attributes
+    ----------
+    stiffness
+        Largest of what stands still, N/m (about turning axes N·m/rad), on the worst axis; infinite where none fails.
+    axis
+        The worst axis: x, y, z, mx, my or mz.
+    loose_part
+        Worst of what is free to move behind a spring.
+    least_damping
+        D of the worst axis with which the environment that was asked about is just borne; 0 where any does.
+    approach_speed
+        At which a reference may run into it, so that the force peaks at three times the wanted one, m/s; None where no
+        force is wanted.
+    """
+
+    stiffness: float
+    axis: str
+    loose_part: LoosePart
+    least_damping: float
+    approach_speed: float | None
+
+
+_AXES = ("mx", "my", "mz", "x", "y", "z")
+
+
+def contact_limits(
+    admittance: Admittance,
+    law: Controller,
+    plant: LaggingPlant,
+    q: ArrayLike,
+    environment: float = 1e4,
+) -> ContactLimits:
+    """Return what an admittance bears before a law and a plant near a configuration.
+
+    The model is that of small motions, sampled: of all joints, as `Plant.linear_model` has them; the law by its slopes,
+    with feed-forward and null space as they are; the admittance's exact step; the sensor's filter; and what is touched,
+    in one axis at a time. A loop is stable where all its poles lie in the unit circle. What is not in it: several axes
+    that the environment couples, friction, contact that is lost.
+
+    Parameters
+    ----------
+    admittance
+        The stage.
+    law
+        A law made ready, without contact.
+    plant
+        What follows its commands.
+    q
+        Configuration, shape (n,), rad or m.
+    environment
+        Stiffness of what is to be touched, N/m, for ``least_damping`` and ``approach_speed``.
+
+    Raises
+    ------
+    ValueRangeError
+        If the plant has no linear model.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> arm, q = dqc.load_robot("iiwa7"), [0, 0.6, 0, -1.6, 0, 0.9, 0]
+    >>> law = dqc.laws.ProportionalFeedforward(gain=1.0).prepare(arm, None, 0.004)
+    >>> push = dqc.contact.Admittance(
+    ...     translation=dqc.contact.Compliance(damping=200.0, stiffness=["rigid", "rigid", 0.0]),
+    ...     force=dqc.contact.WantedWrench(z=2.0))
+    >>> slow = dqc.plants.Servo(time_constant=0.04, delay=0.012)
+    >>> limits = dqc.contact.contact_limits(push, law, slow, q)
+    >>> 15000 < limits.stiffness < 18000, limits.axis
+    (True, 'z')
+    """
+    robot, period = law.robot, law.period
+    start = as_array("q", q, (robot.configuration_size,))
+    asked = as_positive("environment", environment)
+    model = plant.linear_model(robot, start, period)
+    if model is None:
+        raise ValueRangeError(
+            "contact: the plant has no linear model, so what stiffness it bears is unknown; set allow_unstable"
+        )
+    rows, found = admittance.axis_rows, []
+    for i in np.flatnonzero(rows[:, :2].any(axis=1)):
+        loop = _Loop(admittance, law, model, start, int(i))
+        found.append((loop.limit(), int(i), loop))
+    stiffness, worst, loop = min(found, key=lambda each: each[0])
+    loose = [LoosePart(loop.limit(mass), mass) for mass in _MASSES] if worst >= 3 else []
+    lag = plant.lag(robot)
+    wanted = [
+        np.abs(each.values).max() if isinstance(each, ForceReference) else abs(each)
+        for each in admittance.force.components[3:]
+        if each is not None
+    ]
+    late = period / 2 + sum(lag.mean) + admittance.sensor.filter
+    return ContactLimits(
+        stiffness,
+        _AXES[worst],
+        min(loose, default=LoosePart(np.inf, 0.0)),
+        loop.least_damping(asked),
+        float(_IMPACT * max(wanted) / (asked * late)) if wanted else None,
+    )
+
+
+class _Loop:
+    """The loop along one axis: plant, law, admittance and sensor; what is touched comes last."""
+
+    def __init__(
+        self, admittance: Admittance, law: Controller, model: LinearModel, q: Array, axis: int
+    ) -> None:
+        self._admittance, self._axis, self._period = admittance, axis, law.period
+        self._filter = admittance.sensor.filter
+        robot, n = law.robot, law.robot.configuration_size
+        a, b = model.transition, model.inputs
+        pose = robot.fkm(q)
+        place = algebra.translation(pose)
+        turn = algebra.matrix_from_pose(pose)[:3, :3] if admittance.axes != "base" else np.eye(3)
+        direction = turn[:, axis % 3]
+        self._along = direction @ robot.hand_jacobian(q)[: 3 if axis < 3 else 6][axis // 3 * 3 :]
+        m, state = robot.input_size, law.initial_state(q)
+
+        def command(angles: Array, way: float, speed: float, more: float) -> Array:
+            sample, out = np.zeros(21), np.empty(m)
+            if axis < 3:
+                turned = algebra.rotation_from_axis_angle(direction, way)
+                sample[:8] = algebra.pose(algebra.multiply(turned, algebra.rotation(pose)), place)
+                screw = np.concatenate([direction, np.cross(place, direction)])
+            else:
+                sample[:8] = algebra.multiply(algebra.pose([1, 0, 0, 0], way * direction), pose)
+                screw = np.concatenate([np.zeros(3), direction])
+            sample[8:14], sample[14:20] = speed * screw, more * screw
+            law.step(angles, sample, 0, state.copy(), out)
+            return out
+
+        def slope(*change: Any) -> Array:
+            moved, *given = (_STEP * each for each in change)
+            return (command(q + moved, *given) - command(q - moved, *(-each for each in given))) / (2 * _STEP)
+
+        by_joints = np.column_stack([slope(each, 0.0, 0.0, 0.0) for each in np.eye(n)])
+        by_sample = [slope(np.zeros(n), *each) for each in np.eye(3)]  # way, speed and its rate
+        if b.shape[1] == 1 and n > 1:  # one joint stands for all
+            answer, size = self._along @ by_joints, self._along @ self._along
+            share = answer @ self._along / size
+            if np.abs(answer - share * self._along).max() < _STEP * abs(
+                share
+            ):  # and for the way along the axis
+                by_sample = [np.array([self._along @ each]) for each in by_sample]
+                self._along, by_joints = np.ones(1), np.array([[share]])
+            else:
+                a, b = np.kron(a, np.eye(n)), np.kron(b, np.eye(n))
+        self._by_joints = np.zeros((b.shape[1], len(a)))
+        self._by_joints[:, : len(self._along)] = by_joints
+        self._plant, self._by_sample = (a, b), by_sample
+
+    def radius(self, stiffness: float, mass: float = 0.0, factor: float = 1.0) -> float:
+        """Return the largest modulus of the loop's poles; with a mass the stiffness is that of a spring to it.
+
+        ``factor`` multiplies the damping.
+        """
+        (a, b), period, n = self._plant, self._period, len(self._along)
+        row = self._admittance.axis_rows[self._axis]
+        f = exact_step(row[0], factor * row[1], row[2], period)
+        inner, by_begin, by_end, force, direct = _environment(stiffness, mass, self._filter, period)
+        size, parts = len(a), len(inner)
+        total = size + parts + 2
+        c, d = size + parts, size + parts + 1  # deflection and its rate
+        along = np.zeros(total)
+        along[:n] = self._along
+        wrench = direct * along
+        wrench[size : size + parts] = force
+        ahead, after = np.zeros(total), np.zeros(total)
+        ahead[c], ahead[d], after[c], after[d] = f[0], f[1], f[3], f[4]
+        ahead, after = ahead + f[2] * wrench, after + f[5] * wrench
+        by_way, by_speed, by_rate = self._by_sample
+        speed, rate = ahead / period, after / period
+        speed[c] -= 1.0 / period
+        rate[d] -= 1.0 / period
+        command = np.outer(by_speed, speed) + (np.outer(by_rate, rate) if row[0] else 0.0)
+        command[:, :size] += self._by_joints
+        command[:, c] += by_way
+        step = np.zeros((total, total))
+        step[:size, :size] = a
+        step[:size] += b @ command
+        step[c], step[d] = ahead, after
+        if parts:
+            step[size:c, size:c] = inner
+            step[size:c] += np.outer(by_begin, along) + np.outer(by_end, self._along @ step[:n])
+        return float(np.abs(np.linalg.eigvals(step)).max())
+
+    def limit(self, mass: float = 0.0) -> float:
+        """Return the stiffness from which on the loop is unstable, N/m or N·m/rad; infinite if none is."""
+        return _first_failure(lambda stiffness: self.radius(stiffness, mass))
+
+    def least_damping(self, stiffness: float) -> float:
+        """Return the damping from which on a stiffness is borne, N·s/m or N·m·s/rad."""
+        damping = self._admittance.axis_rows[self._axis, 1]
+        if damping == 0:
+            return np.nan
+        share = _first_failure(lambda less: self.radius(stiffness, factor=1e4 / less), 1.0, 1e8)
+        return 0.0 if np.isinf(share) else float(1e4 / share * damping)
+
+
+def _first_failure(radius, least: float = _SOFTEST, most: float = _STIFFEST) -> float:
+    """Return where a loop first becomes unstable between two values: over a grid, then by halving."""
+    grid = np.geomspace(least, most, _LOOKED_AT)
+    failed = next((k for k, value in enumerate(grid) if not radius(value) <= 1 + _ROUNDING), None)
+    if failed is None:
+        return np.inf
+    if failed == 0:
+        return 0.0
+    low, high = grid[failed - 1], grid[failed]
+    for _ in range(24):
+        middle = np.sqrt(low * high)
+        low, high = (middle, high) if radius(middle) <= 1 + _ROUNDING else (low, middle)
+    return float(np.sqrt(low * high))
+
+
+def _environment(
+    stiffness: float, mass: float, lag: float, period: float
+) -> tuple[Array, Array, Array, Array, float]:
+    """Return filter and loose part over a period, by the hand's way at its begin and end, straight between them.
+
+    And the force that is read at its begin, by their state and by the way there.
+    """
+    states = (1 if lag else 0) + (2 if mass else 0)
+    if not states:
+        return np.zeros((0, 0)), np.zeros(0), np.zeros(0), np.zeros(0), -stiffness
+    rates, by_way = np.zeros((states, states)), np.zeros(states)
+    x = states - 2
+    force = np.zeros(states)
+    if mass:  # F = −K (way − x), and K (way − x) moves it
+        force[x] = stiffness
+        rates[x, x + 1], rates[x + 1, x], by_way[x + 1] = 1.0, -stiffness / mass, stiffness / mass
+    if lag:
+        rates[0] = force / lag
+        rates[0, 0] -= 1 / lag
+        by_way[0] = -stiffness / lag
+        force, direct = np.eye(states)[0], 0.0
+    else:
+        direct = -stiffness
+    whole = np.zeros((states + 2, states + 2))
+    whole[:states, :states], whole[:states, states], whole[states, states + 1] = rates, by_way, 1.0
+    moved = expm(whole * period)[:states]
+    by_next = moved[:, states + 1] / period
+    return moved[:, :states], moved[:, states] - by_next, by_next, force, direct

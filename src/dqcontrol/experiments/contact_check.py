@@ -1,0 +1,141 @@
+"""What a spec's contact loops bear, and whether that is as much as its world is stiff."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from msgspec.structs import replace
+
+from dqcontrol.contact import Admittance, ContactLimits, ForceReference, contact_limits
+from dqcontrol.errors import ValueRangeError
+from dqcontrol.plants.live_plant import live_plant
+from dqcontrol.plants.plant import lagging_mode
+from dqcontrol.tables.tables import Column, Table
+
+if TYPE_CHECKING:
+    from dqcontrol.experiments.prepared_experiment import Combination
+    from dqcontrol.experiments.spec import Spec
+
+_UNKNOWN_STIFFNESS = 1e4  # N/m, for a world that says none: a table top of wood under a finger
+
+
+def check_contact(spec: Spec, case: Combination) -> None:
+    """Raise an error if a force is wanted without a sensor, or against something that the loop does not bear.
+
+    Raises
+    ------
+    ValueRangeError
+        If so.
+    """
+    contact = case.variant.law.contact
+    if contact is None:
+        return
+    robot, start = case.scene.robot, case.scene.start
+    live = live_plant(case.plant.start(robot, start, spec.period, 1, spec.seed))
+    if not live.wrench.size:
+        kind = type(case.plant).__struct_config__.tag
+        raise ValueRangeError(
+            f"contact: plant '{kind}' measures no wrench, so no force can be controlled; "
+            "give a plant with a force sensor, as servo with 'wrist'"
+        )
+    stiffest = max(_stiffnesses(spec).items(), key=lambda each: each[1], default=None)
+    if contact.allow_unstable or stiffest is None:
+        return
+    limits = limits_of(spec, case)
+    if limits.axis in ("x", "y", "z") and stiffest[1] >= limits.stiffness:
+        raise ValueRangeError(
+            f"contact: world.{stiffest[0]} has {stiffest[1]:.4g} N/m, but along {limits.axis} this loop is unstable "
+            f"from {limits.stiffness:.3g} N/m on; damping must be above {limits.least_damping:.3g} N·s/m for it "
+            "(allow_unstable: true runs it all the same)"
+        )
+
+
+def limits_of(spec: Spec, case: Combination) -> ContactLimits:
+    """Return what the contact loop of a case bears at its start, before the stiffest springy body of its world."""
+    law = case.variant.law
+    assert law.contact is not None
+    wrist = getattr(case.plant, "wrist", None)
+    sensor = law.contact.sensor
+    contact = replace(
+        law.contact, sensor=replace(sensor, filter=max(sensor.filter, getattr(wrist, "filter", 0.0)))
+    )
+    prepared = replace(law, contact=None).prepare(
+        case.scene.robot,
+        case.scene.reference,
+        spec.period,
+        case.limits,
+        lagging_mode(case.plant),
+        lag=case.plant.lag(case.scene.robot),
+    )
+    touched = max(_stiffnesses(spec).values(), default=_UNKNOWN_STIFFNESS)
+    return contact_limits(contact, prepared, case.plant, case.scene.start, touched)
+
+
+def _stiffnesses(spec: Spec) -> dict[str, float]:
+    return {name: body.stiffness for name, body in (spec.world or {}).items() if body.stiffness is not None}
+
+
+def contact_table(spec: Spec, cases: tuple[Combination, ...]) -> Table | None:
+    """Return what each knob of the contact loops means; None without contact."""
+    rows = [
+        [case.names.label, *row]
+        for case in cases
+        if case.variant.law.contact is not None
+        for row in _meanings(case.variant.law.contact, limits_of(spec, case), spec)
+    ]
+    columns = [Column("case"), Column("knob"), Column("value"), Column("what it means")]
+    return Table(columns, rows, "contact") if rows else None
+
+
+def _meanings(contact: Admittance, limits: ContactLimits, spec: Spec) -> Iterator[list[str]]:
+    """Yield knob, value and what it means."""
+    i = ("mx", "my", "mz", "x", "y", "z").index(limits.axis)
+    mass, damping, stiffness = contact.axis_rows[i]
+    along, wall = f" along {limits.axis}", "N·m/rad" if i < 3 else "N/m"
+    touched = max(_stiffnesses(spec).values(), default=_UNKNOWN_STIFFNESS)
+    bears = "whatever stands still" if np.isinf(limits.stiffness) else f"up to {limits.stiffness:.3g} {wall}"
+    yield [
+        "damping" + along,
+        f"{damping:.4g}",
+        f"bears {bears}; {touched:.4g} {wall} needs {limits.least_damping:.3g}",
+    ]
+    loose = limits.loose_part
+    if loose.mass:
+        yield [
+            "damping" + along,
+            f"{damping:.4g}",
+            f"bears loose parts behind a contact of up to {loose.stiffness:.3g} N/m (worst: {loose.mass:.3g} kg)",
+        ]
+    if mass:
+        yield [
+            "mass" + along,
+            f"{mass:.4g}",
+            f"a lag of {1e3 * mass / damping:.3g} ms in the loop" if damping else "no damping",
+        ]
+    wanted = contact.force.components[i]
+    if wanted is not None and damping:
+        size = float(np.abs(wanted.values).max()) if isinstance(wanted, ForceReference) else abs(wanted)
+        yield [
+            f"force.{limits.axis}",
+            f"{size:.4g}",
+            f"moves the free hand at {1e3 * size / damping:.3g} mm/s",
+        ]
+        if limits.approach_speed is not None:
+            speed = (
+                f"at {1e3 * limits.approach_speed:.3g} mm/s into {touched:.4g} N/m peaks at {3 * size:.3g} N"
+            )
+            yield ["reference", "", f"{speed}: approach no faster"]
+    if stiffness:
+        yield [
+            "stiffness" + along,
+            f"{stiffness:.4g}",
+            f"{1e3 / stiffness:.3g} mm a newton" if i >= 3 else "holds the turn",
+        ]
+    if wanted is not None and stiffness:
+        yield [
+            f"force.{limits.axis}",
+            "",
+            "with a stiffness on the same axis the force is off by K times the deflection",
+        ]

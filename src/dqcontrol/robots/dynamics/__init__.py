@@ -1,0 +1,1 @@
+"""Dynamics of chains and trees of rigid bodies, compiled."""

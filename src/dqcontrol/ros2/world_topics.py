@@ -1,0 +1,159 @@
+"""The world over topics: its bodies as markers for RViz, and where watched bodies are, as transforms."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import Point, Pose, TransformStamped
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from dqcontrol import algebra
+from dqcontrol.arrays import Array
+from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
+from dqcontrol.loop.control import Control
+from dqcontrol.ros2.base_transform import TF, tf_message
+from dqcontrol.ros2.messages import RefusedError
+from dqcontrol.ros2.middleware import steady_timer
+from dqcontrol.world import Body, World
+from dqcontrol.world.whereabouts import poses_of
+
+MARKERS, BODIES = "~/world", "/world_transform"
+_EVERY = 0.2  # s: between two messages with markers
+_HALF_WIDTH = 5.0  # m: of a plane's marker
+_THIN = 0.002  # m
+_COLOUR = (0.55, 0.35, 0.65, 0.7)
+_KEPT = QoSProfile(depth=100)  # as tf2's own
+
+
+class WorldTopics:
+    """Says bodies of a world as ``visualization_msgs/MarkerArray``, where that is installed, and hears watched ones.
+
+    A transform whose child frame is the name of a body with ``watch`` says where that is; constraints keep clear of it
+    there, and its marker stands there. They come on ``/tf`` where tf2's messages are installed, else as
+    ``geometry_msgs/TransformStamped`` on ``/world_transform``.
+
+    Parameters
+    ----------
+    node, control
+        Whose topics, and what is told.
+    world
+        The bodies.
+    frame
+        That poses are in.
+    guarded
+        Wraps what hears a message, and may refuse it.
+
+    Attributes
+    ----------
+    seen
+        Where watched bodies are by the last transform, poses (8,); of those not heard yet as the world says.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        control: Control,
+        world: World,
+        frame: str,
+        guarded: Callable[..., Callable[[Any], None]],
+    ) -> None:
+        self._node, self._control, self._world, self._frame = node, control, world, frame
+        watched = {name: body for name, body in world.bodies.items() if body.watch is not None}
+        self.seen: dict[str, Array] = {name: body.pose for name, body in watched.items()}
+        if watched:
+            kind = tf_message()
+            topic = TF if kind else BODIES
+            node.create_subscription(kind or TransformStamped, topic, guarded(self.hear), _KEPT)
+        self._messages = _marker_messages()
+        if self._messages is not None:
+            self._publisher = node.create_publisher(self._messages.MarkerArray, MARKERS, 1)
+            steady_timer(node, _EVERY, self._publish)
+
+    def hear(self, message: Any) -> None:
+        """Take where watched bodies are from a transform, or several; others are passed over.
+
+        Raises
+        ------
+        RefusedError
+            If a transform is in another frame, or no pose.
+        """
+        for each in getattr(message, "transforms", [message]):
+            name = each.child_frame_id
+            if name not in self.seen:
+                continue
+            if each.header.frame_id != self._frame:
+                raise RefusedError(
+                    f"transform of {name}: is in frame '{each.header.frame_id}', expected '{self._frame}'"
+                )
+            at, turn = each.transform.translation, each.transform.rotation
+            numbers = np.array([turn.w, turn.x, turn.y, turn.z, at.x, at.y, at.z])
+            size = float(np.linalg.norm(numbers[:4]))
+            if not np.isfinite(numbers).all() or abs(size - 1) > 1e-3:
+                raise RefusedError(f"transform of {name}: is no pose, got {numbers.tolist()}")
+            self.seen[name] = algebra.pose(numbers[:4] / size, numbers[4:])
+            self._control.law.place(name, self.seen[name])
+
+    def _publish(self) -> None:
+        assert self._messages is not None
+        stamp = self._node.get_clock().now().to_msg()
+        markers = list(self._markers(self._control.time))
+        for number, marker in enumerate(markers):
+            marker.id, marker.header.frame_id, marker.header.stamp = number, self._frame, stamp
+        self._publisher.publish(self._messages.MarkerArray(markers=markers))
+
+    def _markers(self, time: float) -> Iterator[Any]:
+        for name, body in self._world.bodies.items():
+            pose = self.seen[name] if name in self.seen else poses_of(name, body, np.array([time]), {})[0]
+            yield from body_markers(self._messages, name, body, pose)
+
+
+def body_markers(messages: Any, name: str, body: Body, pose: Array) -> Iterator[Any]:
+    """Yield the markers of a body at a pose (8,): one a shape, of a capsule three."""
+    for solid in body.solids:
+        for shape in solid.shapes:
+            for kind, scale, place in _forms(messages.Marker, shape.moved(pose)):
+                marker = messages.Marker(ns=name, type=kind, action=messages.Marker.ADD, pose=_pose(place))
+                marker.scale.x, marker.scale.y, marker.scale.z = (float(each) for each in scale)
+                marker.color.r, marker.color.g, marker.color.b, marker.color.a = _COLOUR
+                yield marker
+
+
+def _forms(marker: Any, shape: Shape) -> Iterator[tuple[int, Any, Array]]:
+    """Yield kind, size and pose of the markers of a shape."""
+    still = [1.0, 0, 0, 0]
+    if isinstance(shape, Box):
+        yield marker.CUBE, shape.size, shape.pose
+    elif isinstance(shape, Sphere):
+        yield marker.SPHERE, [2 * shape.radius] * 3, algebra.pose(still, shape.center)
+    elif isinstance(shape, Plane):
+        turn = algebra.rotation_from_matrix(shape.axes)
+        place = algebra.pose(turn, (shape.offset - 0.5 * _THIN) * shape.normal)
+        yield marker.CUBE, [2 * _HALF_WIDTH, 2 * _HALF_WIDTH, _THIN], place
+    elif isinstance(shape, Capsule | Cylinder):
+        along, middle = shape.end - shape.start, 0.5 * (shape.start + shape.end)
+        length, wide = float(np.linalg.norm(along)), 2 * shape.radius
+        if length > 0:
+            turn = algebra.rotation_from_matrix(Plane(along / length, 0.0).axes)
+            yield marker.CYLINDER, [wide, wide, length], algebra.pose(turn, middle)
+        for end in (shape.start, shape.end) if isinstance(shape, Capsule) else ():
+            yield marker.SPHERE, [wide] * 3, algebra.pose(still, end)
+
+
+def _pose(pose: Array) -> Pose:
+    at, turn = algebra.translation(pose), algebra.rotation(pose)
+    found = Pose(position=Point(x=float(at[0]), y=float(at[1]), z=float(at[2])))
+    orientation = found.orientation
+    orientation.w, orientation.x, orientation.y, orientation.z = (float(each) for each in turn)
+    return found
+
+
+def _marker_messages() -> Any:
+    """Return ROS's module of markers; None if it is not installed."""
+    try:
+        return importlib.import_module("visualization_msgs.msg")
+    except ImportError:
+        return None

@@ -1,0 +1,108 @@
+"""The stiffness that a loop bears, against simulations of it that touch springs."""
+
+import numpy as np
+import pytest
+
+import dqcontrol as dqc
+from dqcontrol import algebra
+from dqcontrol.contact import Admittance, Compliance, ForceSensor, WantedWrench
+from dqcontrol.contact.limits import _Loop
+
+ARM = dqc.load_robot("iiwa7")
+PUSH = 2.0  # N
+
+
+class Loop:
+    """An arm on position servos with an admittance that pushes on a spring along the hand's z axis."""
+
+    def __init__(self, seed):
+        rng = np.random.default_rng(seed)
+        self.period = float(rng.choice([0.002, 0.004, 0.008]))
+        self.filter = float(rng.choice([0.0, rng.uniform(0.001, 0.02)]))
+        tau = rng.uniform(0.01, 0.06, 7) if seed % 2 else rng.uniform(0.01, 0.06)
+        self.plant = dqc.plants.Servo(
+            time_constant=tau.tolist() if seed % 2 else float(tau), delay=float(rng.uniform(0, 0.025))
+        )
+        mass = float(rng.choice([0.0, rng.uniform(0.2, 5)]))
+        stiffness = float(rng.choice([0.0, rng.uniform(10, 500)]))
+        kind = rng.choice(3)
+        law = (
+            dqc.laws.ProportionalFeedforward(gain=1.0),
+            dqc.laws.ProportionalFeedforward(gain=3.0),
+            dqc.laws.Proportional(gain=2.0),
+        )[kind]
+        self.q = np.array([0, 0.6, 0, -1.6, 0, 0.9, 0]) + rng.uniform(-0.3, 0.3, 7)
+        self.law = law.prepare(ARM, None, self.period)
+        self.mass = float(
+            rng.choice([0.0, 0.0, 10 ** rng.uniform(-0.5, 1.5)])
+        )  # kg of a loose part, or a wall
+        self.admittance = Admittance(
+            sensor=ForceSensor(filter=self.filter),
+            translation=Compliance(
+                mass=mass, damping=float(rng.uniform(50, 500)), stiffness=["rigid", "rigid", stiffness]
+            ),
+            force=WantedWrench(z=PUSH),
+            ramp=0.0,
+        )
+
+    def grows(self, stiffness, seconds):
+        """Return whether a force that is 0.1 % off in balance has grown after 300 lags or so."""
+        period, pose = self.period, ARM.fkm(self.q)
+        normal = algebra.matrix_from_pose(pose)[:3, 2]
+        steps = int(seconds / period)
+        plant = self.plant.start(ARM, self.q, period, steps, 0)
+        stage, state = self.admittance.start(period), self.law.initial_state(self.q)
+        sample, command = np.concatenate([pose, np.zeros(13)]), np.zeros(7)
+        rest = -PUSH / stiffness  # of the hand where the force is as wanted
+        place, speed, force = 0.0, 0.0, PUSH * 1.001
+        way, felt, substeps = 0.0, np.zeros(steps), 8
+        h = period / substeps
+        for k in range(steps):
+            felt[k] = force if self.filter else stiffness * (place - way) + PUSH + (0.002 if k == 0 else 0.0)
+            shaped = stage.step(ARM.fkm(plant.measured), sample, np.array([0, 0, felt[k], 0, 0, 0]))
+            self.law.step(plant.measured, shaped, 0, state, command)
+            plant.step(command)
+            after = normal @ (algebra.translation(ARM.fkm(plant.q)) - algebra.translation(pose))
+            for i in range(substeps):  # midpoint rule, way straight between samples
+                middle = way + (after - way) * (i + 0.5) / substeps
+                true = stiffness * (place - middle) + PUSH
+                if self.mass:
+                    push = -(true - PUSH) / self.mass
+                    speed_middle = speed + 0.5 * h * push
+                    place_middle = place + 0.5 * h * speed
+                    speed += h * -stiffness * (place_middle - middle) / self.mass
+                    place += h * speed_middle
+                    true = stiffness * (0.5 * (place_middle + place_middle) - middle) + PUSH
+                if self.filter:
+                    force += (true - force) * -np.expm1(-h / self.filter)
+            way = after
+            if not np.isfinite(felt[k]) or abs(felt[k] - PUSH) > 100 * PUSH:
+                return True
+        assert rest < 0
+        off = np.abs(felt - PUSH)
+        early, late = off[steps // 5 : 2 * steps // 5].max(), off[-steps // 5 :].max()
+        return late > early
+
+
+def check(seed):
+    """Return whether it grows 5 % below the predicted limit and 5 % above it; None where that would take too long."""
+    loop = Loop(seed)
+    model = loop.plant.linear_model(ARM, loop.q, loop.period)
+    axis = _Loop(loop.admittance, loop.law, model, loop.q, 5)
+    limit = axis.limit(loop.mass)
+    if not 50 < limit < 1e6:
+        return None
+    growth = np.log(axis.radius(1.05 * limit, loop.mass)) / loop.period
+    seconds = 5.0 / growth + 1.0
+    if seconds > 60:
+        return None
+    return loop.grows(0.95 * limit, seconds), loop.grows(1.05 * limit, seconds)
+
+
+@pytest.mark.parametrize("seeds", [range(6), pytest.param(range(6, 120), marks=pytest.mark.slow)])
+def test_predicted_limit_against_the_onset_in_simulation(seeds):
+    """Quiet 5 % below, growing 5 % above: lags alike and not, filters, masses, walls and loose parts."""
+    found = {seed: check(seed) for seed in seeds}
+    judged = {seed: each for seed, each in found.items() if each is not None}
+    assert len(judged) >= 0.4 * len(found)
+    assert all(each == (False, True) for each in judged.values()), judged

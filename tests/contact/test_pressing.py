@@ -1,0 +1,131 @@
+"""Force control in the loop: compiled and interpreted alike, steady, and refused where it cannot be."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dqcontrol as dqc
+from dqcontrol import algebra
+from dqcontrol.contact import Admittance, Compliance, ForceSensor, Tool, WantedWrench
+from dqcontrol.errors import Error
+from dqcontrol.experiments import check
+from dqcontrol.plants import Servo, Wrist
+
+ARM, START = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, -1.6, 0, 0.9, 0])
+HAND = ARM.fkm(START)
+PLACE = algebra.translation(HAND)
+EXAMPLE = Path(__file__).parents[2] / "examples/press.yaml"
+
+
+def board(stiffness, gap=0.005, **more):
+    middle = (PLACE[0], PLACE[1], PLACE[2] - gap - 0.02)
+    return dqc.World(
+        bodies={"board": dqc.world.Body(box=(0.6, 0.6, 0.04), position=middle, stiffness=stiffness, **more)}
+    )
+
+
+def push(damping, **more):
+    translation = Compliance(damping=damping, stiffness=["rigid", "rigid", 0.0])
+    return Admittance(axes="base", translation=translation, force=WantedWrench(z=2.0), **more)
+
+
+def pressed(stiffness, seconds, wrist, contact, interpreted=False, **more):
+    plant = Servo(time_constant=0.04, delay=0.012, wrist=wrist).in_world(board(stiffness, **more))
+    law = dqc.laws.ProportionalFeedforward(gain=1.0, contact=contact)
+    return dqc.simulate(
+        ARM, dqc.references.SetPoint(HAND), law, plant, START, 0.004, seconds, interpreted=interpreted
+    )
+
+
+def test_rollout_and_python_are_bit_equal():
+    wrist = Wrist(filter=0.005, force_noise=0.1, torque_noise=0.01, mass=0.3, center=(0, 0, 0.04))
+    sensor = ForceSensor(tool=Tool(mass=0.3, center=(0, 0, 0.04)))
+    one, other = (
+        pressed(2000, 2.0, wrist, push(100.0, sensor=sensor), interpreted, friction=0.3)
+        for interpreted in (False, True)
+    )
+    for field in ("q", "command", "measured"):
+        np.testing.assert_array_equal(getattr(one, field), getattr(other, field))
+    for name in ("wrist_force", "wrist_torque", "touch_force", "touch_depth"):
+        np.testing.assert_array_equal(one.readings[name].values, other.readings[name].values)
+    assert one.readings["touch_force"].values[:, 2].max() > 1.5
+
+
+@pytest.mark.parametrize(("stiffness", "seconds"), [(1e3, 8.0), (1e4, 8.0), (1e5, 60.0)])
+def test_steady_force_on_walls(stiffness, seconds):
+    """Within 1 % after the weight and bias of a tool are taken off, with the damping that the note advises."""
+    tool = Tool(mass=0.5, center=(0.01, 0, 0.05), force_bias=(0.3, -0.2, 0.5), torque_bias=(0.02, 0.01, 0))
+    wrist = Wrist(
+        filter=0.005,
+        mass=0.5,
+        center=(0.01, 0, 0.05),
+        force_bias=(0.3, -0.2, 0.5),
+        torque_bias=(0.02, 0.01, 0),
+    )
+    contact = push(2 * stiffness / 48, sensor=ForceSensor(filter=0.005, tool=tool))
+    force = pressed(stiffness, seconds, wrist, contact).readings["touch_force"].values[:, 2]
+    assert abs(force[-1] - 2.0) < 0.01 * 2.0
+    assert force.max() < 2.0 * 2.0
+
+
+def test_pressing_on_a_board_that_is_not_where_it_should_be():
+    record = dqc.run(EXAMPLE).record
+    force = record.readings["touch_force"].values
+    settled = record.time > 3.0
+    pressing = np.linalg.norm(force[settled], axis=1)
+    assert np.mean(np.abs(force[settled][:, 2] - 2.0) <= 0.5) >= 0.98
+    assert pressing.min() > 0.5
+
+
+def spec(**changes):
+    data = {
+        "name": "press", "robot": "iiwa7", "start": START.tolist(), "period": 0.004,
+        "reference": {"kind": "set-point", "duration": 1},
+        "law": {"kind": "proportional-feedforward", "gain": 1},
+        "contact": {
+            "axes": "base", "force": {"z": 2},
+            "translation": {"damping": 200, "stiffness": ["rigid", "rigid", 0]},
+        },
+        "world": {"board": {"box": [0.6, 0.6, 0.04], "position": [0.55, 0, 0.28], "stiffness": 2000}},
+        "plant": {"kind": "servo", "time_constant": 0.04, "delay": 0.012, "wrist": {}},
+    }  # fmt: skip
+    return data | changes
+
+
+def test_check_says_what_the_knobs_mean():
+    checks = check(spec())
+    assert checks.contact is not None
+    text = str(checks)
+    for words in ("bears up to", "moves the free hand at 10 mm/s", "approach no faster"):
+        assert words in text, text
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"plant": {"kind": "servo"}}, "plant 'servo' measures no wrench"),
+        (
+            {"world": {"wall": {"box": 0.2, "position": [0.55, 0, 0.17], "stiffness": 1e5}}},
+            "world.wall has 1e\\+05 N/m",
+        ),
+        (
+            {"world": {"wall": {"box": 0.2, "position": [0.55, 0, 0.25], "stiffness": 100}}},
+            "mm inside of what it is to touch",
+        ),
+        ({"world": {"ball": {"sphere": 0.1, "position": [0.55, 0, 0], "stiffness": 100}}}, "touch springy boxes alone"),
+        ({"contact": {"translation": {"stiffness": 5}}}, "mass and damping are both 0"),
+        ({"contact": {"translation": {"damping": -5}}}, "damping"),
+        ({"contact": {"translation": {"damping": 5}, "sensor": {"position": [1, 2]}}}, "contact.sensor.position"),
+    ],
+)  # fmt: skip
+def test_what_is_refused_before_anything_moves(changes, words):
+    with pytest.raises(Error, match=words) as caught:
+        check(spec(**changes))
+    assert "\n" not in str(caught.value)
+
+
+def test_unstable_contact_runs_if_that_is_asked_for():
+    wall = {"wall": {"box": 0.2, "position": [0.55, 0, 0.17], "stiffness": 1e5}}
+    contact = spec()["contact"] | {"allow_unstable": True}
+    assert check(spec(world=wall, contact=contact)).contact is not None
