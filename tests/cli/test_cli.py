@@ -381,7 +381,7 @@ def test_plan_prints_the_way_and_what_is_proved_of_it(here, capsys):
         r"\d s; certified: least room \d\S* mm beyond what is asked \(post: panda_link\d\); \d+ edges, seed 0",
         out,
     )
-    (here / "spec.yaml").write_text(yaml.safe_dump(spec | {"start": [0.0, 0.6, 0.0, -1.2, 0.0, 1.6, 0.8]}))
+    (here / "spec.yaml").write_text(yaml.safe_dump(spec | {"start": [0.6, -0.8, 0, -2.4, 0, 1.6, 0.8]}))
     code, out, err = call("plan", "spec.yaml", capsys=capsys)
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert err.startswith("dqcontrol: spec.yaml: reference: start: post: panda_link")

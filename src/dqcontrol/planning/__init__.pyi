@@ -4,8 +4,8 @@ from .certified_edges import (
     EdgeCheck as EdgeCheck,
 )
 from .plan import (
-    Certificate as Certificate,
-    Plan as Plan,
+    ProvedWay as ProvedWay,
+    WayCertificate as WayCertificate,
     plan as plan,
 )
 from .plan_to import PlanTo as PlanTo

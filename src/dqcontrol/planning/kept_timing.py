@@ -37,7 +37,7 @@ _SLOWED = 20  # how often: to 4 % of the speed at the last
 _CREEP = 1e-3  # rad/s or m/s: what touches already is left this fast, at least
 
 
-class Timing(NamedTuple):
+class WayTiming(NamedTuple):
     """When a way is where: between instants its speed along it changes evenly.
 
     Attributes
@@ -68,7 +68,7 @@ def kept_timing(
     acceleration: Array,
     brake: Array,
     approach: float,
-) -> Timing:
+) -> WayTiming:
     """Return the fastest timing from rest to rest within limits that constraints do not brake.
 
     Parameters
@@ -97,7 +97,7 @@ def kept_timing(
         times.append(times[-1][-1] + _instants(grid, speed)[1:])
         lengths.append(lengths[-1][-1] + grid[1:])
         speeds.append(speed[1:])
-    return Timing(*map(np.concatenate, (times, lengths, speeds)))
+    return WayTiming(*map(np.concatenate, (times, lengths, speeds)))
 
 
 def _timed(
@@ -136,7 +136,7 @@ def _too_fast(
     further periods.
     """
     near = np.zeros(len(grid), dtype=bool)
-    timing = Timing(_instants(grid, speeds), grid, speeds)
+    timing = WayTiming(_instants(grid, speeds), grid, speeds)
     samples = np.arange(0.0, timing.times[-1], kept.period)
     begins, ends = timing.at(samples)[0], timing.at(samples + kept.period)[0]
     q = part.at(begins)[0]

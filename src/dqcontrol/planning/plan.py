@@ -27,7 +27,7 @@ _ROUNDING = 1e-9  # rad or m
 
 
 @dataclass(frozen=True)
-class Certificate:
+class WayCertificate:
     """What is proved of a plan.
 
     Attributes
@@ -55,7 +55,7 @@ class Certificate:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class ProvedWay:
     """A way that is proved.
 
     Attributes
@@ -78,7 +78,7 @@ class Plan:
     kept: PreparedConstraints = field(repr=False)
     configurations: Array
     way: SmoothWay = field(repr=False)
-    certificate: Certificate
+    certificate: WayCertificate
     took: float
 
     def __str__(self) -> str:
@@ -101,7 +101,7 @@ def plan(
     effort: int = EFFORT,
     *,
     clearance: float = 0.0,
-) -> Plan:
+) -> ProvedWay:
     """Return a way that keeps constraints on all of its length, proved edge by edge; see `CertifiedEdges`.
 
     The straight edge to the nearest of all goal configurations that it reaches; if it reaches none, RRT-Connect looks
@@ -158,8 +158,8 @@ def plan(
     way = smooth_way(edges, corners)
     if not exact.curves(way.curves).certified.all():
         raise PlanError("plan: a way was found whose blends are not clear", "effort")
-    certificate = Certificate(*exact.least_room(way.curves), looked, seed)
-    return Plan(robot, exact.kept, corners, way, certificate, time.perf_counter() - begin)
+    certificate = WayCertificate(*exact.least_room(way.curves), looked, seed)
+    return ProvedWay(robot, exact.kept, corners, way, certificate, time.perf_counter() - begin)
 
 
 def _start(edges: CertifiedEdges, given: Array) -> Array:

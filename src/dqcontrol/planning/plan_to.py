@@ -15,8 +15,8 @@ from dqcontrol.arrays import Array
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import NoteWarning, ShapeError, ValueRangeError, as_array, as_positive, unknown_name
 from dqcontrol.named_fields import NamedFields
-from dqcontrol.planning.kept_timing import Timing, kept_timing
-from dqcontrol.planning.plan import EFFORT, Plan, plan
+from dqcontrol.planning.kept_timing import WayTiming, kept_timing
+from dqcontrol.planning.plan import EFFORT, ProvedWay, plan
 from dqcontrol.references.drive_to import PlannedWay
 from dqcontrol.references.reference import NO_CORNERS, Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE
@@ -128,13 +128,13 @@ class PlanTo(PlannedWay):
     kind = "plan-to"
     plans_around = True
 
-    plan: Plan
+    plan: ProvedWay
     speed_fraction: float = 0.9
     approach: float = 0.9
     robot: Robot = field(init=False, repr=False)
     duration: float = field(init=False)
     corners: NDArray[np.float64] = field(init=False, repr=False)
-    timing: Timing = field(init=False, repr=False)
+    timing: WayTiming = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         robot, kept = self.plan.robot, self.plan.kept

@@ -54,16 +54,16 @@ def standing(constraints: Constraints) -> Constraints:
     return msgspec.structs.replace(constraints, world=World(bodies=bodies), clear_of=clear_of)
 
 
-class _Piece(NamedTuple):
+class _SweptPiece(NamedTuple):
     """What a ball sweeps from one place to another, (3,), m."""
 
     begin: Array
     end: Array
     radius: float
 
-    def seen_from(self, place: Array, turn: Array) -> _Piece:
+    def seen_from(self, place: Array, turn: Array) -> _SweptPiece:
         """Return the same in a frame at a place, turned by a rotation matrix."""
-        return _Piece((self.begin - place) @ turn, (self.end - place) @ turn, self.radius)
+        return _SweptPiece((self.begin - place) @ turn, (self.end - place) @ turn, self.radius)
 
     def solid(self) -> Solid:
         """Return it as a shape."""
@@ -79,7 +79,7 @@ class _Piece(NamedTuple):
 
 def _swept(name: str, kept: KeptBody) -> Body:
     points, most = _points(kept.moves), max(_MOST_PARTS // len(kept.shapes), 1)
-    pieces: list[_Piece] = []
+    pieces: list[_SweptPiece] = []
     for shape in kept.shapes:
         if isinstance(shape, Plane):
             raise ValueRangeError(f"world.{name}.moves: a plane that moves leaves nothing to plan in")
@@ -100,7 +100,7 @@ def _points(moves: Motion) -> Array:
     return np.array([np.zeros(3), velocity * (_FAR / speed if speed > 0 else 0.0)])
 
 
-def _pieces(points: Array, radius: float, most: int) -> list[_Piece]:
+def _pieces(points: Array, radius: float, most: int) -> list[_SweptPiece]:
     """Return what a ball sweeps from point to point; of more than ``most`` pieces several in one that is wider."""
     stride = max(1, math.ceil((len(points) - 1) / most))
     corners = [*range(0, len(points) - 1, stride), len(points) - 1]
@@ -110,5 +110,5 @@ def _pieces(points: Array, radius: float, most: int) -> list[_Piece]:
         passed = points[begin : end + 1] - a
         along = np.clip(passed @ way / max(float(way @ way), _SAME**2), 0.0, 1.0)
         beside = float(np.linalg.norm(passed - np.outer(along, way), axis=1).max())
-        found.append(_Piece(a, points[end], radius + beside))
+        found.append(_SweptPiece(a, points[end], radius + beside))
     return found
