@@ -5,7 +5,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol import algebra
-from dqcontrol.contact import Admittance, Compliance, ForceSensor, WantedWrench, contact_limits
+from dqcontrol.contact import Admittance, Compliance, ForceSensor, WantedWrench
 from dqcontrol.contact.limits import _Loop
 
 ARM = dqc.load_robot("iiwa7")

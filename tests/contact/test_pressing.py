@@ -55,8 +55,13 @@ def test_rollout_and_python_are_bit_equal():
 @pytest.mark.parametrize(("stiffness", "seconds"), [(1e3, 8.0), (1e4, 8.0), (1e5, 60.0)])
 def test_steady_force_on_walls(stiffness, seconds):
     """Within 1 % after the weight and bias of a tool are taken off, with the damping that the note advises."""
-    tool = Tool(mass=0.5, center=(0.01, 0, 0.05), force_bias=(0.3, -0.2, 0.5), torque_bias=(0.02, 0.01, 0))
-    wrist = Wrist(filter=0.005, mass=0.5, center=(0.01, 0, 0.05), force_bias=(0.3, -0.2, 0.5), torque_bias=(0.02, 0.01, 0))  # fmt: skip
+    load = {
+        "mass": 0.5,
+        "center": (0.01, 0.0, 0.05),
+        "force_bias": (0.3, -0.2, 0.5),
+        "torque_bias": (0.02, 0.01, 0.0),
+    }
+    tool, wrist = Tool(**load), Wrist(filter=0.005, **load)
     contact = push(2 * stiffness / 48, sensor=ForceSensor(filter=0.005, tool=tool))
     force = pressed(stiffness, seconds, wrist, contact).readings["touch_force"].values[:, 2]
     assert abs(force[-1] - 2.0) < 0.01 * 2.0
@@ -99,8 +104,8 @@ def test_check_says_what_the_knobs_mean():
     ("changes", "words"),
     [
         ({"plant": {"kind": "servo"}}, "plant 'servo' measures no wrench"),
-        ({"world": {"wall": {"box": 0.2, "position": [0.55, 0, 0.17], "stiffness": 1e5}}}, "world.wall has 1e\\+05 N/m"),
-        ({"world": {"wall": {"box": 0.2, "position": [0.55, 0, 0.25], "stiffness": 100}}}, "mm inside of what it is to touch"),
+        ({"world": {"wall": {"box": 0.2, "position": [0.55, 0, 0.17], "stiffness": 1e5}}}, r"wall has 1e\+05 N/m"),
+        ({"world": {"wall": {"box": 0.2, "position": [0.55, 0, 0.25], "stiffness": 100}}}, "mm inside of what"),
         ({"world": {"ball": {"sphere": 0.1, "position": [0.55, 0, 0], "stiffness": 100}}}, "touch springy boxes alone"),
         ({"contact": {"translation": {"stiffness": 5}}}, "mass and damping are both 0"),
         ({"contact": {"translation": {"damping": -5}}}, "damping"),

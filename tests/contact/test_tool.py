@@ -68,7 +68,7 @@ def test_poses_that_tell_too_little_are_refused(turns, text):
 
 def test_wrenches_of_the_wrong_sign_or_number_are_refused():
     poses, wrenches = readings(tool_orientations())
-    with pytest.raises(Error, match="mass comes out as -1.2 kg"):
+    with pytest.raises(Error, match=r"mass comes out as -1\.2 kg"):
         identify_tool(poses, -wrenches)
     with pytest.raises(Error, match="wrenches: expected one a pose"):
         identify_tool(poses, wrenches[:4])

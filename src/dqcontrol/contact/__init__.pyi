@@ -10,13 +10,13 @@ from .admittance import (
     WantedWrench as WantedWrench,
 )
 from .admittance_stage import AdmittanceStage as AdmittanceStage
-from .tool_identification import (
-    IdentifiedTool as IdentifiedTool,
-    identify_tool as identify_tool,
-    tool_orientations as tool_orientations,
-)
 from .limits import (
     ContactLimits as ContactLimits,
     LoosePart as LoosePart,
     contact_limits as contact_limits,
+)
+from .tool_identification import (
+    IdentifiedTool as IdentifiedTool,
+    identify_tool as identify_tool,
+    tool_orientations as tool_orientations,
 )

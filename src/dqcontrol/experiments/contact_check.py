@@ -46,8 +46,8 @@ def check_contact(spec: Spec, case: Combination) -> None:
     limits = limits_of(spec, case)
     if limits.axis in ("x", "y", "z") and stiffest[1] >= limits.stiffness:
         raise ValueRangeError(
-            f"contact: world.{stiffest[0]} has {stiffest[1]:.4g} N/m, but along {limits.axis} this loop is unstable from "
-            f"{limits.stiffness:.3g} N/m on; damping must be above {limits.least_damping:.3g} N·s/m for it "
+            f"contact: world.{stiffest[0]} has {stiffest[1]:.4g} N/m, but along {limits.axis} this loop is unstable "
+            f"from {limits.stiffness:.3g} N/m on; damping must be above {limits.least_damping:.3g} N·s/m for it "
             "(allow_unstable: true runs it all the same)"
         )
 

@@ -16,7 +16,6 @@ from msgspec import Meta
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, inline, kernel
-from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ValueRangeError, error_prefix
 from dqcontrol.named_fields import NamedFields
@@ -99,7 +98,7 @@ class Touching(NamedTuple):
 
 
 class TouchState(NamedTuple):
-    """What the sensor shows; force and depth of the contact, base axes; the wrench before and after the filter; the hand.
+    """What the sensor shows; force and depth of the contact, base axes; the wrench around its filter; the hand.
 
     The first two are the plant's readings.
     """
@@ -235,7 +234,7 @@ def touching(
                 if body.box is None or body.parts:
                     raise ValueRangeError(f"servos touch springy boxes alone, and this is a {body.kind}")
                 placed = algebra.matrix_from_pose(body.pose)
-                numbers = dict(stiffness=body.stiffness, damping=body.damping, friction=body.friction)
+                numbers = {"stiffness": body.stiffness, "damping": body.damping, "friction": body.friction}
                 rows.append(
                     _box.pack(axes=placed[:3, :3], middle=placed[:3, 3], half=0.5 * body.size, **numbers)  # type: ignore[arg-type]
                 )
