@@ -86,7 +86,7 @@ def step_ratios(short: bool) -> list[Ratio]:
 
         theirs = by_mink(arm, fenced(arm, balls), arm.fkm(HOME + 0.3), correct(PERIOD))
         unhurried = dqc.laws.Proportional(gain=3.0, constraints=fenced(arm, balls))
-        _check_direction(unhurried.command(arm, HOME, sample, dt=PERIOD), theirs(HOME))
+        _check_direction(unhurried.command(arm, HOME, sample, period=PERIOD), theirs(HOME))
         mink = medians({"mink": lambda: theirs(HOME)}, 500, 3 if short else 15)["mink"]
         found.append(Ratio(f"step, {pairs} pairs", t["ours"], "µs", "Mink, same pairs", mink, "≤ 0.05"))
     return found

@@ -1,6 +1,6 @@
 """How calm laws stay where a target is out of reach, and what that costs within reach; goals stand beside the values.
 
-python benchmarks/out_of_reach.py             all tables, some minutes
+python benchmarks/out_of_reach.py             all tables, about 5 minutes
 python benchmarks/out_of_reach.py --growth 0  as if damping did not grow
 """
 
@@ -35,11 +35,13 @@ STARTS = {
     "little-john": [0, 0, 0, 0.3, -0.8, 1.2, 0.6, 0.4],
 }
 PERIODS = (0.001, 0.01, 0.033)  # s
+SCALED = CommandLimits(velocity=True)
 SERVOS = ((0.0, 0.0), (0.03, 0.0), (0.1, 0.02), (0.3, 0.05), (0.0, 0.05))  # lag and delay, s
 
 
-def all_laws(k: float) -> dict[str, laws.Law]:
-    """Return laws of loop gain k, 1/s."""
+def all_laws(k: float, period: float) -> dict[str, laws.Law]:
+    """Return laws of loop gain k, 1/s; feedback linearisation with k_v T ≤ 1.5, as 2 is its limit at any target."""
+    damping = min(4 * k, 1.5 / period)
     return {
         "K": laws.Proportional(gain=k),
         "K+FF": laws.ProportionalFeedforward(gain=k),
@@ -50,7 +52,7 @@ def all_laws(k: float) -> dict[str, laws.Law]:
         "LQR-DQ, right": laws.LinearQuadraticDQ(error_weight=k * k, control_weight=1.0),
         "LQR-DQ, left": laws.LinearQuadraticDQ(error_weight=k * k, control_weight=1.0, error="left"),
         "feedback linearisation": laws.FeedbackLinearization(
-            stiffness=16 * k * k, damping=4 * k, null_space=None
+            stiffness=4 * k * damping, damping=damping, null_space=None
         ),
     }
 
@@ -105,7 +107,7 @@ def follow(
     prepared: controller.Controller, q: Array, samples: Callable[[int], dqc.Sample], steps: int
 ) -> tuple[Array, Array]:
     """Let a law drive ideal joints in a loop of one's own, scaled to the velocity limits; return commands, joints."""
-    robot, period = prepared.robot, prepared.dt
+    robot, period = prepared.robot, prepared.period
     state, joints = prepared.initial_state(q), q.copy()
     sent, gone = np.empty((steps, robot.input_size)), np.empty((steps, q.size))
     for k in range(steps):
@@ -125,19 +127,27 @@ def reversing(sent: Array, least: float = TURNING) -> float:
 
 
 def worst_at_rest(
-    name: str, law: str, period: float, growth: float | None, targets: tuple[str, ...] = ()
+    name: str,
+    law: str,
+    period: float,
+    growth: float | None,
+    targets: tuple[str, ...] = (),
+    most: float = 10.0,
 ) -> tuple[float, str]:
-    """Return the worst share of reversing periods in the last quarter of a rest out of reach, and where."""
+    """Return the worst share of reversing periods in the last quarter of a rest out of reach, and where.
+
+    The gain is ``most``, 1/s, or 0.5/T if that is less.
+    """
     robot, q = dqc.load_robot(name), np.array(STARTS[name], dtype=float)
-    k = min(10.0, 0.5 / period)
-    prepared = with_growth(all_laws(k)[law], growth).prepare(robot, None, period)
-    worst, where = 0.0, ""
+    k = min(most, 0.5 / period)
+    prepared = with_growth(all_laws(k, period)[law], growth).prepare(robot, None, period, SCALED)
+    worst, where, steps = 0.0, "", max(round(4.0 / period), 600)
     for target, pose in resting_targets(robot, q).items():
         if targets and target not in targets:
             continue
-        sample, steps = dqc.Sample(pose), max(round(4.0 / period), 600)
-        sent, _ = follow(prepared, q, lambda _, sample=sample: sample, steps)
-        share = reversing(sent[-steps // 4 :])
+        samples = np.repeat(dqc.Sample(pose).numbers[None], steps, axis=0)
+        trace = close_loop(prepared, Integrator().start(robot, q, period, steps, SEED), samples)
+        share = reversing(trace.command[-steps // 4 :])
         if share > worst:
             worst, where = share, target
     return worst, where
@@ -237,7 +247,7 @@ def stream_table() -> None:
                 law = laws.DecoupledProportional(gain=min(10.0, 0.3 / (lag + delay + period)))
                 for growth in (None, 0.0):
                     prepared = with_growth(law, growth).prepare(
-                        robot, None, period, CommandLimits(velocity=True), lag=servo.lag(robot)
+                        robot, None, period, SCALED, lag=servo.lag(robot)
                     )
                     for stream, samples in given.items():
                         plant = servo.start(robot, q, period, len(samples), SEED)
@@ -264,15 +274,17 @@ def stream_table() -> None:
 def rest_table(growth: float | None) -> None:
     """Print the worst of resting targets, law by law."""
     print("\nresting targets out of reach: reversing periods, %, worst of nine targets (goal 0)")
-    print(f"  {'':24}" + "".join(f"{name:>14}" for name in STARTS))
+    print(f"  {'':34}" + "".join(f"{name:>14}" for name in STARTS))
     for period in PERIODS:
-        for law in all_laws(1.0):
-            found = [worst_at_rest(name, law, period, growth) for name in STARTS]
-            print(
-                f"  {period * 1e3:3.0f} ms {law:18}" + "".join(f"{100 * share:14.1f}" for share, _ in found),
-                *{where for _, where in found if where},
-                flush=True,
-            )
+        for most in (10.0, 0.5 / period):
+            for law in all_laws(1.0, period):
+                found = [worst_at_rest(name, law, period, growth, most=most) for name in STARTS]
+                print(
+                    f"  {period * 1e3:3.0f} ms kT {most * period:4.2g} {law:23}"
+                    + "".join(f"{100 * share:14.1f}" for share, _ in found),
+                    *{where for _, where in found if where},
+                    flush=True,
+                )
 
 
 def swung(
@@ -308,7 +320,7 @@ def reach_table() -> None:
             for law in ("K", "K+FF"):
                 both = [
                     follow(
-                        with_growth(all_laws(10.0)[law], growth).prepare(robot, None, 0.033),
+                        with_growth(all_laws(10.0, 0.033)[law], growth).prepare(robot, None, 0.033),
                         begin,
                         samples.__getitem__,
                         len(samples),
@@ -316,7 +328,7 @@ def reach_table() -> None:
                     for growth in (None, 0.0)
                 ]
                 ratio = errors(robot, both[0], samples) / errors(robot, both[1], samples)
-                cells.append(f"{ratio:.4f}" if middle is not q else str(np.array_equal(*both)))
+                cells.append(f"{ratio:.4f}" if middle is not q else str(np.array_equal(both[0], both[1])))
         print(f"  {name:12}" + "".join(f"{cell:>10}" for cell in cells), flush=True)
 
 

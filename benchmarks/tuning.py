@@ -26,6 +26,7 @@ from dqcontrol.files.plain_data import yaml_text
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.measures.margins import AT_LIMIT
+from dqcontrol.references import Previewed
 from dqcontrol.tuning import hypervolume, nondominated, search_front
 from dqcontrol.tuning.law_search import LawSearch, ready_problem
 from dqcontrol.tuning.simplex_search import SimplexSearch
@@ -332,11 +333,10 @@ def _replayed(spec: dict[str, Any], found: dqc.tuning.learning.Learning, seeds: 
     """Return the errors of a learnt motion with other noise, mm."""
     setting = prepare(spec)
     (case,) = setting.cases
-    law, samples = (
-        case.prepare_law(setting.spec),
-        found.motion.samples(found.first.time - found.first.time[0]),
-    )
-    errors = []
+    asked, motion = case.scene.reference, found.motion
+    if isinstance(asked, Previewed):
+        motion = Previewed(motion, asked.delay, asked.lag, asked.step)
+    law, samples, errors = case.prepare_law(setting.spec), case.scene.along(motion).samples, []
     for seed in seeds:
         record = simulate_prepared(law, case.plant, setting.scene.start, samples, seed=seed)
         ways = np.linalg.norm(record.position - found.first.desired_position, axis=1)

@@ -78,5 +78,5 @@ def few_figures(monkeypatch):
 @pytest.fixture
 def without_growth(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let damping depend on the Jacobian alone, as the laws' definitions have it, also far from the target."""
-    none = np.zeros(1), np.ones(1), np.full(1, np.inf)
+    none = np.zeros(1), np.ones(1)
     monkeypatch.setattr("dqcontrol.controller.controller.growth_for", lambda *_: none)

@@ -40,7 +40,7 @@ def run(lag=0.01, joints=7, count=300, pitch=0.0):
     desired = 0.1 * np.column_stack([np.cos(turn), pitch * turn / 0.628, np.sin(turn)]) + [0.5, 0, 0.4]
     pose = shifted(desired + lag * np.exp(-time)[:, None] * [1.0, 0.5, -1.0])
     q = np.sin(time[:, None] + np.arange(joints)) * np.linspace(0.3, 1.5, joints)
-    force = Signal("contact", ("x", "y", "z"), ("N", "N", "N"), 5 * RNG.normal(size=(count, 3)))
+    force = Signal("contact_force", ("ball", "table", "itself"), ("N",) * 3, 5 * RNG.normal(size=(count, 3)))
     load = Signal("payload", (), ("kg",), np.full((count, 1), 0.5))
     return Record(
         time,
@@ -51,7 +51,7 @@ def run(lag=0.01, joints=7, count=300, pitch=0.0):
         np.hstack([shifted(desired), np.zeros((count, 13))]),
         tuple(f"panda_joint{i + 1}" for i in range(joints)),
         disturbance=0.01 * RNG.normal(size=(count, 6)),
-        readings={"contact": force, "payload": load},
+        readings={"contact_force": force, "payload": load},
     )
 
 

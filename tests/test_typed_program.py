@@ -70,7 +70,9 @@ def step_by_hand() -> float:
     arm, q = dqc.load_robot("panda"), np.array([0, 0, 0, -1.6, 0, 1.6, 0.8])
     target = dqc.DualQuaternion.from_translation([0, 0, 0.01]) * dqc.DualQuaternion(arm.fkm(q))
     solution: dqc.Solution = arm.solve(target)
-    law = dqc.laws.ProportionalFeedforward(gain=10.0).prepare(arm, dqc.references.SetPoint(target), dt=0.01)
+    law = dqc.laws.ProportionalFeedforward(gain=10.0).prepare(
+        arm, dqc.references.SetPoint(target), period=0.01
+    )
     state = law.initial_state(q)
     sample = dqc.Sample(target)
     q = q + 0.01 * law.command(q, sample, state)

@@ -1,18 +1,33 @@
 """Dual quaternion control laws for arms: compiled simulation, physics, experiments."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import lazy_loader
 
 from dqcontrol.experiments import result_pages as _result_pages
 from dqcontrol.version import __version__ as __version__
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from dqcontrol.experiments.run import Run
 
 # As in all packages: what is offered stands in `__init__.pyi`, and is imported when it is first used.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
 def _report_pages() -> _result_pages.ResultPages:
-    from dqcontrol.reports import written_by_experiments
+    from dqcontrol.reports import report_writer
 
-    return written_by_experiments
+    return report_writer
 
 
-_result_pages.hand_in(_report_pages)
+def _replay(runs: Mapping[str, Run]) -> str:
+    from dqcontrol.browser.replay import replay_of_runs
+
+    return replay_of_runs(runs)
+
+
+_result_pages.hand_in(_report_pages, _replay)

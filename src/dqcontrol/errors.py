@@ -52,6 +52,38 @@ class UnreachableGoalError(ReachError, ValueRangeError):
         self.nearest = nearest
 
 
+class PlanError(Error, ValueError):
+    """There is no plan, or none was found.
+
+    Attributes
+    ----------
+    reason
+        ``start``, ``goal`` (nobody may be there), ``unreachable`` (nobody can), ``effort`` (no way was found), or
+        ``path`` (from no posture the hand can go all of its path).
+    pair
+        What is in the way, as ``table: panda_link5``, or the joint beyond its limit; empty if unknown.
+    nearest
+        The nearest configuration, shape (n,), or pose that was found; None if unknown.
+    sample
+        Of a path the first that is not reached; None of other plans.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        reason: str = "",
+        *,
+        pair: str = "",
+        nearest: object = None,
+        sample: int | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.reason = reason
+        self.pair = pair
+        self.nearest = nearest
+        self.sample = sample
+
+
 class ExistsError(Error, FileExistsError):
     """An output would overwrite something."""
 

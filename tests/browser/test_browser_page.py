@@ -153,7 +153,7 @@ def test_two_runs_in_a_browser(arm, browser):
 
         tab.get_by_role("slider").first.press("End")
         visit.until(lambda: serving.page.time == 2.0)
-        visit.until(lambda: "Ended by" in tab.content())
+        visit.until(lambda: ">Ended<" in tab.content())
         visit.until(lambda: difference(visit.scene(), start) > 0.02)  # the arms have moved
         end = visit.settled()
 

@@ -9,7 +9,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.browser import Track
-from dqcontrol.browser.layout import FIELD, extent, places, step_back, viewpoint
+from dqcontrol.browser.layout import ASPECT, FIELD, extent, places, step_back, viewpoint
 from dqcontrol.browser.numbers import numbers
 from dqcontrol.browser.robot_bodies import DARK, robot_shapes
 from dqcontrol.browser.run_view_model import wheel_angles
@@ -155,11 +155,11 @@ def test_wheels_roll_as_the_inputs_turn_them():
     rng = np.random.default_rng(seed)
     drive = dqc.DifferentialDrive(wheel_radius=0.05, half_track=0.2)
     body = dqc.WholeBody([drive, dqc.load_robot("panda")])
-    dt, inputs = 0.01, np.repeat(rng.uniform(-1, 1, (10, body.input_size)), 30, axis=0)
+    period, inputs = 0.01, np.repeat(rng.uniform(-1, 1, (10, body.input_size)), 30, axis=0)
     q = [np.zeros(body.configuration_size)]
     for u in inputs:
-        q.append(body.integrate(q[-1], u, dt))
-    turned = np.vstack([np.zeros(2), np.cumsum(dt * body.wheel_speeds(inputs)[:, :2], axis=0)])
+        q.append(body.integrate(q[-1], u, period))
+    turned = np.vstack([np.zeros(2), np.cumsum(period * body.wheel_speeds(inputs)[:, :2], axis=0)])
     assert wheel_angles(body, np.array(q)) == pytest.approx(turned, abs=1e-3), f"seed {seed}"
     record = sweep(body, q, np.vstack([inputs, inputs[-1:]]))
     track = Track("drive", body, record)
@@ -227,7 +227,7 @@ def test_runs_side_by_side_do_not_touch_and_the_viewer_sees_all():
     arm = dqc.load_robot("iiwa7")
     tracks = [Track(str(i), arm, sweep(arm, [np.full(7, 0.2 * i)] * 2)) for i in range(3)]
     box = extent(tracks)
-    position, middle = viewpoint(tracks, box)
+    position, middle = viewpoint(tracks[0].frames(0)[0, 4:], [track.target for track in tracks], box)
     assert np.linalg.norm(position - middle) > box.size
     assert position[2] > middle[2]
     apart = places(3, box, position - middle)
@@ -244,7 +244,7 @@ def test_runs_side_by_side_do_not_touch_and_the_viewer_sees_all():
     offset = (corners - middle + row[:, None]).reshape(-1, 3)
     depth = farther * np.linalg.norm(ahead) + offset @ ahead / np.linalg.norm(ahead)
     widest = np.abs(offset @ right / depth).max()
-    assert widest == pytest.approx(1.25 * np.tan(FIELD / 2))  # at the edge of a scene 5 : 4
+    assert widest == pytest.approx(ASPECT * np.tan(FIELD / 2))  # at the edge of the scene
 
 
 def test_both_hands_of_two_arms_are_shown_and_what_is_relative_where_it_is():

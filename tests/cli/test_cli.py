@@ -361,3 +361,31 @@ def test_a_loop_whose_matrix_is_not_finite_is_unstable():
     model = LinearModel(np.ones((1, 1)), np.full((1, 1), 0.01))
     with np.errstate(over="ignore", invalid="ignore"):
         assert np.isinf(model.poles(np.inf)).all()
+
+
+def test_plan_prints_the_way_and_what_is_proved_of_it(here, capsys):
+    spec = SPEC | {
+        "robot": "panda",
+        "start": [0, -0.8, 0, -2.4, 0, 1.6, 0.8],
+        "world": {"post": {"capsule": [0.05, 1.0], "position": [0.3, 0.2, 0.5]}},
+        "constraints": {"clear_of": "all", "acceleration": 10},
+        "reference": {"kind": "plan-to", "goal": {"configuration": [1.5, -0.8, 0, -2.4, 0, 1.6, 0.8]}},
+        "law": {"kind": "guided-proportional", "gain": 2},
+    }
+    (here / "spec.yaml").write_text(yaml.safe_dump(spec))
+    code, out, err = call("plan", "spec.yaml", capsys=capsys)
+    assert (code, err) == (0, "")
+    assert "panda: " in out
+    assert "85.9" in out  # 1.5 rad
+    assert re.search(
+        r"\d s; certified: least room \d\S* mm beyond what is asked \(post: panda_link\d\); \d+ edges, seed 0",
+        out,
+    )
+    (here / "spec.yaml").write_text(yaml.safe_dump(spec | {"start": [0.0, 0.6, 0.0, -1.2, 0.0, 1.6, 0.8]}))
+    code, out, err = call("plan", "spec.yaml", capsys=capsys)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith("dqcontrol: spec.yaml: reference: start: post: panda_link")
+    (here / "spec.yaml").write_text(yaml.safe_dump(SPEC))
+    code, out, err = call("plan", "spec.yaml", capsys=capsys)
+    assert (code, out) == (2, "")
+    assert "reference: expected kind plan-to, got " in err

@@ -14,7 +14,7 @@ import yaml
 
 from dqcontrol import cli
 from dqcontrol.algebra import translation
-from dqcontrol.cli.keyboard import Keyboard
+from dqcontrol.devices import Keyboard
 from dqcontrol.experiments import load_run
 from dqcontrol.references import load_points
 

@@ -31,6 +31,7 @@ NOT_RUN = {  # patterns of whole commands
     "dqcontrol learn .* --ros2 .*": "needs a robot behind topics: tests/ros2/test_repeated_motions.py",
     "dqcontrol jog .*": "waits for keys: tests/cli/test_cli_jog.py",
     "dqcontrol robots view .*": "waits for a browser: tests/browser/test_robot_page.py",
+    "dqcontrol play.*": "waits for a browser: tests/browser/test_play_page.py",
     "dqcontrol view .*": "waits for a browser: tests/browser/test_browser_page.py",
     "dqcontrol reproduce pereira2016(/spiral)?": "thousands of runs; two repeats of each are slow enough",
 }

@@ -8,7 +8,7 @@ from dqcontrol.experiments.verdict import Judge
 from dqcontrol.loop import Record
 from dqcontrol.loop.signals import Signal
 from dqcontrol.plants import MobilePlant
-from dqcontrol.plants.mobile.gripper import Gripper, GripperEvent
+from dqcontrol.plants.mujoco.gripper import Gripper, GripperEvent
 from dqcontrol.supervisor import KeepOutZones, Supervisor, WorkspaceBox
 from dqcontrol.world import Body, World
 
@@ -35,6 +35,9 @@ def recorded(robot, q, command=None, **readings):
 def said(record, robot, **other):
     """Return the words on a run, and in what way it failed."""
     return Judge(robot, **other).verdict(record, dqc.measures.evaluate(record, robot.limits, robot=robot))
+
+
+PRESSED = {"contact_force": 14.0, "penetration": 1.4e-3, "contact_link": 6.0}
 
 
 def to_and_fro(size):
@@ -113,7 +116,10 @@ def test_a_box_that_two_hands_let_go():
 @pytest.mark.parametrize(
     ("readings", "words"),
     [
-        ({"contact": np.outer(to_and_fro(14.0), [0, 0, 1])}, "touched: 14 N at 1 s; not reached: rests"),
+        (
+            {name: np.outer(to_and_fro(size), [1, 0]) for name, size in PRESSED.items()},
+            "hit contact_force 0: link_7 14 N, 1.4 mm deep at 1 s; not reached: rests",
+        ),
         (
             {"wheel_slip": np.outer(to_and_fro(0.4), [1, 0])},
             "slipping: wheels slide at up to 0.4 m/s, for ",
@@ -127,6 +133,7 @@ def test_why_a_goal_was_not_reached(readings, words):
     record = Record(
         TIME, record.q, record.q, record.command, record.pose, desired, ARM.joint_names, readings=record.readings
     )  # fmt: skip
-    words_, failure = said(record, ARM)
+    pad = Body(sphere=0.1, position=(5, 0, 0), stiffness=1e4)
+    words_, failure = said(record, ARM, world=World(bodies={"contact_force 0": pad}))
     assert words_.startswith(words)
     assert failure == "task"

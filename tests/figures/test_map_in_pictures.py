@@ -12,12 +12,13 @@ def test_the_map_of_a_planned_way_is_drawn(tmp_path):
         "robot": "little-john",
         "start": [0, 0, 0, 0, -0.9, 0.9, 0.9, 0],
         "period": 0.05,
-        "reference": {"kind": "drive-to", "offset": {"translation": [2.2, 0.1, 0]}, "map": str(hall)},
+        "reference": {"kind": "drive-to", "offset": {"translation": [2.2, 0.1, 0]}, "clear_of": "all"},
+        "world": {"hall": {"map": str(hall)}},
         "law": {"kind": "guided-proportional", "gain": 1},
         "plant": {"kind": "integrator"},
     }
     run = dqc.run(spec)
     assert run.surroundings is not None
-    assert run.surroundings.world.bodies["map"].map == str(hall)
+    assert run.surroundings.world.bodies["hall"].map == str(hall)
     figure = base_path(run.robot, {"": run.record}, run.surroundings)
     assert "obstacle" in [text.get_text() for text in figure.legends[0].get_texts()]

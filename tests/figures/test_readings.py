@@ -28,7 +28,7 @@ def test_forces_have_panels_with_units_and_what_was_zero_has_none():
     force = np.outer(TIME, [1.0, 2.0, 3.0])
     figure = readings(
         make(
-            contact=signal("contact", ("x", "y", "z"), "N", force),
+            contact_force=signal("contact_force", ("x", "y", "z"), "N", force),
             push=signal("push", ("x", "y", "z"), "N", 0 * force),
             payload=signal("payload", (), "kg", 0.5 + 0 * TIME),
             payload_estimate=signal("payload_estimate", (), "kg", 0.5 * TIME),

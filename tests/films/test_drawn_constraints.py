@@ -5,7 +5,7 @@ import pytest
 from obstacles import around, plane, sphere
 
 import dqcontrol as dqc
-from dqcontrol.constraints.kept_scene import KeptScene
+from dqcontrol.constraints.constraint_view import ConstraintView
 
 HOME = np.array([0.0, -0.3, 0.0, -2.0, 0.0, 1.8, 0.7])
 ARM = dqc.load_robot("panda")
@@ -28,7 +28,7 @@ def record(kept):
 
 
 def test_the_nearest_pair_is_that_of_the_row_with_least_room(kept, record):
-    scene = KeptScene(kept, ARM, 0.02)
+    scene = ConstraintView(kept, ARM, 0.02)
     assert [(thing.name, thing.is_zone) for thing in scene.things] == [
         ("ball", False),
         ("table", False),
@@ -51,7 +51,7 @@ def test_the_browser_draws_what_is_around_and_reddens_what_is_near(kept, record)
     from dqcontrol.browser.numbers import numbers
 
     track = Track("one", ARM, record, constraints=kept)
-    assert "Beyond what is asked: ball" in numbers([("one", "#000000", track.reading(70))])
+    assert "Clearance above margin, ball" in numbers([("one", "#000000", track.reading(70))])
     page = Page([track], 18090)
     try:
         around = page._runs[0]._around

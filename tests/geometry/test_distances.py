@@ -244,9 +244,9 @@ def brute_force(a, b, n=400):
         difference = (a.start - b.start) + s[..., None] * (a.end - a.start) - t[..., None] * (b.end - b.start)
         gaps = np.linalg.norm(difference, axis=-1)
         i, j = np.unravel_index(int(gaps.argmin()), gaps.shape)
-        least, ds, dt = gaps[i, j], (s1 - s0) / n, (t1 - t0) / n
+        least, ds, period = gaps[i, j], (s1 - s0) / n, (t1 - t0) / n
         s0, s1 = max(0, s[i, j] - 2 * ds), min(1, s[i, j] + 2 * ds)
-        t0, t1 = max(0, t[i, j] - 2 * dt), min(1, t[i, j] + 2 * dt)
+        t0, t1 = max(0, t[i, j] - 2 * period), min(1, t[i, j] + 2 * period)
     return least - a.radius - b.radius
 
 

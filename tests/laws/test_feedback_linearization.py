@@ -147,7 +147,7 @@ def test_moving_targets_are_followed_without_lag():
     turns = q + np.array([0, 1, -1, 0.5])[:, None] * np.array([0.2, 0.15, -0.2, 0.1, 0.2, -0.3, 0.4])
     path = dqc.references.StartRamp(dqc.references.ViaPoints([0, 1.5, 3.0, 4.5], arm.fkm(turns)), 1.0)
     law = FeedbackLinearization(stiffness=16.0, damping=4.0)
-    errors = [dqc.simulate(arm, path, law, Integrator(), q, dt).error.max() for dt in (0.01, 0.005)]
+    errors = [dqc.simulate(arm, path, law, Integrator(), q, period).error.max() for period in (0.01, 0.005)]
     assert errors[0] < 4e-3
     assert errors[1] == pytest.approx(errors[0] / 2, rel=0.05), "first order in T"
 

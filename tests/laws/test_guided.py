@@ -11,8 +11,6 @@ from dqcontrol.limits import CommandLimits, ModifiedClamping
 from dqcontrol.plants import Integrator
 from dqcontrol.references import DriveTo, SetPoint, random_goals
 
-pytestmark = pytest.mark.usefixtures("without_growth")
-
 HOME = np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0])
 AWAY = np.array([0.5, 0.4, 1.0, 0.3, 0.2, -0.2, 0.1, 0.4])
 SEED = 20261202

@@ -53,7 +53,7 @@ def test_command_is_the_definition(robot, form, law, sign):
         feed = algebra.adjoint_twist(algebra.multiply(x, algebra.conjugate(xd)), twist)
     if law is HInfinityTracking:
         wanted = wanted + feed
-    u = law(**GAINS, form=form).command(arm, q, dqc.Sample(sign * xd, twist), dt=0.01)
+    u = law(**GAINS, form=form).command(arm, q, dqc.Sample(sign * xd, twist), period=0.01)
     twist = np.linalg.inv(inertial_from_hand(arm, q)) @ wanted
     np.testing.assert_allclose(u, command(arm, q, twist), atol=1e-10)
 
@@ -64,16 +64,18 @@ def test_damped_inverse_acts_on_the_hand_s_twist():
     imaginary, position = relative_error(arm.fkm(START), sample.pose, "right")
     wanted = np.r_[-ORIENTATION * imaginary, -TRANSLATION * position]
     inverse, twist = DampedInverse(damping=0.1), np.linalg.inv(inertial_from_hand(arm, START)) @ wanted
-    u = HInfinity(**GAINS, inverse=inverse).command(arm, START, sample, dt=0.01)
+    u = HInfinity(**GAINS, inverse=inverse).command(arm, START, sample, period=0.01)
     np.testing.assert_allclose(u, command(arm, START, twist, inverse))
 
 
 @pytest.mark.parametrize("form", ["right", "left"])
 def test_rates(form):
     """|p_e| decays at k_T, tan(θ/4) at k_O/2; T = 1 ms turns k into −ln(1 − kT)/T."""
-    arm, dt = dqc.load_robot("iiwa7"), 1e-3
+    arm, period = dqc.load_robot("iiwa7"), 1e-3
     target = dqc.references.SetPoint(arm.fkm(START + 0.1 * np.array([1, -1, 1, 1, -1, 1, 1])))
-    record = dqc.simulate(arm, target, HInfinity(**GAINS, form=form), Integrator(), START, dt, duration=1.0)
+    record = dqc.simulate(
+        arm, target, HInfinity(**GAINS, form=form), Integrator(), START, period, duration=1.0
+    )
     imaginary, position = relative_error(record.pose, record.desired_pose, form)
     distance = np.linalg.norm(position, axis=1)
     angle = 2 * np.arcsin(np.linalg.norm(imaginary, axis=1))

@@ -15,8 +15,6 @@ from dqcontrol.references import SetPoint
 from dqcontrol.supervisor import Supervisor
 from dqcontrol_theses.variants import ClassicProportional
 
-pytestmark = pytest.mark.usefixtures("without_growth")
-
 T = 0.01
 Q0 = np.array([0.2, 0.6, 0.1, 1.6, -0.3, 0.9, 0.4])
 LAWS = [Proportional, ProportionalFeedforward, ClassicProportional, DecoupledProportional]
@@ -72,6 +70,7 @@ def test_integral_is_the_clamped_sum_of_the_error(law):
         np.testing.assert_allclose(velocity, frame @ (k * error + summed), atol=1e-12)
 
 
+@pytest.mark.usefixtures("without_growth")  # the target is nearly half a turn away
 def test_a_flip_of_the_sign_of_the_target_turns_what_is_summed_and_keeps_the_sum():
     prepared = Proportional(gain=1.0, integral_gain=1.0).prepare(ARM, None, T)
     state, pose = prepared.initial_state(Q0), dqc.DualQuaternion(ARM.fkm(Q0))

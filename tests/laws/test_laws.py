@@ -98,7 +98,7 @@ def test_command_is_the_pseudoinverse_of_the_task(make_arm, n, prismatic, gain):
                 target - feedforward(pose, desired, sample.twist),
             ),
         ):
-            u = law.command(arm, q, sample, dt=0.01)
+            u = law.command(arm, q, sample, period=0.01)
             wanted = [wanted_command(arm, q, desired, asked, inverse)]
             wanted += [pinv @ asked] if n >= 6 else []
             for each in wanted:
@@ -114,7 +114,9 @@ def test_task_matrix_is_the_derivative_of_the_error(make_arm, n):
             / (2 * h)
             for d in np.eye(n)
         ]
-        u = Proportional(gain=2.0, inverse=FilteredInverse(threshold=1e-5)).command(arm, q, sample, dt=0.01)
+        u = Proportional(gain=2.0, inverse=FilteredInverse(threshold=1e-5)).command(
+            arm, q, sample, period=0.01
+        )
         wanted = np.linalg.pinv(-np.array(columns).T, 1e-6) @ (2 * left_error(arm.fkm(q), sample.pose))
         assert u == pytest.approx(wanted, abs=1e-6 * max(1, np.abs(wanted).max()))
 
@@ -122,7 +124,7 @@ def test_task_matrix_is_the_derivative_of_the_error(make_arm, n):
 def test_error_derivative_with_feedforward_is_the_projected_decay(make_arm):
     for arm, q, sample in situations(make_arm, 7, (), 6):
         u = ProportionalFeedforward(gain=4.0, inverse=FilteredInverse(threshold=1e-5)).command(
-            arm, q, sample, dt=0.01
+            arm, q, sample, period=0.01
         )
         h = 1e-6
         ahead, behind = (
@@ -143,7 +145,7 @@ def test_error_derivative_with_feedforward_is_the_projected_decay(make_arm):
 def test_damped_inverse(make_arm, n, damping):
     for arm, q, sample in situations(make_arm, n, (), 5):
         inverse, target = DampedInverse(damping=damping), 2 * left_error(arm.fkm(q), sample.pose)
-        u = Proportional(gain=2.0, inverse=inverse).command(arm, q, sample, dt=0.01)
+        u = Proportional(gain=2.0, inverse=inverse).command(arm, q, sample, period=0.01)
         desired = short_desired(arm.fkm(q), sample.pose)
         assert u == pytest.approx(wanted_command(arm, q, desired, target, inverse), abs=1e-9)
 
@@ -157,7 +159,7 @@ def test_filtered_inverse_whatever_its_threshold(make_arm, n, prismatic):
         target = 2 * left_error(arm.fkm(q), sample.pose)
         for factor in (0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 1.01, 1.1, 2, 10):
             inverse = FilteredInverse(threshold=factor * smallest, damping=0.05)
-            u = Proportional(gain=2.0, inverse=inverse).command(arm, q, sample, dt=0.01)
+            u = Proportional(gain=2.0, inverse=inverse).command(arm, q, sample, period=0.01)
             wanted = wanted_command(arm, q, desired, target, inverse)
             assert np.abs(u - wanted).max() < 1e-10 * max(1, 1 / smallest**2)
 
@@ -168,7 +170,7 @@ def test_filtered_inverse_is_continuous_at_its_threshold(make_arm):
         below, above = (
             Proportional(
                 gain=2.0, inverse=FilteredInverse(threshold=sigma * (1 + side), damping=0.05)
-            ).command(arm, q, sample, dt=0.01)
+            ).command(arm, q, sample, period=0.01)
             for side in (-1e-9, 1e-9)
         )
         assert below == pytest.approx(above, abs=1e-6 * max(1, np.abs(below).max()))
@@ -207,10 +209,10 @@ def test_through_a_singularity(law):
 def test_a_pose_and_its_negative_are_one(make_arm, law):
     for arm, q, sample in situations(make_arm, 7, (), 8):
         opposite = Sample(-sample.data[:8], sample.twist)
-        u = law.command(arm, q, sample, dt=0.01)
-        assert law.command(arm, q, opposite, dt=0.01) == pytest.approx(u, abs=1e-11 * np.abs(u).max())
+        u = law.command(arm, q, sample, period=0.01)
+        assert law.command(arm, q, opposite, period=0.01) == pytest.approx(u, abs=1e-11 * np.abs(u).max())
         there = Sample(-arm.fkm(q))
-        assert np.abs(Proportional(gain=3.0).command(arm, q, there, dt=0.01)).max() < 1e-12
+        assert np.abs(Proportional(gain=3.0).command(arm, q, there, period=0.01)).max() < 1e-12
 
 
 def test_instant_motion_of_a_pure_rotation_and_a_pure_translation():
@@ -222,7 +224,7 @@ def test_instant_motion_of_a_pure_rotation_and_a_pure_translation():
         axis = rng.normal(size=3)
         axis /= np.linalg.norm(axis)
         turn = algebra.pose(np.concatenate([[np.cos(angle / 2)], np.sin(angle / 2) * axis]), [0, 0, 0])
-        u = Proportional(gain=3.0).command(arm, q, Sample(algebra.multiply(pose, turn)), dt=0.01)
+        u = Proportional(gain=3.0).command(arm, q, Sample(algebra.multiply(pose, turn)), period=0.01)
         omega = arm.twist_jacobian(q)[:3] @ u
         assert np.linalg.norm(omega) == pytest.approx(6 * np.sin(angle / 2), rel=1e-9)
         assert np.abs(arm.translation_jacobian(q) @ u).max() < 1e-9
@@ -231,7 +233,7 @@ def test_instant_motion_of_a_pure_rotation_and_a_pure_translation():
         )
     shift = np.array([0.05, -0.08, 0.03])
     desired = algebra.pose(algebra.rotation(pose), algebra.translation(pose) + shift)
-    u = Proportional(gain=3.0).command(arm, q, Sample(desired), dt=0.01)
+    u = Proportional(gain=3.0).command(arm, q, Sample(desired), period=0.01)
     assert arm.translation_jacobian(q) @ u == pytest.approx(3 * shift, abs=1e-12)
     assert np.abs(arm.twist_jacobian(q)[:3] @ u).max() < 1e-12
 
@@ -253,10 +255,10 @@ def test_scheduled_gain_is_that_of_the_sample_time(make_arm):
     for time, gain in ((0.0, 2.0), (0.1, 2.0), (0.15, 3.0), (0.2, 4.0), (0.3, 6.0), (50.0, 6.0)):
         sample = Sample(desired, time=time)
         u = law.command(q, sample, law.initial_state(q))
-        assert u == pytest.approx(gain * constant.command(arm, q, sample, dt=0.01), rel=1e-12)
+        assert u == pytest.approx(gain * constant.command(arm, q, sample, period=0.01), rel=1e-12)
     for early in (Schedule([-2.0], [3.0]), Schedule([-2.0, -1.0], [1.0, 3.0])):
-        u = Proportional(gain=early).command(arm, q, Sample(desired), dt=0.01)
-        assert u == pytest.approx(3 * constant.command(arm, q, Sample(desired), dt=0.01), rel=1e-12)
+        u = Proportional(gain=early).command(arm, q, Sample(desired), period=0.01)
+        assert u == pytest.approx(3 * constant.command(arm, q, Sample(desired), period=0.01), rel=1e-12)
 
 
 def test_hysteresis_keeps_the_sign_until_the_real_part_has_passed_it(make_arm):

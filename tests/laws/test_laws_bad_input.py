@@ -76,7 +76,7 @@ def test_hysteresis(bad):
 
 @pytest.mark.parametrize("bad", [0, -0.01, float("nan"), "a"])
 def test_period(make_arm, bad):
-    with pytest.raises(Error, match=r"^dt: (must be > 0|must be finite|expected real numbers), got"):
+    with pytest.raises(Error, match=r"^period: (must be > 0|must be finite|expected real numbers), got"):
         Proportional(gain=1.0).prepare(make_arm(6), None, bad)
 
 
@@ -109,7 +109,7 @@ def test_lists_integers_and_foreign_layouts_are_configurations(make_arm):
     frozen.flags.writeable = False
     for same in (q.tolist(), q.astype(int), q.astype(np.float32), np.repeat(q, 2)[::2], frozen):
         assert np.array_equal(law.command(same, sample, law.initial_state(q)), wanted)
-        assert np.array_equal(Proportional(gain=1.0).command(arm, same, sample, dt=0.01), wanted)
+        assert np.array_equal(Proportional(gain=1.0).command(arm, same, sample, period=0.01), wanted)
     out = np.empty(6)
     assert law.command(q, sample, law.initial_state(q), out) is out
     assert np.array_equal(out, wanted)
@@ -138,7 +138,7 @@ def test_a_command_that_overflows_is_an_error(make_arm, n, inverse):
     law = Proportional(gain=1.7e308, inverse=inverse)
     for sample in (Sample([0, 1, 0, 0, 0, 0, 1e3, 0]), Sample([0, 0, 0, 1, 0, 0, 0, 0])):
         with pytest.raises(DivergedError, match=r"^the command is not finite$"):
-            law.command(arm, q, sample, dt=0.01)
+            law.command(arm, q, sample, period=0.01)
 
 
 def test_laws_are_frozen():

@@ -147,12 +147,14 @@ def test_manipulability_gradient_is_the_derivative(seed):
 
 def run(law, q0, seconds=4.0, limits=None, interpreted=False, hand=None):
     arm = dqc.load_robot("iiwa7")
-    dt = 0.01
-    steps = round(seconds / dt)
+    period = 0.01
+    steps = round(seconds / period)
     target = dqc.references.SetPoint(arm.fkm(q0) if hand is None else hand)
-    prepared = law.prepare(arm, target, dt, limits)
-    plant = Integrator().start(arm, q0, dt, steps, 0)
-    return arm, close_loop(prepared, plant, target.samples(dt * np.arange(steps)), interpreted=interpreted)
+    prepared = law.prepare(arm, target, period, limits)
+    plant = Integrator().start(arm, q0, period, steps, 0)
+    return arm, close_loop(
+        prepared, plant, target.samples(period * np.arange(steps)), interpreted=interpreted
+    )
 
 
 def test_manipulability_ascends_while_the_hand_rests():
@@ -181,13 +183,13 @@ def test_posture_is_approached_while_the_hand_rests():
 
 def test_open_loop_drifts_and_closed_loop_does_not():
     arm = dqc.load_robot("iiwa7")
-    q0, dt = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0.0]), 0.01
+    q0, period = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0.0]), 0.01
     circle = dqc.references.Circle(arm.fkm(q0), radius=0.07, duration=6.0)
-    samples = circle.samples(dt * np.arange(600))
+    samples = circle.samples(period * np.arange(600))
     ends = {}
     for name, law in {"open": OpenLoop(), "closed": ProportionalFeedforward(gain=5.0)}.items():
-        plant = Integrator().start(arm, q0, dt, 600, 0)
-        ends[name] = close_loop(law.prepare(arm, circle, dt), plant, samples).q[-1]
+        plant = Integrator().start(arm, q0, period, 600, 0)
+        ends[name] = close_loop(law.prepare(arm, circle, period), plant, samples).q[-1]
     error = {k: np.linalg.norm(arm.fkm(q)[4:] - samples[-1, 4:8]) for k, q in ends.items()}
     assert error["open"] > 3 * error["closed"]
 
@@ -195,16 +197,18 @@ def test_open_loop_drifts_and_closed_loop_does_not():
 @pytest.mark.parametrize("name", ["classic", "K", "decoupled"])
 def test_position_error_decays_at_the_gain(name):
     arm = dqc.load_robot("iiwa7")
-    q0, dt, k = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0.0]), 1e-3, 3.0
+    q0, period, k = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0.0]), 1e-3, 3.0
     hand = algebra.pose(
         algebra.rotation(arm.fkm(q0)), algebra.translation(arm.fkm(q0)) + np.array([0.002, 0.001, -0.002])
     )
     target = dqc.references.SetPoint(hand)
-    law = msgspec.structs.replace(LAWS[name], gain=k).prepare(arm, target, dt)
-    trace = close_loop(law, Integrator().start(arm, q0, dt, 1000, 0), target.samples(dt * np.arange(1000)))
+    law = msgspec.structs.replace(LAWS[name], gain=k).prepare(arm, target, period)
+    trace = close_loop(
+        law, Integrator().start(arm, q0, period, 1000, 0), target.samples(period * np.arange(1000))
+    )
     error = np.linalg.norm(algebra.translation(arm.fkm(trace.q)) - algebra.translation(hand), axis=1)
-    rate = -np.log(error[999] / error[0]) / (999 * dt)
-    assert rate == pytest.approx(-np.log(1 - k * dt) / dt, abs=2e-3)  # 3.0045
+    rate = -np.log(error[999] / error[0]) / (999 * period)
+    assert rate == pytest.approx(-np.log(1 - k * period) / period, abs=2e-3)  # 3.0045
 
 
 def test_axis_law_leaves_the_rest_of_the_pose_alone():

@@ -91,9 +91,9 @@ def test_pieces_against_ode():
 def test_tracking_sweep_against_ode(arm):
     """P and ξ of a moving reference, at the loop gain where one Euler step a sample oscillates."""
     circle = dqc.references.Circle(arm.fkm(START), radius=0.07, duration=1.0)
-    dt = 0.008
+    period = 0.008
     law = LinearQuadraticR8(error_weight=270.0, control_weight=0.01, final_weight=0.3)
-    rows = law.rows(arm, circle, dt)
+    rows = law.rows(arm, circle, period)
     count = len(rows)
 
     def velocity(tau):
@@ -108,7 +108,7 @@ def test_tracking_sweep_against_ode(arm):
         270 * eye,
         0.01 * eye,
         0.3 * eye,
-        dt * np.arange(count),
+        period * np.arange(count),
         lambda tau: algebra.hamilton_minus(velocity(tau)),
         lambda tau: -velocity(tau),
     )
@@ -169,16 +169,16 @@ def test_lqr_in_dual_quaternions_decays_at_kappa(arm, form):
 
 def test_lqr_in_dual_quaternions_is_the_optimum_of_the_pose_problem(arm):
     """Simulated cost = value function; other gains and the sin form cost more."""
-    end, q, r, dt = 1.5, 4.0, 0.5, 5e-4
+    end, q, r, period = 1.5, 4.0, 0.5, 5e-4
     target = ENDLESS(algebra.multiply(algebra.pose([0.96, 0.28, 0, 0], [0.05, -0.1, 0.05]), arm.fkm(START)))
 
     def cost(law):
-        record = dqc.simulate(arm, target, law, Integrator(), START, dt, duration=end)
+        record = dqc.simulate(arm, target, law, Integrator(), START, period, duration=end)
         x = algebra.short(algebra.multiply(record.pose, algebra.conjugate(record.desired_pose)))
         y = np.hstack([2 * algebra.log_body(x)[:, :3], algebra.translation(x)])
         u = np.einsum("kij,kj->ki", arm.twist_jacobian(record.q), record.command)
         running = q * (y**2).sum(1) + r * (u**2).sum(1)
-        return 0.5 * dt * running[:-1].sum(), y
+        return 0.5 * period * running[:-1].sum(), y
 
     best, y = cost(LinearQuadraticDQ(error_weight=q, control_weight=r, horizon_time=end))
     value = (

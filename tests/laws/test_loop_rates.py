@@ -26,8 +26,6 @@ from dqcontrol.laws.linear_quadratic import pose_feedback
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol_theses.variants import Cascade, ClassicProportional, PublishedLinearization
 
-pytestmark = pytest.mark.usefixtures("without_growth")
-
 SEED = 20260732
 T = 0.01
 Q0 = np.array([0.2, 0.6, 0.1, 1.6, -0.3, 0.9, 0.4])

@@ -129,23 +129,25 @@ def test_cost_of_the_linear_tracking_model_is_the_value_function(arm):
     print(f"seed {SEED}")
     rng = np.random.default_rng(SEED)
     q, r, s = 5 * definite(rng, 8), definite(rng, 8), definite(rng, 8)
-    path, dt = turning_path(arm, 1.0), 1e-3
+    path, period = turning_path(arm, 1.0), 1e-3
     law = LinearQuadraticR8(error_weight=q.tolist(), control_weight=r.tolist(), final_weight=s.tolist())
-    rows = law.rows(arm, path, dt)
+    rows = law.rows(arm, path, period)
     gains, offsets = rows[:, FIRST : FIRST + 64].reshape(-1, 8, 8), rows[:, FIRST + 64 : FIRST + 72]
-    velocity = rates(path, np.minimum(dt * np.arange(len(rows)), path.duration - 1e-8))  # it ends at speed
+    velocity = rates(
+        path, np.minimum(period * np.arange(len(rows)), path.duration - 1e-8)
+    )  # it ends at speed
     drift, c = algebra.hamilton_minus(velocity), -velocity
     e0 = 0.1 * rng.standard_normal(8)
     xi = offsets @ r
-    zeta = np.trapezoid(2 * (xi * c).sum(1) - (xi * offsets).sum(1), dx=dt)
+    zeta = np.trapezoid(2 * (xi * c).sum(1) - (xi * offsets).sum(1), dx=period)
     value = 0.5 * e0 @ r @ gains[0] @ e0 + xi[0] @ e0 + 0.5 * zeta
-    cost = linear_cost(e0, q, r, s, gains, offsets, drift, c, 2 * dt)
+    cost = linear_cost(e0, q, r, s, gains, offsets, drift, c, 2 * period)
     print(f"cost {cost:.8g}, value {value:.8g}")
     assert cost == pytest.approx(value, rel=1e-5)
-    without_preview = linear_cost(e0, q, r, s, gains, 0 * offsets, drift, c, 2 * dt)
+    without_preview = linear_cost(e0, q, r, s, gains, 0 * offsets, drift, c, 2 * period)
     assert without_preview > value * (1 + 1e-3), "the preview is worth something"
     for scale in (0.9, 1.1):
-        assert linear_cost(e0, q, r, s, scale * gains, offsets, drift, c, 2 * dt) > value * (1 + 1e-4)
+        assert linear_cost(e0, q, r, s, scale * gains, offsets, drift, c, 2 * period) > value * (1 + 1e-4)
 
 
 @pytest.mark.parametrize("angle", [0.1, 0.5, 1.0, 2.0])
@@ -156,11 +158,11 @@ def test_an_arm_pays_more_than_the_linear_model_by_the_projection(arm, angle):
     target = SetPoint(algebra.multiply(arm.fkm(START), turn))
     law = LinearQuadraticR8(error_weight=q, control_weight=r)
     costs = []
-    for dt in (2e-3, 1e-3):
-        record = dqc.simulate(arm, target, law, Integrator(), START, dt, duration=6.0)
+    for period in (2e-3, 1e-3):
+        record = dqc.simulate(arm, target, law, Integrator(), START, period, duration=6.0)
         task = algebra.hamilton_minus(target.pose) @ CONJUGATE @ arm.pose_jacobian(record.q)
         u = np.einsum("kij,kj->ki", task, record.command)
-        costs.append(0.5 * dt * (q * record.error**2 + r * (u**2).sum(axis=1)).sum())
+        costs.append(0.5 * period * (q * record.error**2 + r * (u**2).sum(axis=1)).sum())
     cost = 2 * costs[1] - costs[0]  # as T → 0
     phi = angle / 4
     gap = (0.5 * math.sin(phi) ** 2 - math.log(math.cos(phi))) / math.sin(phi) ** 2 - 1
@@ -205,7 +207,7 @@ def test_pieces_of_matrix_weights_against_a_library(arm, law, size, tolerance):
     """Q and R change at times of their own, S ≠ 0, and at first there is an error that costs nothing."""
     print(f"seed {SEED}")
     rng = np.random.default_rng(SEED)
-    dt, end, q_starts, r_starts = 0.01, 1.0, [0.0, 0.3, 0.7], [0.0, 0.5]
+    period, end, q_starts, r_starts = 0.01, 1.0, [0.0, 0.3, 0.7], [0.0, 0.5]
     qs, rs = [4 * definite(rng, size) for _ in q_starts], [definite(rng, size) for _ in r_starts]
     qs[0] -= np.linalg.eigvalsh(qs[0])[0] * np.eye(size)
     s, path = definite(rng, size), turning_path(arm, end)
@@ -221,8 +223,8 @@ def test_pieces_of_matrix_weights_against_a_library(arm, law, size, tolerance):
         control_weight=Steps(r_starts, [r.tolist() for r in rs]),
         final_weight=s.tolist(),
     )
-    rows = tuned.rows(arm, path, dt)
-    times = dt * np.arange(len(rows))
+    rows = tuned.rows(arm, path, period)
+    times = period * np.arange(len(rows))
     p, xi = solved(
         weights_at,
         s,
@@ -249,11 +251,11 @@ def test_pieces_of_matrix_weights_against_a_library(arm, law, size, tolerance):
 @pytest.mark.parametrize("final", [0.0, 0.2, 3.0, 40.0])
 def test_the_gain_of_a_horizon_falls_to_the_final_weight_in_its_last_seconds(arm, law, final):
     """k(τ) = κ (s + w tanh κτ)/(w + s tanh κτ): s/r at the end, within 1 % of κ all but the last 3/κ seconds."""
-    q, r, end, dt = 25.0, 0.25, 2.0, 0.01
+    q, r, end, period = 25.0, 0.25, 2.0, 0.01
     kappa, w = math.sqrt(q / r), math.sqrt(q * r)
     tuned = law(error_weight=q, control_weight=r, final_weight=final, horizon_time=end)
-    gains = tuned.rows(arm, SetPoint(arm.fkm(START)), dt)[:, FIRST]
-    to_go = end - dt * np.arange(201)
+    gains = tuned.rows(arm, SetPoint(arm.fkm(START)), period)[:, FIRST]
+    to_go = end - period * np.arange(201)
     rise = np.tanh(kappa * to_go)
     assert gains == pytest.approx(kappa * (final + w * rise) / (w + final * rise), rel=2e-4, abs=1e-9)
     assert gains[-1] == pytest.approx(final / r)

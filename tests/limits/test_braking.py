@@ -8,10 +8,10 @@ from dqcontrol.limits.braking import fastest_stoppable, surely_stops
 def test_what_surely_stops_does():
     rng, sure = np.random.default_rng(20261122), 0
     for _ in range(20_000):
-        dt, acceleration, rate = 10 ** rng.uniform([-9, -3, -6], [-1, 5, 3])
-        room = rate * (rate / (2 * acceleration) + dt) * 10 ** rng.uniform(-0.1, 0.1)
-        if surely_stops(room, rate, acceleration, dt):
-            assert fastest_stoppable(room, acceleration, dt) >= rate
+        period, acceleration, rate = 10 ** rng.uniform([-9, -3, -6], [-1, 5, 3])
+        room = rate * (rate / (2 * acceleration) + period) * 10 ** rng.uniform(-0.1, 0.1)
+        if surely_stops(room, rate, acceleration, period):
+            assert fastest_stoppable(room, acceleration, period) >= rate
             sure += 1
     assert sure > 5_000
 

@@ -12,18 +12,18 @@ from dqcontrol.limits.lag_weights import lag_weights
 @pytest.mark.parametrize("share", [0.2, 0.7, 1.0])
 def test_weights_are_those_of_the_lag_s_solution(share, lag):
     """τ ẋ = older − x for the first share of the period, then newer − x."""
-    older, newer, start, dt = 0.3, -0.4, 0.1, 0.01
+    older, newer, start, period = 0.3, -0.4, 0.1, 0.01
     x = [start]
-    for target, seconds in ((older, share * dt), (newer, (1 - share) * dt)):
+    for target, seconds in ((older, share * period), (newer, (1 - share) * period)):
         if seconds:
             path = solve_ivp(
                 lambda _, x, target=target: (target - x) / lag, (0, seconds), x, rtol=1e-11, atol=1e-13
             )
             x = path.y[:, -1]
-    oldest, decay = lag_weights(share, lag, dt)
+    oldest, decay = lag_weights(share, lag, period)
     goal = oldest * older + (1 - oldest) * newer
     assert goal + decay * (start - goal) == pytest.approx(x[0], abs=1e-9)
-    assert decay == pytest.approx(math.exp(-dt / lag))
+    assert decay == pytest.approx(math.exp(-period / lag))
 
 
 def test_joints_without_lag_are_where_their_newest_target_is():

@@ -39,20 +39,20 @@ def test_rates_from_which_braking_ends_in_time():
     print(f"seed {SEED}")
     rng = np.random.default_rng(SEED)
     rate_of = fastest_stoppable
-    for room, a, dt in zip(
+    for room, a, period in zip(
         10 ** rng.uniform(-6, 1, 300),
         10 ** rng.uniform(-1, 2, 300),
         10 ** rng.uniform(-3, -1.5, 300),
         strict=True,
     ):
 
-        def distance(v, a=a, dt=dt):
+        def distance(v, a=a, period=period):
             total = 0.0
             while v > 0:
-                total, v = total + dt * v, v - a * dt
+                total, v = total + period * v, v - a * period
             return total
 
-        fastest = rate_of(room, a, dt)
+        fastest = rate_of(room, a, period)
         assert distance(fastest) == pytest.approx(room, rel=1e-9)
         assert distance(fastest * (1 + 1e-6)) > room
     assert rate_of(0.0, 1.0, T) == rate_of(-1.0, 1.0, T) == rate_of(1.0, 0.0, T) == 0

@@ -73,7 +73,7 @@ class Episode:
     def __init__(self, rng, robot):
         self.rng, self.robot = rng, robot
         self.n, self.m = robot.configuration_size, robot.input_size
-        self.dt = dt = (
+        self.period = period = (
             float(10 ** rng.uniform(-9, -1)) if rng.random() < 0.5 else float(10 ** rng.uniform(-3, -1))
         )
         acceleration = (
@@ -83,13 +83,13 @@ class Episode:
         options = {"acceleration": acceleration if np.isscalar(acceleration) else acceleration.tolist()}
         largest = np.max(acceleration)
         if rng.random() < 0.3:
-            self.jerk = options["jerk"] = float(2 * largest / (dt * rng.integers(1, 40)))
+            self.jerk = options["jerk"] = float(2 * largest / (period * rng.integers(1, 40)))
         else:
             self.jerk = np.inf
         singular = float(rng.choice([0.0, 0.0, 0.05, 0.2]))
         q = rng.uniform(-1, 1, self.n)
         hand = algebra.translation(robot.fkm(q))
-        reach = speed / (np.min(acceleration) * dt)  # periods of braking
+        reach = speed / (np.min(acceleration) * period)  # periods of braking
         self.box = self.hand_speed = None
         if reach < 60 and rng.random() < 0.4 and not len(robot.drives):
             self.box = WorkspaceBox(
@@ -97,12 +97,12 @@ class Episode:
             )
         if reach < 60 and rng.random() < 0.2:
             self.hand_speed = float(10 ** rng.uniform(-2, 0.5))
-        self.ramp = float(rng.choice([0.0, 0.05])) if dt > 1e-4 else 0.0
+        self.ramp = float(rng.choice([0.0, 0.05])) if period > 1e-4 else 0.0
         self.supervisor = Supervisor(
             velocity=float(speed), slow_below=singular, hold_below=0.4 * singular, ramp=self.ramp,
             tracking_error=float(rng.choice([0.05, 0.3, 1e6])), workspace=self.box, hand_speed=self.hand_speed,
             overspeed=float(rng.choice([1.5, 1e9])), jump=float(rng.choice([0.05, 1e9])), **options,
-        ).prepare(robot, dt, rng.choice(["integrated", "measured"]))  # fmt: skip
+        ).prepare(robot, period, rng.choice(["integrated", "measured"]))  # fmt: skip
         self.bounds, self.moved = self.supervisor.bounds, robot.input_coordinates
         self.acceleration, self.joints = self.bounds.acceleration.copy(), self.bounds.is_joint != 0
         self.move_limits(q[self.moved], first=True)
@@ -134,9 +134,9 @@ class Episode:
             else np.array([0.957, 0.0, 0.003, 0.04, 0.0])
         )
         requests = rng.choice([GO, GO, STOP, RESET, END], count, p=p)
-        kinds = [0.0, self.dt, 5 * self.dt, np.nan, np.inf, -1.0]
+        kinds = [0.0, self.period, 5 * self.period, np.nan, np.inf, -1.0]
         ages = rng.choice(kinds, count, p=[0.9, 0.088, 0.003, 0.003, 0.003, 0.003])
-        spans = [self.dt, 1.4 * self.dt, 0.1 * self.dt, 3.0, np.nan, -1.0, np.inf]
+        spans = [self.period, 1.4 * self.period, 0.1 * self.period, 3.0, np.nan, -1.0, np.inf]
         elapsed = rng.choice(spans, count, p=[0.9, 0.0492, 0.0492, 0.0004, 0.0004, 0.0004, 0.0004])
         measured = np.full(count, HONEST)
         for kind, share in ((FROZEN, 0.3), (JUMPING, 0.2), (ANYTHING, 0.1)):
@@ -147,7 +147,7 @@ class Episode:
 
     def noise(self, count):
         """Return how far measured joints are from where they were told to be: a little, but for rare spikes."""
-        noise = min(1e-4, 0.05 * self.speed * self.dt) * self.rng.standard_normal((count, self.m))
+        noise = min(1e-4, 0.05 * self.speed * self.period) * self.rng.standard_normal((count, self.m))
         return np.where(self.rng.random((count, 1)) < 1e-3, wild(self.rng, (count, self.m), 0.1), noise)
 
     def run(self, wanted, ages, elapsed, requests, measured, noise):
@@ -175,11 +175,13 @@ class Episode:
         every = np.vstack([self.rates, rates])
         change, bend = np.diff(every[1:], axis=0), np.diff(every, n=2, axis=0)
         rounding = 1e-9 * np.maximum(1e-3, np.abs(rates))
-        assert (np.abs(change) <= self.acceleration * self.dt * (1 + 1e-9) + rounding).all(), "acceleration"
-        assert (np.abs(bend) <= self.jerk * self.dt**2 * (1 + 1e-9) + 2 * rounding).all(), "jerk"
+        assert (np.abs(change) <= self.acceleration * self.period * (1 + 1e-9) + rounding).all(), (
+            "acceleration"
+        )
+        assert (np.abs(bend) <= self.jerk * self.period**2 * (1 + 1e-9) + 2 * rounding).all(), "jerk"
         path = np.vstack([self.before, positions])
         assert (
-            np.abs(np.diff(path, axis=0) - self.dt * rates)[:, self.joints] <= slack[:, self.joints]
+            np.abs(np.diff(path, axis=0) - self.period * rates)[:, self.joints] <= slack[:, self.joints]
         ).all()
         if (self.box or self.hand_speed) and self.joints.all():
             hands = algebra.translation(self.robot.fkm(path))
@@ -190,9 +192,9 @@ class Episode:
                 assert (within[1:] | said).all(), "box"
             if self.hand_speed:
                 speeds = np.linalg.norm(np.diff(hands, axis=0), axis=1)
-                assert ((speeds <= 1.1 * self.hand_speed * self.dt * (1 + 1e-6) + 1e-9) | said[:, 0]).all(), (
-                    "hand"
-                )
+                assert (
+                    (speeds <= 1.1 * self.hand_speed * self.period * (1 + 1e-6) + 1e-9) | said[:, 0]
+                ).all(), "hand"
         assert ((codes[stopped] & STOPS) != 0).all(), "a stop without a name"
         assert all(stop_category(code) in (1, 2) for code in np.unique(codes[stopped]))
         assert not inputs[rests & (self.bounds.head[layout.FROM_MEASURED] == 0)].any(), (
@@ -210,9 +212,11 @@ class Episode:
         rate = np.abs(layout.state_layout(self.state, self.n, self.m).rate)
         if request == END:  # which may become faster before it slows down
             rate = rate + np.minimum(self.bounds.velocity, self.acceleration * self.ramp)
-        count = int((rate / (self.acceleration * self.dt)).max() + self.window + 2 * self.ramp / self.dt + 20)
+        count = int(
+            (rate / (self.acceleration * self.period)).max() + self.window + 2 * self.ramp / self.period + 20
+        )
         wanted, ages, elapsed, _, measured, noise = self.events(count)
-        ages[:], elapsed[:], measured[:] = 0.0, self.dt, HONEST
+        ages[:], elapsed[:], measured[:] = 0.0, self.period, HONEST
         assert self.run(wanted, ages, elapsed, np.full(count, request), measured, np.zeros_like(noise)), (
             "ends in motion"
         )

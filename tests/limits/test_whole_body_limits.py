@@ -189,17 +189,17 @@ def test_a_car_that_reverses_in_a_curve_keeps_its_accelerations(jerk):
     """Its ω follows v there: braking at v's own limit would turn it 1.8 times as hard as it may."""
     base = dqc.robots.CarLikeBase(0.1, 0.2, wheelbase=0.5, steering_limit=0.5, rim_speed=2.0)
     car, rng = dqc.WholeBody([base]).in_form("constrained"), np.random.default_rng(5)
-    most, dt = np.array([1.0, 0.6]), 0.01
-    supervisor = dqc.supervisor.Supervisor(acceleration=most.tolist(), jerk=jerk).prepare(car, dt)
+    most, period = np.array([1.0, 0.6]), 0.01
+    supervisor = dqc.supervisor.Supervisor(acceleration=most.tolist(), jerk=jerk).prepare(car, period)
     q, before, change = np.zeros(3), np.zeros(2), np.zeros(2)
     state, wanted, fastest = supervisor.start(q), np.zeros(2), 0.0
     for k in range(3000):
         if k % 100 == 0:
             wanted = rng.uniform(-2, 2, 2)
         u = supervisor.command(q, wanted, state)
-        assert (np.abs(u - before) <= most * dt * (1 + 1e-9)).all(), k
+        assert (np.abs(u - before) <= most * period * (1 + 1e-9)).all(), k
         if jerk:
-            assert np.abs(u - before - change).max() <= jerk * dt**2 * (1 + 1e-9), k
-        q, change, before = car.integrate(q, u, dt), u - before, u
+            assert np.abs(u - before - change).max() <= jerk * period**2 * (1 + 1e-9), k
+        q, change, before = car.integrate(q, u, period), u - before, u
         fastest = max(fastest, float(abs(u[1])))
     assert fastest > 0.5, "it turns"

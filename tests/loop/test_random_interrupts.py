@@ -20,12 +20,10 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.cli.jog_command import _drive
-from dqcontrol.cli.keyboard import Keyboard
-from dqcontrol.loop import Clock, Supervision, close_loop
+from dqcontrol.devices import Jog, Keyboard
+from dqcontrol.loop import Clock, Live, Supervision, close_loop
 from dqcontrol.loop.clock import allows_real_time, real_time
-from dqcontrol.loop.control import warm_up
 from dqcontrol.loop.interrupts import first_interrupt
-from dqcontrol.loop.jog import Jog
 from dqcontrol.loop.targets import Speeds
 from dqcontrol.supervisor import Supervisor
 
@@ -38,6 +36,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL, signal.SIGSTOP)
 WORD = struct.Struct("15d")  # time, joints, command
 
 ARM = dqc.load_robot("iiwa7")
+JOGGED, GUARD = dqc.laws.ProportionalFeedforward(gain=2.0), Supervisor(ramp=0.0, acceleration=4.0)
 
 
 class Robot:
@@ -57,18 +56,17 @@ def prepared():
     circle = dqc.references.Circle(ARM.fkm(Q0), radius=0.05, duration=4 * np.pi, turns=2)  # 0.05 m/s
     samples = circle.samples(T * np.arange(1200))
     law = dqc.laws.Proportional(gain=2.0).prepare(ARM, circle, T)
-    jogging = dqc.laws.ProportionalFeedforward(gain=2.0).prepare(ARM, None, T)
-    guard = Supervisor(ramp=0.0, acceleration=4.0).prepare(ARM, T)
+    guard = GUARD.prepare(ARM, T)
     plant = dqc.plants.Integrator().start(ARM, Q0, T, 5, 0)
     close_loop(law, plant, samples[:5], interpreted=True, supervision=Supervision(guard, Q0))
-    warm_up(jogging, guard, Q0, samples[0])
-    return law, jogging, guard, samples
+    Live(ARM, JOGGED, dqc.plants.Integrator(), T, start=Q0)
+    return law, guard, samples
 
 
 def drive(kind, pipe, terminal, parts, folder):
     """Be the process that is interrupted."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    law, jogging, guard, samples = parts
+    law, guard, samples = parts
     robot, priority = Robot(pipe), PRIORITY if allows_real_time(PRIORITY) else None
     if kind == "run":
         clock = Clock(overrun="skip", priority=priority)
@@ -78,8 +76,9 @@ def drive(kind, pipe, terminal, parts, folder):
         os.dup2(terminal, stream)
     # Those of pytest are no terminal.
     sys.stdin, sys.stdout = os.fdopen(0, closefd=False), os.fdopen(1, "w", closefd=False)
-    driven, keyboard = Jog(jogging, guard, robot, None, Speeds(2 * SPEED, 0.5)), Keyboard()
-    with keyboard, first_interrupt(driven.end), real_time(priority) if priority else nullcontext():
+    live = Live(ARM, JOGGED, robot, T, supervisor=GUARD, speeds=Speeds(2 * SPEED, 0.5))
+    driven, keyboard = Jog(live), Keyboard()
+    with keyboard, first_interrupt(live.end), real_time(priority) if priority else nullcontext():
         _drive(driven, keyboard, folder)
 
 

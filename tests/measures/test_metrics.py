@@ -3,8 +3,9 @@ import json
 import numpy as np
 import pytest
 
+import dqcontrol as dqc
 from dqcontrol.errors import ShapeError, ValueRangeError
-from dqcontrol.loop.record import Record
+from dqcontrol.loop.record import Record, part_of
 from dqcontrol.measures.metrics import evaluate
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.serial_arm import SerialArm
@@ -201,3 +202,49 @@ def test_a_run_starts_on_its_target_if_its_first_error_is_less_than_a_tenth_of_t
     found = evaluate(record(time, along_x(0.1 * x)))
     assert np.isfinite(found.settling_band) == starts_off
     assert np.isfinite(found.position_overshoot) == starts_off
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 251])
+def test_one_pass_finds_what_numpy_finds_signal_by_signal(count):
+    arm, start = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
+    circle = dqc.references.Circle(arm.fkm(start + 0.1), radius=0.05, duration=2.0)
+    plant = dqc.plants.Servo(encoder_noise=1e-3)
+    record = part_of(
+        dqc.simulate(arm, circle, dqc.laws.Proportional(gain=5.0), plant, start, 0.01, 2.5), 0, count
+    )
+    found = evaluate(record, arm.limits)
+    intervals = np.diff(record.time)
+    away = np.linalg.norm(record.desired_position - record.position, axis=1) * 1e3
+    speed = np.linalg.norm(np.diff(record.position, axis=0), axis=1) / intervals
+    commands = np.linalg.norm(record.command[:-1], axis=1)
+    assert found.position.peak == pytest.approx(away.max())
+    assert found.orientation.final == pytest.approx(np.degrees(record.orientation_error[-1]))
+    assert found.error.peak == pytest.approx(record.error.max())
+    if count == 1:
+        assert np.isnan([found.position.mean, found.hand_speed.peak, found.saturation]).all()
+        return
+    duration = intervals.sum()
+    assert found.position.mean == pytest.approx(np.trapezoid(away, record.time) / duration)
+    exact = np.sum(intervals * (away[1:] ** 2 + away[1:] * away[:-1] + away[:-1] ** 2) / 3)
+    assert found.position.rms == pytest.approx(np.sqrt(exact / duration))
+    assert found.hand_speed.integral == pytest.approx(np.sum(speed * intervals))
+    assert found.control.rms == pytest.approx(np.sqrt(np.sum(commands**2 * intervals) / duration))
+    assert found.effort == pytest.approx(np.sqrt(np.sum(commands**2 * intervals)))
+    shares = np.abs(record.command[:-1]) / arm.limits.velocity
+    assert found.peak_velocity_share == pytest.approx(shares.max())
+    assert found.saturation == np.mean(shares.max(axis=1) >= 1 - 1e-9)
+
+
+def test_speeds_that_fit_no_inputs_are_named():
+    arm, car = dqc.load_robot("iiwa7"), dqc.load_robot("youbot")
+    record = dqc.simulate(
+        arm,
+        dqc.references.SetPoint(arm.fkm(np.full(7, 0.3))),
+        dqc.laws.Proportional(gain=1.0),
+        dqc.plants.Integrator(),
+        np.full(7, 0.3),
+        0.01,
+        0.1,
+    )
+    with pytest.raises(ShapeError, match="limits: expected 7"):
+        evaluate(record, car.limits)

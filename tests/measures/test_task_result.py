@@ -61,6 +61,15 @@ def test_a_tenth_of_the_motion_is_followed():
     assert task_result(record_of(motion, motion, stopped="diverged at 1 s: x")).outcome == "failed"
 
 
+def test_a_path_that_ends_at_speed_is_followed_though_a_supervisor_brakes_at_its_end():
+    spec = IIWA | {"law": {"kind": "proportional-feedforward", "gain": 5}, "plant": SERVO}
+    spec["reference"] = {"kind": "circle", "radius": 0.05, "duration": 2, "plane": "yz", "ramp": 0.5}
+    spec["supervisor"] = {"velocity": 0.8, "acceleration": 5}
+    run = dqc.run(spec)
+    assert run.record.time[-1] > 2.26, "it brakes after the path's end"
+    assert run.verdict.words == "followed"
+
+
 def test_only_the_part_that_a_law_controls_is_judged():
     base = AX18 | {
         "reference": {"kind": "circle", "radius": 0.03, "duration": 6, "plane": "xy"},

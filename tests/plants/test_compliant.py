@@ -248,7 +248,6 @@ def test_bad_controller_files_are_named(tmp_path, edit, words):
         ({"duty": 2.0}, ValueRangeError, "plant.duty: must lie in -1 … 1"),
         ({"hand": 3}, ShapeError, "plant.hand: expected true or false or text, got a whole number"),
         ({"pushes": {"time": 1}}, ShapeError, "plant.pushes: expected a list, got a mapping"),
-        ({"obstacles": [3]}, ShapeError, r"plant.obstacles\[0\]: expected Obstacle, got a whole number"),
         ({"payload": 0.9}, ShapeError, "plant.payload: expected Payload or a list or nothing, got a number"),
         (
             {"wrist_fault": True},
@@ -265,7 +264,7 @@ def test_bad_parameters_are_named(parameters, error, words):
 
 
 @pytest.mark.parametrize(
-    ("robot", "parameters", "q0", "dt", "error", "words"),
+    ("robot", "parameters", "q0", "period", "error", "words"),
     [
         (MEKA, {"springs": "stif"}, Q0, T, KeyError, "plant.springs: unknown name 'stif'.*lower-bound"),
         (MEKA, {"hand": "h2r3"}, Q0, T, KeyError, "plant.hand: unknown name 'h2r3'; did you mean 'H2R3'"),
@@ -280,8 +279,8 @@ def test_bad_parameters_are_named(parameters, error, words):
             "plant.hand: the controllers of iiwa7 describe no hand",
         ),
         (MEKA, {}, Q0, 0.0015, ValueRangeError, r"period: must be a multiple of .* 0\.001 s, got 0\.0015"),
-        (MEKA, {}, Q0[:6], T, ShapeError, "q0: expected shape"),
-        (MEKA, {}, Q0 + 3, T, ValueRangeError, r"q0: joint 2 'right_arm_j1' is at 3\.6.*; must lie in"),
+        (MEKA, {}, Q0[:6], T, ShapeError, "start: expected shape"),
+        (MEKA, {}, Q0 + 3, T, ValueRangeError, r"start: joint 2 'right_arm_j1' is at 3\.6.*; must lie in"),
         (
             load_robot("panda"),
             {},
@@ -292,9 +291,9 @@ def test_bad_parameters_are_named(parameters, error, words):
         ),
     ],
 )
-def test_bad_starts_are_named(robot, parameters, q0, dt, error, words):
+def test_bad_starts_are_named(robot, parameters, q0, period, error, words):
     with pytest.raises(error, match=words):
-        CompliantPlant(**parameters).start(robot, q0, dt, 0, 0)
+        CompliantPlant(**parameters).start(robot, q0, period, 0, 0)
 
 
 def test_spec_errors_name_the_field():

@@ -19,8 +19,8 @@ def arm():
     return dqc.load_robot("meka-a2")
 
 
-def steps(arm, dt, count, **plant):
-    live = CompliantPlant(hand=True, **plant).start(arm, START, dt=dt, steps=count, seed=0)
+def steps(arm, period, count, **plant):
+    live = CompliantPlant(hand=True, **plant).start(arm, START, period=period, steps=count, seed=0)
     out = []
     for _ in range(count):
         live.step(COMMAND)
@@ -54,7 +54,7 @@ def test_dry_friction_holds_a_motor_against_less_than_it_and_not_against_more(ar
             dry_friction=[5, 5, 5, 5, 2, 2, 2],
             pushes=[dqc.plants.Push(**push)],
         )
-        live = plant.start(arm, START, dt=0.02, steps=20, seed=0)
+        live = plant.start(arm, START, period=0.02, steps=20, seed=0)
         for _ in range(20):
             live.step(np.zeros(7))
         moved[force] = float(np.abs(live.data.qpos[7:] - START).max())
@@ -63,14 +63,16 @@ def test_dry_friction_holds_a_motor_against_less_than_it_and_not_against_more(ar
 
 
 def test_a_base_shakes_as_much_whatever_the_period_and_the_controllers_do_not_know(arm):
-    for dt in (0.002, 0.01):
-        live = CompliantPlant(hand=True, base_shaking=0.03).start(arm, START, dt=dt, steps=300, seed=3)
+    for period in (0.002, 0.01):
+        live = CompliantPlant(hand=True, base_shaking=0.03).start(
+            arm, START, period=period, steps=300, seed=3
+        )
         drawn = []
         for _ in range(300):
             live.step(np.zeros(7))
             drawn.append(live.model.opt.gravity.copy())
         drawn = np.array(drawn) - [0, 0, -9.809]
-        assert np.std(drawn) * np.sqrt(dt) == pytest.approx(0.03, rel=0.1)
+        assert np.std(drawn) * np.sqrt(period) == pytest.approx(0.03, rel=0.1)
         assert live.memory.gravity == pytest.approx([0, 0, -9.809])
     still, shaken = (steps(arm, 0.01, 100, base_shaking=each)[2] for each in (0.0, 0.03))
     assert 1e-5 < np.std(shaken - still) < 1e-2
@@ -90,12 +92,14 @@ def test_a_base_shakes_as_much_whatever_the_period_and_the_controllers_do_not_kn
 )
 def test_bad_input(arm, plant, message):
     with pytest.raises(Error, match=message):
-        CompliantPlant(**plant).start(arm, START, dt=0.008, steps=1, seed=0)
+        CompliantPlant(**plant).start(arm, START, period=0.008, steps=1, seed=0)
 
 
 def test_a_linear_model_knows_the_delay_of_exchanges_that_begin_each_period(arm):
-    def model(period, dt):
-        return CompliantPlant(command_mode="measured", exchange_period=period).linear_model(arm, START, dt)
+    def model(exchange_period, period):
+        return CompliantPlant(command_mode="measured", exchange_period=exchange_period).linear_model(
+            arm, START, period
+        )
 
     assert model(0.01, 0.008) is None
     late, prompt = (model(each, 0.02) for each in (0.02, None))

@@ -24,9 +24,9 @@ def served():
         yield double, port
 
 
-def started(port, dt=0.01, joints=PATHS, **options):
+def started(port, period=0.01, joints=PATHS, **options):
     plant = CoppeliaPlant(joints=joints, port=port, timeout=1.0, **options)
-    return plant.start(dqc.load_robot("iiwa7"), START, dt, 10, 0)
+    return plant.start(dqc.load_robot("iiwa7"), START, period, 10, 0)
 
 
 def test_starts_where_it_is_told_and_steps_with_the_period(served):
@@ -81,7 +81,7 @@ def test_what_is_wrong_is_said_in_one_line(served):
     with pytest.raises(ValueRangeError, match="no '/iiwa/x' in the scene"):
         started(port, joints=[*PATHS[:6], "/iiwa/x"])
     with pytest.raises(ValueRangeError, match=r"time step is 0\.005 s"):
-        started(port, dt=0.008)
+        started(port, period=0.008)
     live = started(port)
     with pytest.raises(ShapeError, match="command"):
         live.step(np.zeros(3))

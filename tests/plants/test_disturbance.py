@@ -22,9 +22,9 @@ def arm():
     return dqc.load_robot("iiwa7")
 
 
-def pushed(arm, q, dt, **sources):
+def pushed(arm, q, period, **sources):
     """Return the pose after one period of a disturbance, and the twist that the hand got."""
-    live = Disturbance(**sources).start(arm, dt, 1, 0)
+    live = Disturbance(**sources).start(arm, period, 1, 0)
     moved, realised = np.array(q, dtype=float), np.zeros(6)
     live.step(arm, 0, moved, realised)
     return moved, realised
@@ -43,10 +43,10 @@ def test_a_twist_moves_the_hand_by_its_integral_up_to_the_square_of_the_period(a
     p = algebra.translation(arm.fkm(Q0))
     wanted = np.concatenate([TWIST[:3], TWIST[3:] - np.cross(p, TWIST[:3])])
     excess = []
-    for dt in (4e-3, 2e-3, 1e-3):
-        moved, realised = pushed(arm, Q0, dt, twist=ConstantTwist(value=tuple(TWIST)))
+    for period in (4e-3, 2e-3, 1e-3):
+        moved, realised = pushed(arm, Q0, period, twist=ConstantTwist(value=tuple(TWIST)))
         assert realised == pytest.approx(TWIST, abs=1e-13)
-        excess.append(np.linalg.norm(displacement(arm, Q0, moved) - dt * wanted))
+        excess.append(np.linalg.norm(displacement(arm, Q0, moved) - period * wanted))
     assert 0 < excess[0] < 4e-3**2
     assert excess[0] / excess[1] == pytest.approx(4, rel=0.02)
     assert excess[1] / excess[2] == pytest.approx(4, rel=0.02)

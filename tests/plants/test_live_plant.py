@@ -8,9 +8,8 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.errors import Error
 from dqcontrol.experiments.spec.spec_files import complete_plants
-from dqcontrol.loop import close_loop
+from dqcontrol.loop import Live, close_loop
 from dqcontrol.loop.closed_loop import check_disturbed
-from dqcontrol.loop.jog import Jog
 from dqcontrol.loop.simulate import supervise
 from dqcontrol.plants import CompliantPlant, Integrator, LivePlant, MobilePlant, MujocoPlant, Plant, Servo
 from dqcontrol.plants.channels import Channel
@@ -25,11 +24,11 @@ LAW = dqc.laws.ProportionalFeedforward(gain=5.0)
 class Robot:
     """A robot of one's own, with the least that one has."""
 
-    def __init__(self, dt=T):
-        self.q, self.measured, self.dt, self.steps = Q0.copy(), Q0.copy(), dt, 0
+    def __init__(self, period=T):
+        self.q, self.measured, self.period, self.steps = Q0.copy(), Q0.copy(), period, 0
 
     def step(self, command):
-        self.q = self.q + self.dt * command
+        self.q = self.q + self.period * command
         self.measured = self.q.copy()
         self.steps += 1
 
@@ -37,8 +36,8 @@ class Robot:
 class RobotPlant(Plant, frozen=True, kw_only=True, tag="Robot"):
     """A kind of one's own: `start` is all that it has to write."""
 
-    def start(self, robot, q0, dt, steps, seed):
-        return Robot(dt)
+    def start(self, robot, q0, period, steps, seed):
+        return Robot(period)
 
 
 @pytest.fixture(scope="module")
@@ -56,11 +55,11 @@ def test_the_least_plant_moves_as_the_integrator_does_in_every_loop(arm, circle)
     assert np.allclose(
         run[RobotPlant()].q, run[Integrator()].q, rtol=0, atol=1e-13
     )  # compiled sums are fused
-    jog = Jog(LAW.prepare(arm, None, T), Supervisor().prepare(arm, T), Robot())
+    live = Live(arm, LAW, Robot(), T)
     for _ in range(20):
-        jog.press("w")
-        jog.step()
-    assert jog.condition.startswith("active")
+        live.move(np.array([0.05, 0, 0]), np.zeros(3))
+        live.step()
+    assert live.condition.startswith("active")
     with pytest.raises(Error, match="cannot move the joints of Robot, whose physics"):
         check_disturbed(Robot())
 
@@ -69,7 +68,6 @@ def test_a_kind_of_ones_own_has_all_that_films_trials_and_files_ask_of_it(arm):
     plant = RobotPlant()
     assert (command_mode(plant), lagging_mode(plant)) == ("integrated", "measured")
     assert plant.file_keys == ()
-    assert plant.balls(np.zeros(3)) == []
     assert plant.picture(arm) is None
     assert plant.step_time(T, is_compiled=False) > plant.step_time(T, is_compiled=True)
     assert plant.encoder_errors() == (0.0, 0.0)
@@ -116,13 +114,6 @@ def test_a_plant_says_what_is_special_about_it():
         assert lagging_mode(kind(**measured)) == "measured"
         assert kind(encoder_noise=0.1).encoder_errors().noise == 0.1
     assert CompliantPlant().step_time(0.01, is_compiled=False) == pytest.approx(5e-5 + 10 * 7e-6)
-    ball = dqc.plants.Obstacle(
-        position=(1, 0, 0), radius=0.1, stiffness=1e4, velocity=(0, 1, 0), begin=1.0, until=3.0
-    )
-    ((centers, radius),) = CompliantPlant(obstacles=[ball]).balls(np.array([0.5, 1.0, 2.5, 3.0]))
-    assert radius == 0.1
-    assert centers.tolist()[1:3] == [[1, 0, 0], [1, 1.5, 0]]
-    assert np.isnan(centers[[0, 3]]).all()
 
 
 def test_a_spec_finds_files_that_a_kind_of_plant_names(tmp_path):

@@ -383,7 +383,7 @@ def test_bad_parameters_are_named(parameters, error, words):
 
 
 @pytest.mark.parametrize(
-    ("parameters", "q0", "dt", "error", "words"),
+    ("parameters", "q0", "period", "error", "words"),
     [
         (
             {},
@@ -393,15 +393,15 @@ def test_bad_parameters_are_named(parameters, error, words):
             r"control period 0\.0015 s must be an integer multiple.*0\.00075 would do",
         ),
         ({}, np.zeros(7), 0.0005, ValueRangeError, r"plant\.timestep.*0\.0005 would do"),
-        ({}, np.zeros(7), math.nan, ValueRangeError, "dt: must be finite"),
-        ({}, np.zeros(6), 0.01, ShapeError, "q0: expected shape"),
-        ({}, np.zeros((2, 7)), 0.01, ShapeError, r"q0: expected shape \(7,\), got \(2, 7\)"),
+        ({}, np.zeros(7), math.nan, ValueRangeError, "period: must be finite"),
+        ({}, np.zeros(6), 0.01, ShapeError, "start: expected shape"),
+        ({}, np.zeros((2, 7)), 0.01, ShapeError, r"start: expected shape \(7,\), got \(2, 7\)"),
         (
             {},
             np.full(7, 2.5),
             0.01,
             ValueRangeError,
-            r"q0: joint 2 'joint_2' is at 2\.5; must lie in -2\.094",
+            r"start: joint 2 'joint_2' is at 2\.5; must lie in -2\.094",
         ),
         (
             {"armature": [0.1, 0.2]},
@@ -412,14 +412,14 @@ def test_bad_parameters_are_named(parameters, error, words):
         ),
     ],
 )
-def test_bad_starts_are_named(parameters, q0, dt, error, words):
+def test_bad_starts_are_named(parameters, q0, period, error, words):
     with pytest.raises(error, match=words):
-        MujocoPlant(**parameters).start(iiwa(), q0, dt, 0, 0)
+        MujocoPlant(**parameters).start(iiwa(), q0, period, 0, 0)
 
 
 def test_an_arm_too_weak_for_its_weight_is_refused():
     with pytest.raises(
-        ValueRangeError, match=r"q0: joint 1 .* needs 9\.81 N·m to hold gravity; its effort limit is 5"
+        ValueRangeError, match=r"start: joint 1 .* needs 9\.81 N·m to hold gravity; its effort limit is 5"
     ):
         MujocoPlant().start(pendulum(effort=5.0), np.zeros(1), 0.01, 0, 0)
 

@@ -254,13 +254,13 @@ def test_bad_parameters(arm, options, text):
 @pytest.mark.parametrize("plant", [Integrator(), Servo()], ids=["integrator", "servo"])
 def test_bad_starts_and_commands(arm, plant):
     for q0, text in (
-        (np.zeros(2), r"^q0: expected shape \(…, 3\), got shape \(2,\)$"),
-        (np.zeros((2, 3)), r"^q0: expected shape \(3,\), got \(2, 3\)$"),
-        ([0, 0, np.nan], r"^q0: must be finite"),
+        (np.zeros(2), r"^start: expected shape \(…, 3\), got shape \(2,\)$"),
+        (np.zeros((2, 3)), r"^start: expected shape \(3,\), got \(2, 3\)$"),
+        ([0, 0, np.nan], r"^start: must be finite"),
     ):
         with pytest.raises(Error, match=text):
             plant.start(arm, q0, T, 1, 0)
-    with pytest.raises(ValueRangeError, match=r"^dt: must be > 0, got 0$"):
+    with pytest.raises(ValueRangeError, match=r"^period: must be > 0, got 0$"):
         plant.start(arm, np.zeros(N), 0, 1, 0)
     live = plant.start(arm, [0, 0, 0], T, 1, 0)
     with pytest.raises(ShapeError, match=r"^command: does not fit the robot, got shape \(2,\)$"):

@@ -179,7 +179,7 @@ def test_a_base_of_unknown_width_is_not_planned_for():
     bare = dqc.WholeBody([dqc.DifferentialDrive(0.05, 0.1, rim_speed=0.4), dqc.load_robot("ax18")])
     start, goal = np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0]), bare.fkm([0.5, 0, 0, 0, -0.9, 0.9, 0.9, 0])
     with pytest.raises(
-        ShapeError, match=r"map: nothing says how wide the base of .* is: .*give its drive a chassis"
+        ShapeError, match=r"clear_of: nothing says how wide the base of .* is: .*give its drive a chassis"
     ):
         DriveTo.pose(bare, start, goal, floor=floor)
     chassis = dqc.load_robot("little-john").parts[0].chassis

@@ -118,3 +118,14 @@ def test_plain_lines_of_three_numbers_as_p16_wrote_its_paths(tmp_path):
     file.write_text("0.5 0.1 0.4\n0.5 0.2\n")
     with pytest.raises(FileFormatError, match=r"path\.txt:2: expected 3 values \(x, y, z\), got 2"):
         r.load_points(file, start=[1, 0, 0, 0, 0, 0, 0, 0], duration=4.0)
+
+
+def test_streamed_points_have_no_twists(tmp_path):
+    (tmp_path / "a.csv").write_text("time, x, y, z\n0, 0, 0, 0\n1, 0.1, 0, 0\n2, 0.1, 0.2, 0\n")
+    start = [1.0, 0, 0, 0, 0, 0, 0, 0]
+    known, streamed = (r.load_points(tmp_path / "a.csv", start, streamed=each) for each in (False, True))
+    times = np.array([0.0, 0.4, 1.0, 1.7, 2.0])
+    np.testing.assert_array_equal(streamed.samples(times)[:, :8], known.samples(times)[:, :8])
+    assert not streamed.samples(times)[:, 8:20].any()
+    assert known.samples(times)[:, 8:14].any()
+    assert len(streamed.corners) == 0

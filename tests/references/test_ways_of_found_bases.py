@@ -101,7 +101,9 @@ def test_without_a_body_it_is_refused_and_said_what_to_give(tmp_path):
     goal = bare.fkm([3.0, 0, *HOME[2:]])
     with (
         pytest.warns(NoteWarning, match="base.stl"),
-        pytest.raises(ShapeError, match=r"map: nothing says how wide .*plant\.base of its physics a radius"),
+        pytest.raises(
+            ShapeError, match=r"clear_of: nothing says how wide .*plant\.base of its physics a radius"
+        ),
     ):
         DriveTo.pose(bare, HOME, goal, floor=FloorMap(wall(DOOR)))
 
@@ -124,8 +126,9 @@ def test_the_base_that_physics_gives_a_robot_counts(tmp_path, radius, passes):
         "reference": {
             "kind": "drive-to",
             "offset": {"translation": [2.4, 0, 0]},
-            "map": str(tmp_path / "room.yaml"),
+            "clear_of": "all",
         },
+        "world": {"room": {"map": str(tmp_path / "room.yaml")}},
         "period": 0.05,
         "law": {"kind": "guided-proportional", "gain": 1.0},
         "plant": {"kind": "mobile", "base": BASE | {"radius": radius}},

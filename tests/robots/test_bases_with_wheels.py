@@ -89,11 +89,11 @@ def test_limited_commands_can_be_driven(base):
 
 
 def test_the_front_wheel_takes_its_time():
-    rate, dt = 0.5, 0.02
+    rate, period = 0.5, 0.02
     for made in (CarLikeBase, SteeredTricycle):
         base = made(0.1, 0.2, wheelbase=0.5, steering_limit=0.6, steering_rate=rate)
         body = WholeBody([base])
-        plant = Servo(time_constant=0.0).start(body, np.zeros(3), dt, 100, 0)
+        plant = Servo(time_constant=0.0).start(body, np.zeros(3), period, 100, 0)
         angles, before = [], plant.q.copy()
         for k in range(100):
             plant.step(np.array([0.5, 0.6 if k < 50 else -0.6]))
@@ -101,7 +101,7 @@ def test_the_front_wheel_takes_its_time():
             assert abs(sideways(before, after)) <= 1e-12
             angles.append(float(base.steering_angle(chord(before, after), after[2] - before[2])))
             before = after
-        assert np.abs(np.diff([0.0, *angles])).max() <= rate * dt + 1e-9
+        assert np.abs(np.diff([0.0, *angles])).max() <= rate * period + 1e-9
         assert max(angles) == pytest.approx(np.arctan(0.6), abs=1e-9) or max(angles) == pytest.approx(0.5)
 
 

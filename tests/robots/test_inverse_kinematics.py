@@ -232,12 +232,12 @@ def test_a_start_beyond_the_limits_is_clamped():
         ),
         (([1.0, 0, 0, 0, 0.5, 0, 0, 0],), {}, ValueRangeError, r"got norm 1 \+ ε 0.5"),
         (([np.nan] * 8,), {}, ValueRangeError, "pose: must be finite"),
-        (([1.0, 0, 0, 0, 0, 0, 0, 0], np.zeros(6)), {}, ShapeError, r"q0: expected shape \(…, 7\)"),
+        (([1.0, 0, 0, 0, 0, 0, 0, 0], np.zeros(6)), {}, ShapeError, r"start: expected shape \(…, 7\)"),
         (
             (np.eye(8)[[0, 0]], np.zeros((3, 7))),
             {},
             ShapeError,
-            r"q0: leading axes \(3,\) do not fit those of pose, \(2,\)",
+            r"start: leading axes \(3,\) do not fit those of pose, \(2,\)",
         ),
         (
             ([1.0, 0, 0, 0, 0, 0, 0, 0],),

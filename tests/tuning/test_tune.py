@@ -311,6 +311,14 @@ def test_a_mistake_is_one_clear_line_before_anything_runs_or_is_written(name, pr
     assert not list(tmp_path.iterdir())
 
 
+def test_a_null_space_that_is_too_fast_for_any_law_is_named(problem):
+    posture = {"kind": "posture", "gain": 20, "rest": [0.0] * 7}
+    with pytest.raises(
+        ValueRangeError, match=r"^spec: null_space.gain: too high for any law: .* allow 0\.\d+ times"
+    ):
+        dqc.tune(problem | {"null_space": posture}, jobs=1)
+
+
 def test_run_names_the_command_for_a_search(problem):
     with pytest.raises(Error, match="run it with 'dqcontrol tune'"):
         read_spec(problem)
@@ -459,3 +467,24 @@ def test_gains_check_and_tune_speak_with_one_voice():
     free = dqc.tune(spec, budget=20, damping=0)
     assert free.best.result.law["gain"] == pytest.approx(18.1, rel=0.02)
     assert free.best.faster is None
+
+
+def test_laws_that_miss_the_outcome_lose():
+    """The hand is to be at its goal after 1 s: gains that are too low for that are no winners, however smooth."""
+    problem = {
+        "name": "outcome",
+        "robot": "iiwa7",
+        "start": [0, 0.6, 0, 1.6, 0, 0.6, 0],
+        "period": 0.01,
+        "reference": {"kind": "set-point", "duration": 1.0, "offset": {"translation": [0.05, 0, 0]}},
+        "law": {"kind": "proportional", "gain": 2},
+        "plant": {"kind": "servo", "time_constant": 0.03},
+        "tune": {"objectives": {"command_jerk": 1.0}, "budget": 12, "held_out": {"seeds": 1}},
+    }
+    gains = {}
+    for outcome in (None, [{"hand": "at", "within": [0.001, 0.1]}]):
+        result = dqc.tune(problem | ({"outcome": outcome} if outcome else {}), jobs=1)
+        gains[bool(outcome)] = result.best.result
+    assert gains[False].law["gain"] < 3
+    assert gains[True].law["gain"] > 3.5
+    assert gains[True].violation == 0

@@ -6,7 +6,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol import geometry
 from dqcontrol.experiments.spec import read_spec
-from dqcontrol.world import Body, Hinge, Motion, Slide, Solid
+from dqcontrol.world import Body, Hinge, Motion, Slide, Solid, World, floor_around
 
 SPEC = {
     "name": "world",
@@ -176,3 +176,24 @@ def test_footprints_are_shadows():
     assert found[outside > 0] == pytest.approx(outside[outside > 0])
     assert (found[outside == 0] <= 0).all()
     assert len(dqc.world.footprint(Body(plane=(0, 0, 1))).floor.polygons) == 0
+
+
+def test_plans_keep_clear_of_what_stands_on_the_floor():
+    """Of a column a polygon a little outside of its disc; as high as the highest."""
+    world = World(
+        bodies={
+            "floor": Body(plane=(0, 0, 1)),
+            "column": Body(cylinder=(0.2, 1.0), position=(1.0, 0.0, 0.5)),
+            "table": Body(box=[1.0, 0.5, 0.8], position=(3.0, 0.0, 0.4)),
+            "cube": Body(box=0.1, position=(0.0, 2.0, 0.05), mass=1.0),
+        }
+    )
+    floor = floor_around(world, "all", "reference.clear_of")
+    assert len(floor.polygons) == 2
+    assert floor.height == pytest.approx(1.0)
+    assert floor.clearance([[0.0, 0.0], [3.0, 1.0]]) == pytest.approx([0.8, 0.75], abs=2e-3)
+    assert floor_around(world, ["table"], "x").height == pytest.approx(0.8)
+    with pytest.raises(dqc.Error, match=r"reference.clear_of: 'cube' does not stand still"):
+        floor_around(world, ["cube"], "reference.clear_of")
+    with pytest.raises(dqc.Error, match=r"reference.clear_of: there is nothing in the world"):
+        floor_around(None, "all", "reference.clear_of")

@@ -8,12 +8,13 @@ import numpy as np
 
 from dqcontrol.browser.robot_bodies import Colour, rod
 from dqcontrol.browser.run_view_model import Track
-from dqcontrol.constraints.kept_scene import NEAR
+from dqcontrol.constraints.constraint_view import NEAR
 from dqcontrol.geometry import Box, Capsule, Cylinder, InfiniteCylinder, Plane, Shape, Sphere
 
 _SOLID, _CLOSE, _ZONE = (140, 90, 165), (230, 64, 26), (64, 140, 90)
 _OPACITY, _ZONE_OPACITY, _LINK_OPACITY = 0.6, 0.15, 0.4
 _THIN = 0.002  # m
+_WALL = 0.4  # of the scene's size, for walls of zones: the robot is what is looked at
 
 
 class DrawnThings:
@@ -30,8 +31,10 @@ class DrawnThings:
         for i, thing in enumerate(track.around.things):
             node = f"{name}/around{i}"
             self._frames.append(scene.add_frame(node, show_axes=False))
-            opacity = _ZONE_OPACITY if thing.is_zone else _OPACITY
-            self._meshes.append(self._add(f"{node}/shape", thing.shape, self._colour(i), opacity))
+            is_wide = thing.is_zone or isinstance(thing.shape, Plane)
+            opacity = _ZONE_OPACITY if is_wide else _OPACITY
+            wide = _WALL * size if thing.is_zone else size
+            self._meshes.append(self._add(f"{node}/shape", thing.shape, self._colour(i), opacity, wide))
 
     def show(self, k: int) -> None:
         """Show a sample."""
@@ -62,16 +65,16 @@ class DrawnThings:
         assert self._track.around is not None
         return _ZONE if self._track.around.things[i].is_zone else _SOLID
 
-    def _add(self, name: str, shape: Shape, colour: Colour, opacity: float) -> Any:
+    def _add(self, name: str, shape: Shape, colour: Colour, opacity: float, size: float | None = None) -> Any:
         """Add a shape's mesh; None of one that cannot be drawn, as a ball without size."""
-        mesh = _mesh(shape, self._size)
+        mesh = shape_mesh(shape, size or self._size)
         if mesh is None:
             return None
         path = name if name.startswith("/") else f"{self._name}/{name}"
         return self._scene.add_mesh_simple(path, mesh.vertices, mesh.faces, color=colour, opacity=opacity)
 
 
-def _mesh(shape: Shape, size: float) -> Any:
+def shape_mesh(shape: Shape, size: float) -> Any:
     """Return the mesh of a shape; of one without end as much as a scene of this size, m, shows."""
     import trimesh
 

@@ -14,7 +14,7 @@ _MOMENTS = 12  # of a run that are looked at
 _BESIDE = 0.6  # rad; the viewer stands so far beside the line from the robot to the path
 _UP = 0.42
 FIELD = 0.7  # rad; of view, from bottom to top
-_ASPECT = 1.25  # of the scene beside the controls, about
+ASPECT = 0.95  # of the scene beside the controls in a window of 1000 × 640, width by height
 
 
 class Extent(NamedTuple):
@@ -41,11 +41,10 @@ def extent(tracks: Sequence[Track]) -> Extent:
     return Extent(cloud.min(axis=0), cloud.max(axis=0))
 
 
-def viewpoint(tracks: Sequence[Track], box: Extent) -> tuple[Array, Array]:
-    """Return where the viewer stands and what is looked at, m: the hands' paths from the front, robots behind them."""
+def viewpoint(foot: Array, hands: Sequence[Array], box: Extent) -> tuple[Array, Array]:
+    """Return where the viewer stands and looks, m: the paths of hands (N, 3) from the front, robots behind them."""
     middle = (box.lower + box.upper) / 2
-    hands = np.vstack([track.target for track in tracks])
-    ahead = np.nanmean(hands, axis=0) - tracks[0].frames(0)[0, 4:]
+    ahead = np.nanmean(np.vstack(hands), axis=0) - foot
     azimuth = np.arctan2(ahead[1], ahead[0]) + _BESIDE if np.linalg.norm(ahead[:2]) > 1e-6 else _BESIDE
     towards = np.array([np.cos(azimuth), np.sin(azimuth), _UP])
     return middle + 1.3 * (box.size + 0.2) * towards / np.linalg.norm(towards), middle
@@ -83,7 +82,7 @@ def step_back(apart: Array, box: Extent, towards: Array) -> float:
     signs = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T
     corners = (apart[:, None] + signs * half).reshape(-1, 3)
     distance = float(np.linalg.norm(towards))
-    across = np.abs(corners @ _right(towards)) / (_ASPECT * np.tan(FIELD / 2))
+    across = np.abs(corners @ _right(towards)) / (ASPECT * np.tan(FIELD / 2))
     return max(1.0, float((across + corners @ towards / distance).max()) / distance)
 
 

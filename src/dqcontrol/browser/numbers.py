@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,6 +19,18 @@ def numbers(readings: Sequence[tuple[str, str, Reading]]) -> str:
     return "".join(_block(*reading) for reading in readings)
 
 
+def plain(name: str) -> str:
+    """Return a joint's name in plain words: ``panda_joint4`` is joint 4.
+
+    Examples
+    --------
+    >>> plain("panda_joint4"), plain("joint_6"), plain("elbow")
+    ('joint 4', 'joint 6', 'elbow')
+    """
+    found = re.search(r"joint_?(\d+)$", name)
+    return f"joint {found[1]}" if found else name.replace("_", " ")
+
+
 def _block(label: str, css: str, reading: Reading) -> str:
     scale, unit = (180 / np.pi, "°") if reading.unit == "rad" else (1e3, " mm")
     rows = [
@@ -26,17 +39,21 @@ def _block(label: str, css: str, reading: Reading) -> str:
     ]
     if np.isfinite(reading.margin):
         rows.append(
-            (f"To the limit of {reading.joint}", f"{scale * reading.margin:.1f}{unit}", reading.margin < 0)
+            (
+                f"Position, {plain(reading.joint)}: to its limit",
+                f"{scale * reading.margin:.1f}{unit}",
+                reading.margin < 0,
+            )
         )
     if np.isfinite(reading.speed):
         rows.append(
-            (f"Of the speed limit of {reading.input}", f"{100 * reading.speed:.0f} %", reading.speed > 1)
+            (f"Speed, {plain(reading.input)}", f"{100 * reading.speed:.0f} % of limit", reading.speed > 1)
         )
     if reading.nearest is not None:
         room = reading.nearest.room
-        rows.append((f"Beyond what is asked: {reading.nearest.label}", f"{1e3 * room:.1f} mm", room < 0))
+        rows.append((f"Clearance above margin, {reading.nearest.label}", f"{1e3 * room:.1f} mm", room < 0))
     if reading.stopped:
-        rows.append(("Ended by", reading.stopped, False))
+        rows.append(("Ended", reading.stopped, False))
     cells = "".join(
         f"<tr><td>{html.escape(name)}</td>"
         f"<td style='text-align:right;white-space:nowrap;{_BAD if bad else ''}'>{html.escape(value)}</td></tr>"

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.arrays import Array
+from dqcontrol.browser.drawn_robot import DrawnRobot
 from dqcontrol.browser.drawn_things import DrawnThings
 from dqcontrol.browser.layout import extent, places, step_back, viewpoint
 from dqcontrol.browser.numbers import numbers
-from dqcontrol.browser.robot_bodies import Colour, robot_shapes, tinted
+from dqcontrol.browser.robot_bodies import Colour
 from dqcontrol.browser.run_view_model import Track
 from dqcontrol.browser.served_page import ServedPage
 from dqcontrol.figures.style import COLOURS, DESIRED
@@ -34,6 +35,13 @@ class Page(ServedPage):
         Of this machine; the next free one if it is taken.
     news
         Called some times a second while runs last: gives their tracks longer records and tells whether they still go.
+    title
+        Of the browser's tab.
+
+    Attributes
+    ----------
+    viewpoint
+        Where the viewer stands and what is looked at, both of shape (3,), m.
 
     Raises
     ------
@@ -42,11 +50,16 @@ class Page(ServedPage):
     """
 
     tracks: list[Track]
+    viewpoint: tuple[Array, Array]
 
     def __init__(
-        self, tracks: Sequence[Track], port: int = 8080, news: Callable[[], bool] | None = None
+        self,
+        tracks: Sequence[Track],
+        port: int = 8080,
+        news: Callable[[], bool] | None = None,
+        title: str = "dqcontrol",
     ) -> None:
-        super().__init__(port)
+        super().__init__(port, title)
         self.tracks, self._news = list(tracks), news
         self._box = extent(tracks)
         self._set_stage()
@@ -85,9 +98,20 @@ class Page(ServedPage):
             self._draw()
             self._seen = wanted
 
+    def show_at(self, time: float) -> None:
+        """Show a moment, s."""
+        self._time.value = min(max(time, 0.0), self._time.max)
+        self._draw()
+
+    def show_beside(self) -> None:
+        """Put the runs side by side."""
+        self._beside.value = True
+
     def _set_stage(self) -> None:
         box = self._box
-        position, looked_at = viewpoint(self.tracks, box)
+        position, looked_at = self.viewpoint = viewpoint(
+            self.tracks[0].frames(0)[0, 4:], [track.target for track in self.tracks], box
+        )
         self._apart = places(len(self.tracks), box, position - looked_at)
         self._farther = step_back(self._apart, box, position - looked_at)
         side = float(np.ceil(4 * box.size))
@@ -171,34 +195,21 @@ class DrawnRun:
         self.track = track
         self.css: str = COLOURS[i % len(COLOURS)]
         self._scene, self._name, self._thickness = server.scene, f"/run{i}", 0.0022 * size
-        self._colour = _rgb(self.css)
-        self._root = self._scene.add_frame(self._name, show_axes=False)
+        self._colour = rgb(self.css)
         length = min(0.09 * size, 0.12)
-        axes = {"axes_length": length, "axes_radius": 0.03 * length, "origin_radius": 0.0}
-        self._frames = [
-            self._scene.add_frame(f"{self._name}/frame{j}", show_axes=False, **axes)
-            for j in range(len(track.frames(0)))
-        ]
-        self._hands, self._joints = track.robot.ends, len(track.robot.row_coordinates)
-        for hand in self._hands:
-            self._frames[hand].show_axes = True
-        self._desired = self._scene.add_frame(
-            f"{self._name}/desired", **axes | {"axes_radius": 0.015 * length}
+        self._robot = DrawnRobot(
+            server, track.robot, self._name, tint=None if alone else self._colour, axes=length
         )
-        self._meshes = []
-        for j, (carrier, vertices, faces, colour) in enumerate(robot_shapes(track.robot)):
-            parent = self._name if carrier < 0 else f"{self._name}/frame{carrier}"
-            shown = colour if alone else tinted(colour, self._colour)
-            mesh = self._scene.add_mesh_simple(f"{parent}/shape{j}", vertices, faces, color=shown)
-            self._meshes.append(mesh)
-        self._opacity = 1.0
+        self._desired = self._scene.add_frame(
+            f"{self._name}/desired", axes_length=length, axes_radius=0.015 * length, origin_radius=0.0
+        )
         self._around = DrawnThings(self._scene, self._name, track, size)
         self.redraw_paths()
 
     def redraw_paths(self) -> None:
         """Draw the paths of the record as it is now."""
         for name, path, colour, thickness in (
-            ("desired_path", self.track.desired_path(), _rgb(DESIRED), 0.7 * self._thickness),
+            ("desired_path", self.track.desired_path(), rgb(DESIRED), 0.7 * self._thickness),
             ("hand_path", self.track.hand_path(), self._colour, self._thickness),
         ):
             if len(path):
@@ -206,22 +217,19 @@ class DrawnRun:
 
     def show(self, k: int, place: Array, *, visible: bool, joint_frames: bool) -> None:
         """Show a sample."""
-        self._root.position, self._root.visible = place, visible
-        for j, (node, pose) in enumerate(zip(self._frames, self.track.frames(k), strict=True)):
-            node.wxyz, node.position = pose[:4], pose[4:]
-            node.show_axes = j in self._hands or (joint_frames and j < self._joints)
+        self._robot.set_place(place, visible=visible)
+        self._robot.place(self.track.frames(k))
+        self._robot.set_joint_frames(shown=joint_frames)
         pose = self.track.desired(k)
         self._desired.wxyz, self._desired.position = pose[:4], pose[4:]
         self._around.show(k)
 
     def set_opacity(self, opacity: float) -> None:
         """Let what is behind show through, if below 1."""
-        if opacity != self._opacity:
-            for mesh in self._meshes:
-                mesh.opacity = None if opacity == 1.0 else opacity
-            self._opacity = opacity
+        self._robot.set_opacity(opacity)
 
 
-def _rgb(css: str) -> Colour:
+def rgb(css: str) -> Colour:
+    """Return red, green and blue of ``#rrggbb``."""
     r, g, b = (int(css[i : i + 2], 16) for i in (1, 3, 5))
     return r, g, b

@@ -9,12 +9,10 @@ import numpy as np
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
+from dqcontrol.browser.drawn_robot import DrawnRobot
 from dqcontrol.browser.layout import Extent, viewpoint
-from dqcontrol.browser.page import DrawnRun
-from dqcontrol.browser.run_view_model import Track
 from dqcontrol.browser.served_page import ServedPage
 from dqcontrol.figures.style import LIMIT
-from dqcontrol.loop.record import Record
 from dqcontrol.robots import Robot, describe
 
 _CLOSER = 0.75  # than where all that the hand reaches is seen: the robot is what is looked at
@@ -53,14 +51,14 @@ class RobotPage(ServedPage):
         free = np.array([_FREE[kind] for kind in robot.joint_types])
         self.lower: Array = np.where(np.isfinite(robot.limits.lower), robot.limits.lower, -free)
         self.upper: Array = np.where(np.isfinite(robot.limits.upper), robot.limits.upper, free)
-        self._home = np.clip(np.zeros(len(free)), self.lower, self.upper)
+        self._home = inside(self.lower, self.upper)
         self.q = self._home.copy()
-        self._track = Track(robot.name, robot, self._record())
         reached = reached_points(robot, self.lower, self.upper)
-        cloud = np.vstack([reached, self._track.frames(0)[:, 4:]])
+        self._joints: Array = algebra.translation(robot.frames(self.q))
+        cloud = np.vstack([reached, self._joints])
         self._box = Extent(cloud.min(axis=0), cloud.max(axis=0))
         self._set_stage(reached)
-        self._drawn = DrawnRun(self.server, 0, self._track, 0.5 * self._box.size, alone=True)
+        self._drawn = DrawnRobot(self.server, robot, axes=min(0.045 * self._box.size, 0.12))
         self._add_controls()
         self._seen: object = None
         self.tick()
@@ -72,9 +70,9 @@ class RobotPage(ServedPage):
             return
         self._seen = wanted
         self.q = np.array([slider.value for slider in self._sliders]) * self._scales
-        self._track.take(self._record())
         with self.server.atomic():
-            self._drawn.show(0, np.zeros(3), visible=True, joint_frames=self._joint_frames.value)
+            self._drawn.show(self.q)
+            self._drawn.set_joint_frames(shown=self._joint_frames.value)
             self._cloud.visible = self._reach.value
             self._numbers.content = self._told()
 
@@ -83,19 +81,11 @@ class RobotPage(ServedPage):
         for slider, value in zip(self._sliders, q / self._scales, strict=True):
             slider.value = float(np.clip(value, slider.min, slider.max))
 
-    def _record(self) -> Record:
-        """Return a run of one sample, in which the hand is where it shall be."""
-        q, pose = self.q[None], self.robot.fkm(self.q)[None]
-        desired = np.hstack([pose, np.zeros((1, 13))])
-        command = np.zeros((1, len(self.robot.input_names)))
-        names = self.robot.joint_names, self.robot.input_names
-        return Record(np.zeros(1), q, q, command, pose, desired, *names)
-
     def _set_stage(self, reached: Array) -> None:
         box = self._box
-        position, looked_at = viewpoint([self._track], box)
+        position, looked_at = viewpoint(self._joints[0], [algebra.translation(self.robot.fkm(self.q))], box)
         nearer = looked_at + _CLOSER * (position - looked_at)
-        stands = float(self._track.frames(0)[:, 6].min())
+        stands = float(self._joints[:, 2].min())
         self._set_scene(nearer, looked_at, float(np.ceil(2 * box.size)), stands, shadows=0.125)
         self._cloud = self.server.scene.add_point_cloud(
             "/reach",
@@ -121,7 +111,7 @@ class RobotPage(ServedPage):
             low, high = (round(end, 3) for end in ends)  # whole steps, within the limits
             slider = gui.add_slider(f"{name} [{unit}]", low, high, step, float(np.clip(first, low, high)))
             self._sliders.append(slider)
-        gui.add_button("Zero").on_click(lambda _: self.set(self._home))
+        gui.add_button("Where it began").on_click(lambda _: self.set(self._home))
         gui.add_button("Middle of the limits").on_click(lambda _: self.set((self.lower + self.upper) / 2))
         self._joint_frames = gui.add_checkbox("Frames of all joints", True)
         self._reach = gui.add_checkbox("What the hand reaches", False)
@@ -154,6 +144,13 @@ class RobotPage(ServedPage):
             f"<div style='margin:8px 12px;font-size:0.85em'><table style='width:100%'>{cells}</table>"
             f"<p>For a spec (rad or m):<br><code>start: [{start}]</code></p></div>"
         )
+
+
+def inside(lower: Array, upper: Array) -> Array:
+    """Return a configuration inside limits: zero, or the middle of a joint's range where zero is near its end."""
+    zero, margin = np.zeros(len(lower)), _NEAR * (upper - lower)
+    well = (lower + margin <= zero) & (zero <= upper - margin)
+    return np.where(well, zero, (lower + upper) / 2)
 
 
 def reached_points(robot: Robot, lower: Array, upper: Array) -> Array:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
+from dqcontrol.constraints.constraint_view import ConstraintView, NearestPair
 from dqcontrol.constraints.constraints import Constraints
-from dqcontrol.constraints.kept_scene import KeptScene, NearestPair
 from dqcontrol.figures.tilted_base import recorded_frames
 from dqcontrol.figures.tip_paths import desired_in_room, tip_paths
 from dqcontrol.loop.record import Record
@@ -77,7 +78,9 @@ class Track:
     ) -> None:
         self.label, self.robot, self._planned = label, robot, planned
         period = float(record.time[1] - record.time[0]) if len(record) > 1 else 1e-3
-        self.around: KeptScene | None = KeptScene(constraints, robot, period) if constraints else None
+        self.around: ConstraintView | None = (
+            ConstraintView(constraints, robot, period) if constraints else None
+        )
         self.take(record)
 
     def take(self, record: Record) -> None:
@@ -104,12 +107,7 @@ class Track:
         poses = [
             pose7("frame", frame) for frame in recorded_frames(self.robot, self.record, slice(k, k + 1))[0]
         ]
-        for j, (first, _, radius, half_track, *_) in enumerate(self.robot.drives):
-            for side, y in enumerate((-half_track, half_track)):
-                half = self._wheels[k, 2 * j + side] / 2
-                axle = np.array([np.cos(half), 0, np.sin(half), 0, 0, y, radius])
-                poses.append(compose(poses[int(first) + 2], axle))
-        return np.array(poses)
+        return with_wheels(self.robot, poses, self._wheels[k])
 
     def nearest(self, k: int) -> NearestPair | None:
         """Return the pair of shapes that is nearest to what constraints ask for; None without constraints."""
@@ -170,6 +168,17 @@ def pieces(points: Array) -> Array:
     kept = points[np.linspace(0, len(points) - 1, min(len(points), _PIECES + 1)).astype(int)]
     pairs = np.stack([kept[:-1], kept[1:]], axis=1)
     return pairs[np.linalg.norm(pairs[:, 1] - pairs[:, 0], axis=1) > 1e-9]
+
+
+def with_wheels(robot: Robot, frames: Sequence[Array], angles: Array) -> Array:
+    """Return poses of frames (7,), then those of the wheels, right and left of each drive, turned by angles."""
+    poses = list(frames)
+    for j, (first, _, radius, half_track, *_) in enumerate(robot.drives):
+        for side, y in enumerate((-half_track, half_track)):
+            half = angles[2 * j + side] / 2
+            axle = np.array([np.cos(half), 0, np.sin(half), 0, 0, y, radius])
+            poses.append(compose(poses[int(first) + 2], axle))
+    return np.array(poses)
 
 
 def wheel_angles(robot: Robot, q: Array) -> Array:

@@ -16,6 +16,7 @@ from dqcontrol.errors import MissingExtraError
 
 HOST = "127.0.0.1"  # nobody else's machine: there is no password
 _TICK = 1 / 30  # s
+_AMBIENT = 1.2  # beside viser's own lights: shadows are not black
 
 
 def import_viser() -> Any:
@@ -41,6 +42,8 @@ class ServedPage(ABC):
     ----------
     port
         Of this machine; the next free one if it is taken.
+    title
+        Of the browser's tab.
 
     Raises
     ------
@@ -48,10 +51,10 @@ class ServedPage(ABC):
         If viser is not installed.
     """
 
-    def __init__(self, port: int) -> None:
+    def __init__(self, port: int, title: str = "dqcontrol") -> None:
         viser = import_viser()
         with contextlib.redirect_stdout(io.StringIO()), only_own_pages():  # without its banner
-            self.server: Any = viser.ViserServer(host=HOST, port=port, label="dqcontrol", verbose=False)
+            self.server: Any = viser.ViserServer(host=HOST, port=port, label=title, verbose=False)
 
     @property
     def url(self) -> str:
@@ -76,6 +79,9 @@ class ServedPage(ABC):
     ) -> None:
         """Look from a position at a point, m, at a floor of a height and with sides of a length, m."""
         server = self.server
+        # The usual map of light takes half a minute to draw without a graphics card.
+        server.scene.configure_environment_map(None)
+        server.scene.add_light_ambient("/light", intensity=_AMBIENT)
         server.gui.configure_theme(control_width="large", show_share_button=False)
         server.gui.main_panel.dock_right()
         server.scene.set_up_direction("+z")

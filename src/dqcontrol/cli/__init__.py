@@ -33,12 +33,14 @@ GROUPS = {  # of commands, as files of this folder, imported when called: `--hel
     },
     "Simulate and compare": {
         "check": "Check an experiment without running it: mistakes, and how near its loops are to instability.",
+        "plan": "Plan the way of an experiment around what stands there, and say what is proved of it.",
         "run": "Run an experiment and write its table, recordings and plots.",
         "sweep": "Run a parameter study, here or on a Dask cluster, and list its best points.",
         "compare": "Compare saved runs: one table, and plots.",
     },
     "Look": {
-        "view": "Look at runs in a browser, over time or while they run.",
+        "play": "Take a robot's target in the hand, in a browser: laws, gains, joints and bodies change meanwhile.",
+        "view": "Look at runs in a browser, over time or while they run; or save them as a page.",
         "report": "Regenerate the reports of saved runs, with all figures, which studies leave out.",
         "figures": "Draw the figures of saved results for papers, as PDF, SVG or PNG.",
         "clip": "Save a clip of a run or several, .mp4, .webp or .gif, or one picture, .png.",

@@ -12,8 +12,7 @@ from cyclopts import Parameter
 from dqcontrol.cli.options import SPEED, BaseLink, Force, Out, TipLink, in_unit
 
 if TYPE_CHECKING:
-    from dqcontrol.cli.keyboard import Keyboard
-    from dqcontrol.loop.jog import Jog
+    from dqcontrol.devices import Jog, Keyboard
 
 _SHOWN_EVERY = 0.1  # s
 
@@ -48,11 +47,11 @@ def jog(
     force
         Replace an earlier folder of results.
     """
-    from dqcontrol.cli.keyboard import Keyboard
+    from dqcontrol.devices import Jog, Keyboard
+    from dqcontrol.devices.jog import HELP
     from dqcontrol.errors import as_positive
-    from dqcontrol.experiments.jogging import prepare_jog, recorded_jog
+    from dqcontrol.experiments.driven import prepare_live, recorded_live
     from dqcontrol.loop.interrupts import first_interrupt
-    from dqcontrol.loop.jog import HELP
     from dqcontrol.loop.targets import Speeds
     from dqcontrol.recording.black_box_folder import FOLDER
     from dqcontrol.references.points_writer import PointsWriter
@@ -61,44 +60,46 @@ def jog(
     speeds = Speeds(as_positive("speed", speed), as_positive("angular_speed", angular_speed))
     writer = PointsWriter(poses, speeds.linear, speeds.angular)
     if out:
-        session = recorded_jog(source, writer, speeds, out, ends=(base_link, tip_link), force=force)
+        session = recorded_live(source, speeds, out, ends=(base_link, tip_link), force=force)
     else:
-        session = nullcontext(prepare_jog(source, writer, speeds, ends=(base_link, tip_link)))
-    with session as driven:
+        session = nullcontext(prepare_live(source, speeds, ends=(base_link, tip_link)))
+    with session as live:
         print("\n".join(HELP))
-        with keyboard, first_interrupt(driven.end):
-            _drive(driven, keyboard, (out or Path("results")) / FOLDER)
-        print(f"ended: {driven.condition}" + f"; poses: {poses}" * poses.exists())
+        with keyboard, first_interrupt(live.end):
+            _drive(Jog(live, writer), keyboard, (out or Path("results")) / FOLDER)
+        print(f"ended: {live.condition}" + f"; poses: {poses}" * poses.exists())
     if out:
         print(f"results: {out}")
 
 
-def _drive(driven: Jog, keyboard: Keyboard, black_box: Path) -> None:
+def _drive(jog: Jog, keyboard: Keyboard, black_box: Path) -> None:
     """Drive until the end; whatever ends it, the robot is at rest then."""
     try:
-        _listen(driven, keyboard, black_box)
+        _listen(jog, keyboard, black_box)
     except BaseException:
-        driven.brake()
+        jog.live.brake()
         raise
 
 
-def _listen(driven: Jog, keyboard: Keyboard, black_box: Path) -> None:
+def _listen(jog: Jog, keyboard: Keyboard, black_box: Path) -> None:
     """Step in real time, hear keys while waiting, show what is going on, and keep what led to a stop."""
+    from dqcontrol.loop.live import Pace
     from dqcontrol.recording import save_black_box
 
-    deadline = shown = before = time.monotonic()
-    was_stopped = False
-    while not driven.ended:
-        for key in keyboard.until(deadline):
-            if told := driven.press(key):
+    live = jog.live
+    shown = before = time.monotonic()
+    pace, was_stopped = Pace(live.period), False
+    while not live.ended:
+        for key in keyboard.until(pace.deadline):
+            if told := jog.press(key):
                 keyboard.tell(told)
         begin = time.monotonic()
-        driven.step(begin - before if before < begin else None)
-        if driven.is_stopped and not was_stopped:
-            kept = save_black_box(driven.black_box, black_box, driven.spec, f"halted: {driven.reason}")
-            keyboard.tell(f"{driven.condition}; the last seconds: {kept}")
-        was_stopped, before, now = driven.is_stopped, begin, time.monotonic()
-        deadline = max(deadline + driven.period, now)  # missed periods are left out
-        if now - shown > _SHOWN_EVERY:
-            shown = now
-            keyboard.show(driven.status)
+        live.step(begin - before if before < begin else None)
+        if live.is_stopped and not was_stopped:
+            kept = save_black_box(live.black_box, black_box, live.spec, f"halted: {live.reason}")
+            keyboard.tell(f"{live.condition}; the last seconds: {kept}")
+        was_stopped, before = live.is_stopped, begin
+        pace.done()
+        if begin - shown > _SHOWN_EVERY:
+            shown = begin
+            keyboard.show(jog.status)

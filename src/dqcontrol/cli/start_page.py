@@ -14,6 +14,7 @@ _LOOKED_AT = 20_000  # bytes of a file
 _KEY = re.compile(r"^(\w+):", re.MULTILINE)
 _SPEC, _ROBOT = {"robot", "robots", "reference"}, {"joints", "parts"}
 _START = (
+    ("dqcontrol play", "take a robot's target in the hand, in a browser"),
     ("dqcontrol new my.yaml", "five questions make an experiment to run and to change"),
     ("dqcontrol list robots", "bundled robots; any .urdf file will do as well"),
     ("dqcontrol list laws", "also references, plants: what an experiment may name"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,9 +10,11 @@ from dqcontrol.cli.options import Port
 
 if TYPE_CHECKING:
     from dqcontrol.browser import GrowingRecording, LiveRun, Track
+    from dqcontrol.browser.served_page import ServedPage
+    from dqcontrol.experiments import Run
 
 
-def view(*runs: Path, live: Path | None = None, port: Port = 8080) -> None:
+def view(*runs: Path, live: Path | None = None, save: Path | None = None, port: Port = 8080) -> None:
     """Look at runs in a browser: robots, paths, frames, errors and limits over time; Ctrl+C ends it.
 
     Parameters
@@ -20,6 +23,8 @@ def view(*runs: Path, live: Path | None = None, port: Port = 8080) -> None:
         Folders of runs, also of those in progress, or of studies for all their runs; or recordings (.mcap).
     live
         A spec of one run, which is run in real time meanwhile and not saved.
+    save
+        Write a page (.html) that plays the runs without this program, in place of looking at them.
     port
         Of this machine, where only its own users reach it; the next free one if it is taken.
     """
@@ -36,17 +41,46 @@ def view(*runs: Path, live: Path | None = None, port: Port = 8080) -> None:
     tracks = [
         Track(label, run.robot, run.record, constraints=run.surroundings) for label, run in saved.items()
     ]
+    if save is not None:
+        _save(saved, save, recordings or live)
+        return
     running = LiveRun(live) if live is not None else None
     try:
         growing = [_follow(file, str(path), tracks) for path, file in recordings.items()]
         if running is not None:
             growing.append(_follow_run(running, tracks))
-        page = Page(tracks, port, (lambda: _take_news(growing, running)) if growing else None)
-        print(f"view: {page.url} (Ctrl+C ends)", flush=True)
+        title = " · ".join(track.label for track in tracks[:3])
+        page = Page(tracks, port, (lambda: _take_news(growing, running)) if growing else None, title)
+        announce("view", page)
         page.serve()
     finally:
         if running is not None:
             running.close()
+
+
+def announce(command: str, page: ServedPage) -> None:
+    """Say where a page is, and open the browser there."""
+    import webbrowser
+
+    print(f"{command}: {page.url} (Ctrl+C ends)", flush=True)
+    webbrowser.open(page.url)
+
+
+def _save(runs: Mapping[str, Run], path: Path, in_progress: object) -> None:
+    """Write a page that plays saved runs."""
+    from dqcontrol.browser.replay import replay_of_runs
+    from dqcontrol.errors import ExistsError, ValueRangeError, writing
+
+    if in_progress:
+        raise ValueRangeError("save: takes runs that are over; one in progress is shown without it")
+    if path.suffix != ".html":
+        raise ValueRangeError(f"save: expected the name of a page, .html, got '{path}'")
+    if path.exists():
+        raise ExistsError(f"{path}: exists already; choose another name or remove it")
+    page = replay_of_runs(runs)
+    with writing(path):
+        path.write_text(page, encoding="utf-8")
+    print(f"view: {path} ({len(page.encode()) / 1e6:.1f} MB)")
 
 
 def _follow(path: Path, label: str, tracks: list[Track]) -> tuple[GrowingRecording, Track]:

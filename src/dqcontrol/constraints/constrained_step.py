@@ -66,21 +66,21 @@ from dqcontrol.constraints.constraint_layout import (
     RobotScene,
     Way,
     box_of,
+    given_parts,
     head,
     kept_of,
     limits_of,
     lines_of,
     memory_of,
     objective_of,
-    parameters_of,
     path_of,
-    placed_of,
+    placed_parts,
     report_of,
     room_for_soft,
     row_of,
-    scene_of,
+    scene_parts,
     way_of,
-    work_of,
+    work_parts,
 )
 from dqcontrol.constraints.constraint_rows import (
     curvature,
@@ -856,62 +856,16 @@ def _report(limits, box, rows, lines, objective, report, settings, sent, origina
     report.numbers[5] = _hand_speed(objective.hand, u, settings.angular)
 
 
-@inline
-def _given(parameters, settings, n, m):
-    """Return what is given by name."""
-    return parameters_of(parameters, n, m, int(settings.rows), int(settings.drives), int(settings.points))
-
-
-@inline
-def _scene(given, settings):
-    return scene_of(
-        given.scene,
-        int(settings.frames),
-        int(settings.screws),
-        int(settings.tree),
-        int(settings.shapes),
-        int(settings.obstacles),
-        int(settings.moving),
-    )
-
-
-@inline
-def _work(scratch, settings, n, m):
-    """Return the scratch by name."""
-    return work_of(
-        scratch,
-        n,
-        m,
-        int(settings.frames),
-        int(settings.screws),
-        int(settings.shapes),
-        int(settings.obstacles),
-        int(settings.rows),
-        int(settings.names),
-        int(settings.capacity),
-        int(settings.program),
-        int(settings.solver),
-        int(settings.levels),
-        int(settings.sets),
-    )
-
-
-@inline
-def _placed(work, settings, m):
-    frames, screws = int(settings.frames), int(settings.screws)
-    return placed_of(work.placed, m, frames, screws, int(settings.shapes), int(settings.obstacles))
-
-
 @kernel(CONSTRAINT)
 def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, state, parameters, scratch, u):
     """Replace a command by the nearest one that keeps the constraints; one that keeps them stays as it is."""
     n, m = q.shape[0], u.shape[0]
     settings = head(parameters)
     names, rows = int(settings.names), int(settings.rows)
-    given, work = _given(parameters, settings, n, m), _work(scratch, settings, n, m)
+    given, work = given_parts(parameters, settings, n, m), work_parts(scratch, settings, n, m)
     limits, way = limits_of(given.limits, m), way_of(given.way, n, m, int(settings.points))
-    kept, scene = kept_of(given.kept, m, rows, int(settings.drives)), _scene(given, settings)
-    box, placed, path = box_of(work.box, m), _placed(work, settings, m), path_of(work.path, n, m)
+    kept, scene = kept_of(given.kept, m, rows, int(settings.drives)), scene_parts(given, settings)
+    box, placed, path = box_of(work.box, m), placed_parts(work, settings, m), path_of(work.path, n, m)
     lines, objective = lines_of(work.lines, m, int(settings.capacity), rows), objective_of(work.objective, m)
     memory = memory_of(state[state.shape[0] - 7 - 2 * n - m :], n, m)
     report = report_of(work.report, names)
@@ -991,9 +945,9 @@ def constraint_values(chain, q, times, samples, parameters, scratch, out):
     """Write the distances and angles of all rows at configurations and times."""
     settings = head(parameters)
     n, m = q.shape[1], int(settings.inputs)
-    given, work = _given(parameters, settings, n, m), _work(scratch, settings, n, m)
+    given, work = given_parts(parameters, settings, n, m), work_parts(scratch, settings, n, m)
     kept = kept_of(given.kept, m, int(settings.rows), int(settings.drives))
-    scene, placed = _scene(given, settings), _placed(work, settings, m)
+    scene, placed = scene_parts(given, settings), placed_parts(work, settings, m)
     for i in range(q.shape[0]):
         status = place_frames(chain, q[i], scene, placed)
         if status != OK:

@@ -483,6 +483,54 @@ def room_for_soft(m: int) -> int:
     return 3 * m + 2
 
 
+@inline
+def given_parts(parameters, settings, n, m):
+    """Return what is given by name."""
+    return parameters_of(parameters, n, m, int(settings.rows), int(settings.drives), int(settings.points))
+
+
+@inline
+def scene_parts(given, settings):
+    """Return the scene by name."""
+    return scene_of(
+        given.scene,
+        int(settings.frames),
+        int(settings.screws),
+        int(settings.tree),
+        int(settings.shapes),
+        int(settings.obstacles),
+        int(settings.moving),
+    )
+
+
+@inline
+def work_parts(scratch, settings, n, m):
+    """Return the scratch by name."""
+    return work_of(
+        scratch,
+        n,
+        m,
+        int(settings.frames),
+        int(settings.screws),
+        int(settings.shapes),
+        int(settings.obstacles),
+        int(settings.rows),
+        int(settings.names),
+        int(settings.capacity),
+        int(settings.program),
+        int(settings.solver),
+        int(settings.levels),
+        int(settings.sets),
+    )
+
+
+@inline
+def placed_parts(work, settings, m):
+    """Return by name where everything is."""
+    frames, screws = int(settings.frames), int(settings.screws)
+    return placed_of(work.placed, m, frames, screws, int(settings.shapes), int(settings.obstacles))
+
+
 __all__ = [
     "APART",
     "AT_LEAST",

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from msgspec import Meta
+from msgspec.structs import replace
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.geometry import Box, Cylinder, InfiniteCylinder, Plane, Shape
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.robots.command_mode import AT_ONCE, CommandMode, Lag
-from dqcontrol.world import Motion, Solid, World
+from dqcontrol.world import Body, Motion, Solid, World
 
 if TYPE_CHECKING:
     from dqcontrol.constraints.prepared_constraints import PreparedConstraints
@@ -73,6 +74,11 @@ class KeptBody(NamedTuple):
     shapes: list[Shape]
     moves: Motion
     clear: ClearOf
+
+
+def _is_known(body: Body) -> bool:
+    """Return whether somebody says where a body is: itself, or what measures it."""
+    return body.watch is not None or not body.is_moved_by_physics
 
 
 class Zone(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -295,21 +301,31 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         if isinstance(self.clear_of, dict):
             chosen = self.clear_of
         elif self.clear_of == "all":
-            chosen = {name: ClearOf() for name, body in bodies.items() if not body.is_moved_by_physics}
+            chosen = {name: ClearOf() for name, body in bodies.items() if _is_known(body)}
         else:
             chosen = dict.fromkeys(self.clear_of, ClearOf())
         for name in chosen:
             if name not in bodies:
                 raise unknown_name(field, name, tuple(bodies))
-            if bodies[name].is_moved_by_physics:
+            if not _is_known(bodies[name]):
                 raise ValueRangeError(
                     f"{field}: '{name}' is moved by what touches it, and nothing measures where it is; leave it out, "
-                    "or say how it moves with 'moves'"
+                    "give it 'watch', or say how it moves with 'moves'"
                 )
         return {
             name: KeptBody(bodies[name].shapes, bodies[name].moves or Motion(), clear)
             for name, clear in chosen.items()
         }
+
+    @property
+    def unwatched(self) -> Constraints:
+        """The same without bodies that only measurements place, of which a recording alone says where they were."""
+        if self.world is None:
+            return self
+        bodies = self.world.bodies
+        kept = {name: each.clear for name, each in self.obstacles.items()}
+        left = {name: clear for name, clear in kept.items() if not bodies[name].is_moved_by_physics}
+        return self if len(left) == len(kept) else replace(self, clear_of=left)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -321,7 +337,7 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         return tuple(found)
 
     def prepare(
-        self, robot: Robot, dt: float, command_mode: CommandMode, lag: Lag = AT_ONCE
+        self, robot: Robot, period: float, command_mode: CommandMode, lag: Lag = AT_ONCE
     ) -> PreparedConstraints:
         """Return all that is kept, made ready for one robot and period; see `Law.prepare`.
 
@@ -332,7 +348,7 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         """
         from dqcontrol.constraints.prepared_constraints import PreparedConstraints  # most laws need none
 
-        return PreparedConstraints(self, robot, dt, command_mode, lag)
+        return PreparedConstraints(self, robot, period, command_mode, lag)
 
 
 def unit(field: str, vector: Sequence[float]) -> Array:

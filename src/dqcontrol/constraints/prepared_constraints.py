@@ -46,8 +46,8 @@ from dqcontrol.constraints.constraint_layout import (
     work_of,
 )
 from dqcontrol.constraints.constraints import HAND, Constraints, unit
+from dqcontrol.constraints.lag_path import WayToTargets, lag_path
 from dqcontrol.constraints.moving_frames import HandFrame, moving_frames
-from dqcontrol.constraints.way_to_targets import WayToTargets, way_to_targets
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, error_prefix, unknown_name
 from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
 from dqcontrol.geometry.shape_rows import KIND, PLANE, RADIUS, ROUND
@@ -105,8 +105,8 @@ class PreparedConstraints:
         How much more than asked samples keep of each row, so that it holds between them too, m or rad.
     rate
         η, 1/s.
-    lag
-        Of joints behind their targets.
+    command_mode, lag
+        How commands move joints, and the lag of joints behind their targets.
     parameters
         For compiled code.
     """
@@ -114,11 +114,12 @@ class PreparedConstraints:
     kernel = keep_constraints
 
     def __init__(
-        self, given: Constraints, robot: Robot, dt: float, command_mode: CommandMode, lag: Lag = AT_ONCE
+        self, given: Constraints, robot: Robot, period: float, command_mode: CommandMode, lag: Lag = AT_ONCE
     ) -> None:
         self.given = given
         self.robot = robot
-        self.period = dt
+        self.period = period
+        self.command_mode: CommandMode = command_mode
         self.lag: Lag = lag if command_mode == "integrated" else AT_ONCE
         if len(robot.drives) and robot.input_size == robot.configuration_size:
             raise ValueRangeError(
@@ -129,13 +130,16 @@ class PreparedConstraints:
             raise ValueRangeError(
                 f"constraints: at most 30 inputs are allowed, {robot.name} has {robot.input_size}"
             )
-        self.way: WayToTargets = way_to_targets(self.lag, robot.configuration_size, dt)
+        self.way: WayToTargets = lag_path(self.lag, robot.configuration_size, period)
         self._frames = moving_frames(robot)
         self._velocity, self._acceleration = self._speeds()
         self._bodies: list[LinkShape] = list(robot.shapes.shapes) if robot.shapes else []
         self._first_obstacle: dict[str, int] = {}  # by name
         self._points: list[int] = []  # numbers of bodies that are balls about named frames
         self._obstacles: list[tuple[Array, Motion]] = []
+        self._watched: dict[
+            str, list[tuple[int, Shape]]
+        ] = {}  # numbers of obstacles, shapes seen from their body
         self._lines: list[_Line] = []
         self.names: tuple[str, ...] = given.names
         self.rate: float = self._rate()
@@ -197,6 +201,21 @@ class PreparedConstraints:
             self.robot.fkm(rows)  # says what is wrong
         return out
 
+    def place(self, parameters: Array, name: str, pose: Array) -> None:
+        """Write where a watched body is, pose (8,), into parameters for compiled code; others are left alone.
+
+        It counts as standing there until the next time.
+        """
+        if name not in self._watched:
+            return
+        count = len(self._obstacles) * OBSTACLE
+        first = self.parameters.size - self._after_obstacles - count
+        rows = parameters[first : first + count].reshape(-1, OBSTACLE)
+        for number, shape in self._watched[name]:
+            moved = shape.moved(pose)
+            rows[number, : len(moved.row)] = moved.row
+            rows[number, BALL : BALL + 4] = ball_around(moved)
+
     def pair(self, row: int) -> ShapePair:
         """Return the shapes of a row that is a distance; obstacles are counted in their order, zones' walls after."""
         found = self._lines[row].row
@@ -216,9 +235,9 @@ class PreparedConstraints:
             lines.append(f"{self.labels[i]}: {self.text(i, values[i])}")
         return lines
 
-    def text(self, row: int, value: float) -> str:
-        """Say what a row's distance or room is and what was asked."""
-        asked = self.asked[row]
+    def text(self, row: int, value: float, asked: float | None = None) -> str:
+        """Say what a row's distance or room is and what was asked: what the constraints ask if omitted."""
+        asked = float(self.asked[row]) if asked is None else asked
         if self.is_angle[row]:
             limit = math.degrees(float(self._lines[row].row.limit))
             sign = 1.0 if self._lines[row].row.kind == AT_LEAST else -1.0
@@ -321,7 +340,7 @@ class PreparedConstraints:
     def _add_obstacle(self, shape: Shape, moving: Motion = _STILL) -> int:
         numbers = np.zeros(OBSTACLE)
         numbers[: len(shape.row)] = shape.row
-        numbers[BALL : BALL + 4] = _ball_around(shape)
+        numbers[BALL : BALL + 4] = ball_around(shape)
         self._obstacles.append((numbers, moving))
         return len(self._obstacles) - 1
 
@@ -343,12 +362,16 @@ class PreparedConstraints:
             self._lines.append(_Line(row, label, levers, 0.0))
 
     def _add_obstacles(self) -> None:
+        world = self.given.world
         for name, each in self.given.obstacles.items():
             field, clear = f"constraints.clear_of.{name}", each.clear
             margin = self.given.margin if clear.margin is None else clear.margin
             self._first_obstacle[name] = len(self._obstacles)
             for k, shape in enumerate(each.shapes):
                 obstacle = self._add_obstacle(shape, each.moves)
+                if world is not None and (body := world.bodies[name]).watch is not None:
+                    seen_from = shape.moved(algebra.conjugate(body.pose))
+                    self._watched.setdefault(name, []).append((obstacle, seen_from))
                 part = f" {k + 1}" if len(each.shapes) > 1 else ""
                 for chosen in self._chosen(field, clear.links):
                     if clear.links is None and self._stands_on(shape, self._bodies[chosen]):
@@ -526,7 +549,7 @@ class PreparedConstraints:
         for row, each in zip(bodies, self._bodies, strict=True):
             row[0] = each.frame
             row[1 : 1 + len(each.shape.row)] = each.shape.row
-            row[1 + BALL :] = _ball_around(each.shape)
+            row[1 + BALL :] = ball_around(each.shape)
         table = self._motions()
         rows = np.zeros((len(self._lines), row_of.size()))
         for k, line in enumerate(self._lines):
@@ -599,6 +622,7 @@ class PreparedConstraints:
             kept=kept_of.pack(**kept._asdict()),
             scene=scene_of.pack(**scene._asdict()),
         )
+        self._after_obstacles: int = table.size
         work = {
             "n": n,
             "m": m,
@@ -643,7 +667,7 @@ def _row(**values: float | Array) -> Row:
     return Row(**(empty | values))  # type: ignore[arg-type]
 
 
-def _ball_around(shape: Shape) -> Array:
+def ball_around(shape: Shape) -> Array:
     """Return centre and radius of a ball around a shape."""
     if isinstance(shape, Sphere):
         return np.array([*shape.center, shape.radius])

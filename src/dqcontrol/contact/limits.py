@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     class LaggingPlant(Protocol):
         """What is asked of a plant."""
 
-        def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
+        def linear_model(self, robot: Robot, start: Array, period: float) -> LinearModel | None:
             """Return how small commands move it."""
             ...
 
@@ -124,7 +124,7 @@ def contact_limits(
     >>> 15000 < limits.stiffness < 18000, limits.axis
     (True, 'z')
     """
-    robot, period = law.robot, law.dt
+    robot, period = law.robot, law.period
     start = as_array("q", q, (robot.configuration_size,))
     asked = as_positive("environment", environment)
     model = plant.linear_model(robot, start, period)
@@ -160,7 +160,7 @@ class _Loop:
     def __init__(
         self, admittance: Admittance, law: Controller, model: LinearModel, q: Array, axis: int
     ) -> None:
-        self._admittance, self._axis, self._period = admittance, axis, law.dt
+        self._admittance, self._axis, self._period = admittance, axis, law.period
         self._filter = admittance.sensor.filter
         robot, n = law.robot, law.robot.configuration_size
         a, b = model.transition, model.inputs

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from dqcontrol.constraints.prepared_constraints import PreparedConstraints
     from dqcontrol.laws.law import Law
 
-_GROWTH = inverse_parameters.place("growth")  # share and farthest follow
+_GROWTH = inverse_parameters.place("growth")  # its share follows
 
 
 class Controller:
@@ -50,7 +50,7 @@ class Controller:
         Compiled function of signature ``LAW``.
     parameters
         One row a sample, or one row for all, shape (K, p).
-    dt
+    period
         Control period, s.
     pose, preferred
         Pose of the hand (8,) and motion preferred in the null space (m,) at the last command.
@@ -72,7 +72,7 @@ class Controller:
         law: Law,
         robot: Robot,
         parameters: Array,
-        dt: float,
+        period: float,
         limits: CommandLimits,
         command_mode: CommandMode,
         tasks: PreparedTasks | None = None,
@@ -80,7 +80,7 @@ class Controller:
     ) -> None:
         self.kernel: Kernel | InterpretedKernel = law.kernel
         self.robot = robot
-        self.dt = dt
+        self.period = period
         self._law, self._limits = law, limits
         self.tasks = tasks
         if tasks is not None and limits.position:
@@ -101,17 +101,17 @@ class Controller:
                 raise ShapeError(
                     "limits.position: constraints keep joints within their limits; leave one of them out"
                 )
-            self.constraints = law.constraints.prepare(robot, dt, command_mode, lag)
+            self.constraints = law.constraints.prepare(robot, period, command_mode, lag)
         inverse = getattr(law, "inverse", None)
         self._grows = isinstance(inverse, FilteredInverse) and inverse.growth is None
         if self._grows:  # with the parameters of its inverse those of the law begin
             parameters = parameters.copy()
-            for i, each in enumerate(growth_for(robot, law.loop_rates(parameters), lag.late, dt)):
+            for i, each in enumerate(growth_for(robot, law.loop_rates(parameters), lag.late, period)):
                 parameters[:, _GROWTH + i] = each
         law_memory = law.state_size(robot)
         contact = law.contact
         self._contact_at, contact_memory = law_memory, CONTACT_STATE if contact else 0
-        memory = position.memory(robot, command_mode, dt) if position else 0
+        memory = position.memory(robot, command_mode, period) if position else 0
         if self.constraints:
             memory = self.constraints.memory
         self._memory_size = contact_memory + memory
@@ -128,7 +128,7 @@ class Controller:
             parameters=parameters,
             work=np.zeros(law.work_size(robot)),
             kinematics=np.zeros(8 + 14 * m),
-            position_limiting=position.parameters(robot, dt, command_mode, limit_parameters)
+            position_limiting=position.parameters(robot, period, command_mode, limit_parameters)
             if position
             else empty,
             position_limit_work=np.zeros(2 * m + self.state_size),
@@ -139,7 +139,7 @@ class Controller:
             ),
             constraining=self.constraints.parameters if self.constraints else empty,
             constraint_work=np.zeros(self.constraints.scratch) if self.constraints else empty,
-            contacting=contact.parameters(dt) if contact else empty,
+            contacting=contact.parameters(period) if contact else empty,
             contact_work=np.full(contact_work.size(), np.nan) if contact else empty,
         )
         self.memory: Array = prepared_memory.pack(**parts._asdict())
@@ -164,8 +164,8 @@ class Controller:
         self._parts = prepared_memory(self.memory, *(self._sizes[name] for name in prepared_memory.sizes))
         if tasks and self._grows:
             at = task_levels.place("growth")
-            growth, share, farthest = parameters[:, _GROWTH : _GROWTH + 3].max(axis=0)
-            self._parts.tasking[at : at + 4] = growth, 0.5 * (dt + lag.late), share, farthest
+            growth, share = parameters[:, _GROWTH : _GROWTH + 2].max(axis=0)
+            self._parts.tasking[at : at + 3] = growth, 0.5 * (period + lag.late), share
         self.parameters: Array = self._parts.parameters
         if law.lag_at:
             self.parameters[:, law.lag_at] = sum(lag.mean)
@@ -177,7 +177,14 @@ class Controller:
     def with_limits(self, limits: CommandLimits) -> Controller:
         """Return the same law with something else done to its commands before they leave."""
         return Controller(
-            self._law, self.robot, self.parameters, self.dt, limits, self._command_mode, self.tasks, self._lag
+            self._law,
+            self.robot,
+            self.parameters,
+            self.period,
+            limits,
+            self._command_mode,
+            self.tasks,
+            self._lag,
         )
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
@@ -186,7 +193,7 @@ class Controller:
             self._law,
             self.robot,
             self.parameters,
-            self.dt,
+            self.period,
             self._limits,
             self._command_mode,
             self.tasks,
@@ -197,7 +204,7 @@ class Controller:
     def depends_on_mode(self) -> bool:
         """Whether plants of another command mode or lag need another one."""
         position = self._limits.position
-        remembers = position and position.memory(self.robot, "integrated", self.dt)
+        remembers = position and position.memory(self.robot, "integrated", self.period)
         return bool(self.constraints or self._grows or self._law.lag_at or remembers)
 
     def in_mode(self, command_mode: CommandMode, lag: Lag = AT_ONCE) -> Controller:
@@ -205,7 +212,7 @@ class Controller:
         if (command_mode, lag) == (self._command_mode, self._lag) or not self.depends_on_mode:
             return self
         return Controller(
-            self._law, self.robot, self.parameters, self.dt, self._limits, command_mode, self.tasks, lag
+            self._law, self.robot, self.parameters, self.period, self._limits, command_mode, self.tasks, lag
         )
 
     @property
@@ -286,7 +293,7 @@ class Controller:
         if out is None:
             out = np.empty(self.robot.input_size)
         try:  # what `step` does: one call less
-            status = self._step(self.plan, self.memory, q, sample.numbers, -1, self.dt, state, out)
+            status = self._step(self.plan, self.memory, q, sample.numbers, -1, self.period, state, out)
         except TypeError:  # a list, integers
             self._check(state, out)
             values = as_array("q", q)
@@ -311,7 +318,7 @@ class Controller:
 
         `command` and the loop call it.
         """
-        status = self._step(self.plan, self.memory, q, sample, k, self.dt, state, out)
+        status = self._step(self.plan, self.memory, q, sample, k, self.period, state, out)
         if status:
             self._say_what_raised(status, q, sample, k, state)
             self._raise(status, q, state, out)
@@ -325,9 +332,14 @@ class Controller:
 
     def _asked(self, q: Array, sample: Array, k: int, state: Array) -> tuple[Array, ...]:
         """Return what the law is handed for a sample, once kinematics are found."""
-        row = max(round(sample[TIME] / self.dt), 0) if k < 0 else k
+        row = max(round(sample[TIME] / self.period), 0) if k < 0 else k
         parameters = self.parameters[min(row, len(self.parameters) - 1)]
         return q, *split(self._parts.kinematics), sample, parameters, state, self.work
+
+    def place(self, name: str, pose: Array) -> None:
+        """Tell its constraints where a watched body of the world is measured, pose (8,), inertial frame."""
+        if self.constraints is not None:
+            self.constraints.place(self._parts.constraining, name, pose)
 
     def sent(self, state: Array, command: Array) -> None:
         """Tell the law what left in place of its last command, as a supervisor changes it, shape (m,)."""

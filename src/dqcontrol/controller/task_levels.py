@@ -135,7 +135,7 @@ class TaskLevels(NamedTuple):
         Levels.
     growth, late
         How far the law's damping grows, and half of period and lag together, s; 0 where it does not.
-    share, farthest
+    share
         Of the law's inverse.
     data
         A `TaskRow` for each, then their tables and samples.
@@ -148,7 +148,6 @@ class TaskLevels(NamedTuple):
     growth: float
     late: float
     share: float
-    farthest: float
     data: Annotated[Array, ...]
 
 
@@ -281,7 +280,7 @@ def _curvature(pose, twist_jacobian, desired, turns, moves, growth, given):
     """Return c‖C‖ of a task whose rows of ω and ṗ are weighed."""
     if growth == 0.0:
         return 0.0
-    a, b, c, d, e, f = counted(pose_error(pose, desired), given.share, given.farthest)
+    a, b, c, d, e, f = counted(pose_error(pose, desired), given.share)
     if turns == 0.0:
         a, b, c = 0.0, 0.0, 0.0
     square = moves * moves
@@ -453,7 +452,6 @@ class PreparedTasks:
             growth=0.0,
             late=0.0,
             share=1.0,
-            farthest=np.inf,
             data=np.concatenate([*(np.array(row) for row in rows), *blocks]),
         )
         self.work_size: int = level_work.size(robot.input_size, most)

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
+from dqcontrol.constraints.constraint_view import Surroundings
 from dqcontrol.constraints.constraints import Constraints
-from dqcontrol.constraints.kept_scene import Surroundings
 from dqcontrol.errors import CollisionWarning
 from dqcontrol.experiments.contact_kernels import add_up_ways, pair_distances
-from dqcontrol.geometry import Capsule, FloorMap, Plane, Shape, Sphere, distance_kernels as kernels
+from dqcontrol.geometry import Capsule, Plane, Shape, Sphere, distance_kernels as kernels
 from dqcontrol.loop.record import Record
-from dqcontrol.plants import CompliantPlant, MobilePlant, Plant
+from dqcontrol.plants import MobilePlant, Plant
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot, SerialArm, TwoArms, WholeBody
 from dqcontrol.robots.bases import CLEARANCE, Chassis, DifferentialDrive
@@ -96,11 +96,11 @@ class Contacts:
         Of its law: links that an obstacle does not name are watched here, as are the shapes that are not kept apart
         by it.
     plant
-        What moves it: its obstacles.
-    walls
-        Map of the reference.
+        What moves it.
     world
         What stands around it; of plants that let links touch it, their readings say what they touched.
+    fitted
+        Whether the shapes that are fitted to a mobile robot's file count, as its way was planned with them.
     """
 
     def __init__(
@@ -108,8 +108,9 @@ class Contacts:
         robot: Robot,
         constraints: Constraints | None = None,
         plant: Plant | None = None,
-        walls: FloorMap | None = None,
         world: World | None = None,
+        *,
+        fitted: bool = False,
     ) -> None:
         robot = robot if plant is None else plant.body_of(robot)
         self._robot = robot
@@ -117,7 +118,7 @@ class Contacts:
         self._first = (
             int(base[-1]) + 2 if len(base) and base[0] == 0 else 1
         )  # frame that something on the base has
-        self._bodies = _bodies(robot, self._first, fitted=walls is not None)
+        self._bodies = _bodies(robot, self._first, fitted=fitted)
         self._moving = [each for each in self._bodies if each.frame > 0]
         self._carried = [
             each
@@ -127,7 +128,6 @@ class Contacts:
         self._levers = _levers(robot, self._bodies)
         felt = world is not None and plant is not None and plant.touches_world
         self._watched = [] if felt else [*self._floor(constraints, world), *self._itself(constraints)]
-        self._watched += [*self._scene(plant), *self._walls(walls)]
         if not felt:
             self._watched += [*self._obstacles(constraints), *self._bodies_of(world, constraints)]
         shapes = list({id(each): each for pair in self._watched for each in pair[:2]}.values())
@@ -216,22 +216,6 @@ class Contacts:
             chassis = [each for each in (first, second) if 0 < each.frame < self._first]
             if not any(isinstance(each.shape, Capsule) for each in chassis):
                 yield _Watched(first, second, f"in itself: {first.name} and {second.name}")
-
-    def _scene(self, plant: Plant | None) -> Iterator[_Watched]:
-        if isinstance(
-            plant, CompliantPlant
-        ):  # its balls touch the end effector alone, their radius is of both
-            for i, ball in enumerate(plant.obstacles):
-                still = _still("obstacle", Sphere(np.zeros(3), ball.radius))
-                for each in self._carried:
-                    if each.name != HAND and each.frame < len(self._robot.chain) - 1:
-                        yield _Watched(_core(each), still, f"in obstacle {i + 1}: {each.name}", ball.centers)
-
-    def _walls(self, walls: FloorMap | None) -> Iterator[_Watched]:
-        for box in [] if walls is None else walls.boxes():
-            wall = _still("wall", box)
-            for each in self._moving:
-                yield _Watched(each, wall, f"in a wall: {each.name}")
 
     def _obstacles(self, constraints: Constraints | None) -> Iterator[_Watched]:
         """Yield the links that obstacles of constraints do not name, but those that ``hand`` stands for."""
@@ -323,13 +307,13 @@ def contacts_of(
     robot: Robot,
     constraints: Constraints | None,
     plant: Plant | None,
-    walls: FloorMap | None,
     world: World | None = None,
+    *,
+    fitted: bool = False,
 ) -> Contacts:
     """Return `Contacts`; those of a robot with nothing around it, which the runs of a study share, are made once."""
-    around = constraints, walls, world
-    if any(each is not None for each in around) or isinstance(plant, MobilePlant | CompliantPlant):
-        return Contacts(robot, constraints, plant, walls, world)
+    if constraints is not None or world is not None or isinstance(plant, MobilePlant):
+        return Contacts(robot, constraints, plant, world, fitted=fitted)
     return _alone(robot if plant is None else plant.body_of(robot))
 
 
@@ -340,20 +324,6 @@ def _alone(robot: Robot) -> Contacts:
 
 def _still(name: str, shape: Shape) -> LinkShape:
     return LinkShape(name, 0, shape)  # type: ignore[arg-type]  # also a plane or an endless cylinder, as none is a link
-
-
-def _core(link: LinkShape) -> LinkShape:
-    """Return what is in the middle of a round shape."""
-    shape = link.shape
-    if isinstance(shape, Capsule):
-        return (
-            link
-            if shape.radius == 0
-            else LinkShape(link.name, link.frame, Capsule(shape.start, shape.end, 0.0))
-        )
-    return LinkShape(
-        link.name, link.frame, Sphere(shape.row[2:5] if isinstance(shape, Sphere) else shape.row[4:7], 0.0)
-    )
 
 
 def _bodies(robot: Robot, first: int, *, fitted: bool) -> list[LinkShape]:

@@ -172,7 +172,7 @@ def _of_detour(scene: PreparedRobot) -> Iterator[str]:
     if isinstance(scene.reference, DriveTo):
         driven, straight = scene.reference.detour
         if driven > _DETOUR * straight:
-            yield f"reference: detour: {driven:.2g} m for {straight:.2g} m, around the map's obstacles"
+            yield f"reference: detour: {driven:.2g} m for {straight:.2g} m, around what stands there"
 
 
 def _of_the_origin(case: Combination) -> Iterator[str]:

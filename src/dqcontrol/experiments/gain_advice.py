@@ -8,11 +8,10 @@ from pathlib import Path
 
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.experiments.check import check
-from dqcontrol.experiments.jogging import most_dexterous
 from dqcontrol.measures.stability import GainLimits, gain_limits, with_lag
 from dqcontrol.plants import Servo
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.robots import load_robot
+from dqcontrol.robots import load_robot, most_dexterous
 from dqcontrol.tables.tables import Cell, Column, Table
 
 _SPEED = 0.1  # m/s of a target that moves
@@ -87,7 +86,7 @@ def advise_gains(
         )
     limits = gain_limits(model, period)
     gain = _round_down(limits.recommended / period)
-    parameters = _parameters(gain, _round_down(_stiffest(model, period)))
+    parameters = law_parameters(gain, _round_down(_stiffest(model, period)))
     laws = {kind: {"kind": kind, **each} for kind, each in parameters.items()}
     checks = check(
         {
@@ -121,7 +120,7 @@ def advise_gains(
 _LAGGING = ("proportional", "decoupled-proportional", "h-infinity")  # without feed-forward
 
 
-def _parameters(gain: float, slow: float) -> dict[str, dict[str, float]]:
+def law_parameters(gain: float, slow: float) -> dict[str, dict[str, float]]:
     """Return laws whose loops have a gain; that of accelerations has one of its own, behind its lag 1/k_v = 1/(4 k)."""
     proportional = {"gain": gain}
     both = {"translation_gain": gain, "orientation_gain": _four_digits(2 * gain)}

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from dqcontrol.errors import LimitWarning, ReachError, ValueRangeError
 from dqcontrol.experiments.check import check
-from dqcontrol.experiments.jogging import most_dexterous
 from dqcontrol.files.units import as_quantity, number_in, unsaid_unit
-from dqcontrol.robots import Robot, describe, load_robot
+from dqcontrol.robots import Robot, describe, load_robot, most_dexterous
 
 _SIZES = (0.1, 0.05, 0.02, 0.01)  # of the reach, tried in turn
 _ABOVE = 0.2  # of the reach; twice the largest motion, as arms stand on tables

@@ -170,7 +170,7 @@ def _inside(name: str, container: str, record: Record, world: World) -> Judged:
 
 def _clear(given: Expectation, record: Record, robot: Robot, world: World, period: float) -> Judged:
     kept = Constraints(world=world, clear_of=given.clear_of, margin=given.by or 0.0, self_collision=False)
-    prepared = PreparedConstraints(kept, robot, period, "measured")
+    prepared = PreparedConstraints(kept.unwatched, robot, period, "measured")
     values = prepared.values(record.q, record.time)
     if not values.size:
         return Judged(True, "nothing to keep clear of")

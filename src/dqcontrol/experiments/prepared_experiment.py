@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import math
+import warnings
 from collections.abc import Callable, Collection, Iterator
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
@@ -17,8 +19,18 @@ from msgspec import UNSET
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.kernel_cache import has_source, source_hash
+from dqcontrol.constraints import Constraints
+from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.controller import Controller, PreparedTasks
-from dqcontrol.errors import ReachError, ShapeError, ValueRangeError, error_prefix
+from dqcontrol.errors import (
+    LimitWarning,
+    NoteWarning,
+    PlanError,
+    ReachError,
+    ShapeError,
+    ValueRangeError,
+    error_prefix,
+)
 from dqcontrol.experiments.contact_check import check_contact
 from dqcontrol.experiments.contacts import check_floor
 from dqcontrol.experiments.reach import check_reach
@@ -43,11 +55,13 @@ from dqcontrol.loop.closed_loop import check_disturbed
 from dqcontrol.loop.simulate import step_count
 from dqcontrol.loop.trace import FARTHEST
 from dqcontrol.measures.stability import LoopGain, loop_gains
+from dqcontrol.planning.branches import first_through
+from dqcontrol.planning.certified_edges import CertifiedEdges
 from dqcontrol.plants.live_plant import live_plant
 from dqcontrol.plants.plant import lagging_mode
 from dqcontrol.references import Previewed, Reference
-from dqcontrol.references.sample import TIME
-from dqcontrol.robots import Robot, WholeBody
+from dqcontrol.references.sample import POSE, TIME
+from dqcontrol.robots import ReachingPosture, Robot, WholeBody
 from dqcontrol.robots.command_mode import Lag
 from dqcontrol.robots.whole_body import Base
 
@@ -56,6 +70,8 @@ T = TypeVar("T")
 _KEPT_BYTES = 200e6  # of prepared laws; beyond that they are prepared again when their turn comes
 _MOST_TRIALS = 10_000_000
 _MOST_KNOWN = 16  # robots and scenes
+_FULL_POSE = 6  # joints, with fewer of which a hand follows no pose
+_PATH_SAMPLES = 200  # of a path that starts are tried with: 20 mm apart on one of 4 m
 
 
 @dataclass(frozen=True)
@@ -270,6 +286,8 @@ def prepare_spec(
     for label, robot in robots.items():
         with error_prefix(f"robots.{label}") if label else nullcontext():
             parts = spec.reference, spec.period, spec.duration, spec.skip_initial, robot, spec.tasks
+            if spec.reference.plans_around:
+                parts = *parts, [each.law.constraints for each in variants], list(plants.values()), spec.world
             scenes[label] = _once(known, parts, lambda chosen=robot: _scene(spec, chosen, folder, known))
             limits = {name: spec.limits_of(plant, scenes[label].robot) for name, plant in plants.items()}
             different = {each.velocity: each for each in limits.values()}
@@ -310,10 +328,12 @@ def _once(known: dict[bytes, Any], key: object, make: Callable[[], T]) -> T:
 
 def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes, Any]) -> PreparedRobot:
     robot = _once(known, [str(folder), chosen.without_start()], lambda: chosen.load(folder))
-    start = _start(chosen.start, robot)
+    start = _start(chosen.start, robot, partial(_through_all, spec, folder, robot))
     robot = robot.from_start(start)
     reference = spec.reference.build(robot.fkm(start), folder)
-    reference = spec.reference.of_robot(reference, _widest(spec, robot), start)
+    kept = _kept(spec, robot) if spec.reference.plans_around else None
+    with error_prefix("reference") if kept else nullcontext():
+        reference = spec.reference.of_robot(reference, _widest(spec, robot), start, spec.surroundings, kept)
     times = spec.period * np.arange(step_count(reference, spec.period, spec.duration), dtype=np.float64)
     samples = reference.samples(times)
     if spec.skip_initial > samples[-1, -1]:
@@ -323,9 +343,28 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
     try:
         check_reach(robot, start, samples)
     except ReachError as error:
-        raise ReachError(f"{error}{length_slip(spec.reference, robot)}") from None
+        if not getattr(reference, "streamed", False):  # what a hand leads may well go out of reach
+            raise ReachError(f"{error}{length_slip(spec.reference, robot)}") from None
+        warnings.warn(str(error), LimitWarning, stacklevel=2)
     check_floor(robot, start, samples)
     return PreparedRobot(robot, start, reference, samples, _tasks(spec, robot, start, folder, times))
+
+
+def _kept(spec: Spec, robot: Robot) -> PreparedConstraints:
+    """Return what all laws of a spec keep, as its plant with the most lag needs it; else all bodies of its world."""
+    given = [variant.law.constraints for variant in spec.variants]
+    if any(each != given[0] for each in given):
+        raise ShapeError(
+            f"reference: {spec.reference.__struct_config__.tag} plans once for all laws, and these keep different "
+            "constraints; give them once, as 'constraints' of the spec"
+        )
+    world = spec.surroundings
+    asked = given[0] or Constraints(world=world, clear_of="all" if world else None)
+    found = [
+        asked.prepare(robot, spec.period, lagging_mode(plant), plant.lag(robot))
+        for plant in spec.plant_by_label.values()
+    ]
+    return max(found, key=lambda each: float(each.allowances.sum()))
 
 
 def _widest(spec: Spec, robot: Robot) -> Robot:
@@ -347,9 +386,29 @@ def _tasks(spec: Spec, robot: Robot, start: Array, folder: Path, times: Array) -
     return tasks
 
 
-def _start(given: Start, robot: Robot) -> Array:
+def _through_all(spec: Spec, folder: Path, robot: Robot, found: list[ReachingPosture]) -> ReachingPosture:
+    """Return the best posture from which the hand can go all of the reference and keep constraints; else the best."""
+    given = [variant.law.constraints for variant in spec.variants]
+    if any(each != given[0] for each in given) or robot.configuration_size < _FULL_POSE or len(robot.drives):
+        return found[0]
+    asked = given[0] or Constraints(self_collision=False)
+    paths = []
+    for each in found:
+        reference = spec.reference.build(robot.fkm(each.q), folder)
+        goes = 0.0 if math.isinf(reference.duration) else reference.duration
+        times = np.linspace(0.0, goes, _PATH_SAMPLES if goes else 1)
+        paths.append((each.q, reference.samples(times)[:, POSE]))
+    try:
+        through = first_through(paths, CertifiedEdges(robot, asked))
+    except PlanError as error:
+        warnings.warn(f"start: {error}", NoteWarning, stacklevel=2)
+        return found[0]
+    return next(each for each in found if np.array_equal(each.q, through[0]))
+
+
+def _start(given: Start, robot: Robot, chosen: Callable[[list[ReachingPosture]], ReachingPosture]) -> Array:
     """Return the start configuration, within the limits."""
-    start = start_configuration(given, robot)
+    start = start_configuration(given, robot, chosen=chosen)
     if (far := np.abs(start) > FARTHEST).any():
         i = int(far.argmax())
         raise ValueRangeError(

@@ -6,6 +6,7 @@ Reports import experiments, so experiments cannot import reports: they know only
 
 from __future__ import annotations
 
+from html import escape
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
@@ -57,15 +58,44 @@ class ResultPages(Protocol):
         ...
 
 
-_handed_in: list[Callable[[], ResultPages]] = []
+class ShownPage:
+    """A page of HTML that notebooks show in a cell.
+
+    Attributes
+    ----------
+    html
+        The whole page.
+    height
+        Of the cell, pixels.
+    """
+
+    def __init__(self, html: str, height: int) -> None:
+        self.html, self.height = html, height
+
+    def __repr__(self) -> str:
+        return f"ShownPage({len(self.html) / 1e6:.1f} MB)"
+
+    def _repr_html_(self) -> str:
+        """Return what notebooks show."""
+        page = escape(self.html, quote=True)
+        return f'<iframe srcdoc="{page}" width="100%" height="{self.height}" style="border:none"></iframe>'
 
 
-def hand_in(load: Callable[[], ResultPages]) -> None:
-    """Take the function that returns what writes figures and reports; it is called when the first is written."""
-    _handed_in[:] = [load]
+_handed_in: list[tuple[Callable[[], ResultPages], Callable[[Mapping[str, Run]], str]]] = []
+
+
+def hand_in(load: Callable[[], ResultPages], replay: Callable[[Mapping[str, Run]], str]) -> None:
+    """Take what loads the writer of figures and reports, called when the first is written, and what makes replays."""
+    _handed_in[:] = [(load, replay)]
 
 
 def result_pages() -> ResultPages:
     """Return what writes them."""
-    (load,) = _handed_in
+    ((load, _),) = _handed_in
     return load()
+
+
+def replay(runs: Mapping[str, Run]) -> str:
+    """Return a page of HTML that plays runs by their labels."""
+    ((_, make),) = _handed_in
+    return make(runs)

@@ -18,7 +18,7 @@ from dqcontrol.constraints import Constraints
 from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.check import LoopCheck, warn_unstable
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare
-from dqcontrol.experiments.result_pages import result_pages
+from dqcontrol.experiments.result_pages import ShownPage, replay, result_pages
 from dqcontrol.experiments.results_folder import PARENT, new_folder
 from dqcontrol.experiments.run_comparison import summary
 from dqcontrol.experiments.shortfall import warn_of_shortfalls
@@ -39,8 +39,8 @@ from dqcontrol.measures.task_result import TaskResult, task_result
 from dqcontrol.plants import Plant
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.recording import RecordStream, export_record, save_record
+from dqcontrol.references.follow import follow_in
 from dqcontrol.robots import Robot
-from dqcontrol.world import Body, World
 
 Progress = Callable[[int, int], None]
 
@@ -139,15 +139,11 @@ class Run:
 
     @cached_property
     def surroundings(self) -> Constraints | None:
-        """What figures show around the robot: what its law kept clear of, and the map that its way was planned on."""
+        """What figures show around the robot: what its law kept clear of, and the world."""
         if self._parts is None or self.law is None:
             return None
-        given, planned_on = self.law.constraints, getattr(self._parts.reference, "map", None)
-        bodies = dict(self._parts.world or {})
-        known = {body.map for body in bodies.values()}
-        if planned_on is not None and planned_on not in known and Path(planned_on).is_file():
-            bodies["map"] = Body(map=planned_on)
-        return replace_field(given or Constraints(), world=World(bodies=bodies)) if bodies else given
+        given, world = self.law.constraints, self._parts.surroundings
+        return given if world is None else replace_field(given or Constraints(), world=world)
 
     @cached_property
     def _parts(self) -> Spec | None:
@@ -222,6 +218,21 @@ class Run:
         """
         notes = {"spec": self.spec, "label": self.label}
         return export_record(self.record, path, **units_of(self.robot), notes=notes, force=force)
+
+    def view(self, height: int = 480) -> ShownPage:
+        """Return the run as a page that plays it: notebooks show it in a cell, ``view().html`` is the page itself.
+
+        Parameters
+        ----------
+        height
+            Of the cell, pixels.
+
+        Raises
+        ------
+        MissingExtraError
+            If viser is not installed.
+        """
+        return ShownPage(replay({self.label: self}), height)
 
     def _repr_mimebundle_(self, **_: object) -> dict[str, Any]:
         """Return what notebooks show: the metrics in a line, and the hand's path."""
@@ -318,6 +329,7 @@ def execute(
         recording=recording,
         watch=watch,
         black_box=black_box,
+        follow=follow_in(scene.reference),
     )
     record = with_range(scene.robot, record, case.variant.law)
     if not spec.keeps_records:

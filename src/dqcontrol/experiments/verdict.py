@@ -9,15 +9,14 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from dqcontrol.constraints.constraint_view import ConstraintView
 from dqcontrol.constraints.constraints import Constraints
-from dqcontrol.constraints.kept_scene import KeptScene
 from dqcontrol.constraints.prepared_constraints import SELF
 from dqcontrol.controller import PreparedTasks
 from dqcontrol.experiments.contacts import HAND, contacts_of
 from dqcontrol.experiments.outcome import Expectation, felt, judge_outcome, length_text
 from dqcontrol.experiments.spec import Spec
 from dqcontrol.experiments.spec.reference_base import ReferenceSpec
-from dqcontrol.geometry import load_map
 from dqcontrol.laws import Law, PartialProportional
 from dqcontrol.loop.kept_signals import DISTANCE, PRESSURE, ROOM
 from dqcontrol.loop.record import Record, has_failed, row_norms
@@ -25,9 +24,10 @@ from dqcontrol.measures.deadlock import deadlocks
 from dqcontrol.measures.margins import AT_LIMIT, UNSEEN, joint_margins
 from dqcontrol.measures.metrics import Metrics
 from dqcontrol.measures.task_result import TaskResult, further_results, task_result
-from dqcontrol.plants import MobilePlant, Plant
+from dqcontrol.plants import MobilePlant, MujocoPlant, Plant
 from dqcontrol.plants.mobile.mobile_live import SLIDING
-from dqcontrol.plants.mujoco.carried_box import GRIP_FORCE
+from dqcontrol.plants.mujoco.gripper import GRIPPER_OPENING
+from dqcontrol.plants.mujoco.pads import GRIP_FORCE
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
 from dqcontrol.supervisor import Supervisor, list_interventions
@@ -131,8 +131,8 @@ class Judge:
         self._constraints: Constraints | None = None if law is None else law.constraints
         kind = "" if reference is None else str(reference.__struct_config__.tag)
         self._motion = kind if kind in _SHAPES else "reference"
-        file = getattr(reference, "map", None)
-        self._contacts = contacts_of(robot, self._constraints, plant, load_map(file) if file else None, world)
+        planned = getattr(reference, "clear_of", None) is not None
+        self._contacts = contacts_of(robot, self._constraints, plant, world, fitted=planned)
         self._world, self._outcome = world, list(outcome)
 
     @classmethod
@@ -166,7 +166,7 @@ class Judge:
         touched = list(self._touched(record))
         judged = judge_outcome(self._outcome, record, self.robot, self._world, self._period, touched)
         met = [each.words for each in judged if each.holds]
-        hit = felt(record, () if self.robot.shapes is None else self.robot.shapes.names)
+        hit = self._felt(record)
         found: list[tuple[Failure, str]] = [
             *(("outcome", f"not so: {each.words}") for each in judged if not each.holds),
             *(("crossed", words) for words in (*self._crossed(record), *self._supervised(record))),
@@ -205,6 +205,9 @@ class Judge:
             words.append(f"and {len(breaches) - _SAID} more")
         return Verdict("; ".join([*words, end]), found[0][0])
 
+    def _felt(self, record: Record) -> list[str]:
+        return felt(record, () if self.robot.shapes is None else self.robot.shapes.names)
+
     def _may_be_hit(self, words: str) -> bool:
         """Return whether what was hit is a body that gives way."""
         name = words.removeprefix("hit ").partition(": ")[0]
@@ -241,7 +244,7 @@ class Judge:
     def _nearest_link(self, record: Record, at: int, name: str) -> str:
         """Return the link that is nearest to a constraint at a sample, in brackets; nothing if it is another's."""
         assert self._constraints is not None
-        pair = KeptScene(self._constraints, self.robot, self._period).nearest(
+        pair = ConstraintView(self._constraints, self.robot, self._period).nearest(
             record.q[at], float(record.time[at])
         )
         label = "" if pair is None else pair.label.removeprefix(f"{name}: ")
@@ -301,9 +304,9 @@ class Judge:
             if len(lost):
                 yield f"let go of the box{_at(record, int(held[0] + lost[0]) if len(held) else 0)}"
         plant = self._plant
-        if not isinstance(plant, MobilePlant) or plant.gripper is None or not _free(plant):
+        if not isinstance(plant, MobilePlant | MujocoPlant) or plant.gripper is None or not _free(plant):
             return
-        opening = record.readings["gripper_opening"].values[:, 0]
+        opening = record.readings[GRIPPER_OPENING].values.min(axis=1)
         end = float(record.time[-1])
         times = [event for event in plant.gripper.schedule if event.time < end]
         holds = [(a.time, b.time if b else end) for a, b in pairwise([*times, None]) if a and a.closed]
@@ -320,7 +323,7 @@ class Judge:
 
     def _not_placed(self, record: Record, carried: int) -> Iterator[str]:
         """Yield the body that is nearest to a container, and in none, if fewer are in one than were gripped."""
-        assert isinstance(self._plant, MobilePlant)
+        assert isinstance(self._plant, MobilePlant | MujocoPlant)
         free, containers, outside = _free(self._plant), _containers(self._plant), {}
         for name in free:
             place = record.readings[f"{name}_position"].values[-1]
@@ -390,11 +393,12 @@ class Judge:
         plant = self._plant
         if GRIP_FORCE in record.readings:
             yield "held the box"
+        gripper = plant.gripper if isinstance(plant, MobilePlant | MujocoPlant) else None
+        if isinstance(plant, MobilePlant | MujocoPlant) and gripper and gripper.schedule and _free(plant):
+            places = [record.readings[f"{name}_position"].values[-1] for name in _free(plant)]
+            held = [any(body.holds(place) for body in _containers(plant).values()) for place in places]
+            yield f"placed {sum(held)} of {len(places)}" if any(held) else "gripped"
         if isinstance(plant, MobilePlant):
-            if plant.gripper is not None and (free := _free(plant)) and plant.gripper.schedule:
-                places = [record.readings[f"{name}_position"].values[-1] for name in free]
-                held = [any(body.holds(place) for body in _containers(plant).values()) for place in places]
-                yield f"placed {sum(held)} of {len(places)}" if any(held) else "gripped"
             yield f"stands (tilt ≤ {math.degrees(float(record.readings['tilt'].values.max())):.2g}°)"
 
     # Why a task was not done
@@ -434,9 +438,7 @@ class Judge:
             shares = (record.readings[PRESSURE].values > 0).mean(axis=0)
             name = record.readings[PRESSURE].parts[int(shares.argmax())]
             yield f"pushed aside by {name} for {100 * shares.max():.2g} % of the time"
-        if "contact" in record.readings and metrics.peak_contact > 0:
-            at = int(row_norms(record.readings["contact"].values).argmax())
-            yield f"touched: {metrics.peak_contact:.3g} N{_at(record, at)}"
+        yield from (words for words in self._felt(record) if self._may_be_hit(words))
         if "wheel_slip" in record.readings:
             slip = np.abs(record.readings["wheel_slip"].values).max(axis=1)
             if (share := float(np.mean(slip > SLIDING))) > _OFTEN:
@@ -467,12 +469,16 @@ class Judge:
             yield f"at its limit: {metrics.limit_joint}"
 
 
-def _free(plant: MobilePlant) -> dict[str, Body]:
-    return {name: body for name, body in plant.bodies.items() if body.role == "free"}
+def _bodies(plant: MobilePlant | MujocoPlant) -> dict[str, Body]:
+    return {} if plant.world is None else plant.world.bodies
 
 
-def _containers(plant: MobilePlant) -> dict[str, Body]:
-    return {name: body for name, body in plant.bodies.items() if body.container is not None}
+def _free(plant: MobilePlant | MujocoPlant) -> dict[str, Body]:
+    return {name: body for name, body in _bodies(plant).items() if body.role == "free"}
+
+
+def _containers(plant: MobilePlant | MujocoPlant) -> dict[str, Body]:
+    return {name: body for name, body in _bodies(plant).items() if body.container is not None}
 
 
 def _braked(record: Record) -> str:

@@ -216,7 +216,7 @@ class _ComputedTarget(SampledTarget):
 
     def sample(self, time: float, pose: Array) -> Array:
         """Return the nearest sample."""
-        row = min(max(round(time / self._period), 0), len(self._samples) - 1)
+        row = min(max(self._index(time), 0), len(self._samples) - 1)
         computed_path(self._path, row * self._period, self._row)
         return self._row
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _TITLES = {  # those that are drawn, in this order; the others stand in the recording
-    "contact": "contact",
+    "contact_force": "contact",
     "push": "push",
     "wrist_force": "wrist",
     "wrist_torque": "wrist",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.constraints.kept_scene import Surroundings
+from dqcontrol.constraints.constraint_view import Surroundings
 from dqcontrol.geometry import Box, Capsule, Cylinder, InfiniteCylinder, Plane, Shape, Sphere
 from dqcontrol.loop.kept_signals import DISTANCE
 

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.constraints.kept_scene import KeptScene
+from dqcontrol.constraints.constraint_view import ConstraintView
+from dqcontrol.constraints.constraints import Constraints
 from dqcontrol.errors import (
     FileFormatError,
     ShapeError,
@@ -34,9 +35,9 @@ from dqcontrol.films.picture_file import check_picture_file
 from dqcontrol.plants.mobile.mobile_plant import MobilePlant
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.tree_robot import TreeRobot
+from dqcontrol.world import World
 
 if TYPE_CHECKING:
-    from dqcontrol.constraints.constraints import Constraints
     from dqcontrol.loop.record import Record
     from dqcontrol.plants.plant import PhysicsPicture, Plant
     from dqcontrol.robots.robot import Robot
@@ -70,7 +71,7 @@ def render_clip(
 
     Further runs show through the first, in colours of their own. A mobile manipulator that was not in physics is drawn
     as physics would, on wheels that do not slip. Of an arm also the desired path (dashed, blue), the hand's path so far
-    (red), and the balls in its way.
+    (red), and the world.
 
     Parameters
     ----------
@@ -93,7 +94,7 @@ def render_clip(
     overwrite
         True to replace an existing file.
     kept
-        Constraints whose obstacles and zones are drawn, with the nearest pair.
+        Constraints whose obstacles and zones are drawn, with the nearest pair; of the plant's world if omitted.
     progress
         Told how many frames of how many are drawn.
 
@@ -166,7 +167,7 @@ def render_whole(
     """
     look: dict[str, Any] = {"width": width, "height": height, "overwrite": overwrite}
     film = _film(robot, [(plant, record), *further], kept)
-    if further or kept is not None or not film.is_overlaid:
+    if further or kept is not None or getattr(plant, "world", None) or not film.is_overlaid:
         times = np.linspace(0.0, _end(record, further), 6).tolist()
         look |= {
             "azimuth": azimuth,
@@ -299,11 +300,13 @@ def _film(robot: Robot, runs: Further, kept: Constraints | None) -> Film:
     """Return what a camera needs of runs."""
     (plant, record), *further = runs
     period = float(record.time[1] - record.time[0]) if len(record.time) > 1 else 1e-3
-    around = None if kept is None else KeptScene(kept, robot, period)
+    if kept is None and isinstance(world := getattr(plant, "world", None), World):
+        kept = Constraints(world=world)
+    around = None if kept is None else ConstraintView(kept, robot, period)
     if plant is not None and (picture := plant.picture(robot)) is not None:
         return film_physics(robot, picture, record, [_in_physics(robot, *each) for each in further])
     if isinstance(robot, SerialArm) or (isinstance(robot, TreeRobot) and not robot.bases):
-        return film_arm(robot, plant, record, [each for _, each in further], around)
+        return film_arm(robot, record, [each for _, each in further], around)
     return film_physics(
         robot, *_in_physics(robot, plant, record), [_in_physics(robot, *each) for each in further]
     )

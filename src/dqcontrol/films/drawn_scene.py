@@ -6,14 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dqcontrol.constraints.kept_scene import NEAR, KeptScene
+from dqcontrol.constraints.constraint_view import NEAR, ConstraintView
 from dqcontrol.geometry import Box, Capsule, Cylinder, InfiniteCylinder, Plane, Shape, Sphere
+from dqcontrol.world.whereabouts import poses_of
 
 if TYPE_CHECKING:
     from dqcontrol.arrays import Array
     from dqcontrol.loop.record import Record
 
 _SOLID, _CLOSE, _ZONE = (0.55, 0.35, 0.65, 0.6), (0.90, 0.25, 0.10, 0.75), (0.25, 0.55, 0.35, 0.12)
+_WOOD = (0.76, 0.60, 0.42, 1.0)  # of what physics moves
 _LINE = 0.004  # of the arm's length: radius of the line between the nearest points
 _THIN = 0.002  # m: of a plane
 
@@ -21,10 +23,20 @@ _THIN = 0.002  # m: of a plane
 class DrawnScene:
     """Adds what is around a robot to MuJoCo's scene, sample by sample; the pair that is near is red."""
 
-    def __init__(self, kept: KeptScene, record: Record, reach: float, floor: float) -> None:
+    def __init__(self, kept: ConstraintView, record: Record, reach: float, floor: float) -> None:
         self._kept, self._record, self._reach, self._floor = kept, record, reach, floor
         self._shifts = kept.shifts(record.time)
-        self.most: int = len(kept.things) + 2
+        readings = {name: signal.values for name, signal in record.readings.items()}
+        for i, thing in enumerate(kept.things):
+            if f"{thing.name}_displacement" in readings:
+                self._shifts[i] += readings[f"{thing.name}_displacement"]
+        self._free = [
+            (solid.shapes, poses_of(name, body, record.time, readings))
+            for name, body in kept.free.items()
+            for solid in body.solids
+        ]
+        self.moves: bool = bool(self._free) or bool(np.ptp(self._shifts, axis=1).any())
+        self.most: int = len(kept.things) + sum(len(shapes) for shapes, _ in self._free) + 2
 
     def add(self, mujoco: Any, scene: Any, k: int) -> None:
         """Add what belongs to sample k."""
@@ -39,6 +51,9 @@ class DrawnScene:
                 self._shifts[i, k],
                 _CLOSE if close else _ZONE if thing.is_zone else _SOLID,
             )
+        for shapes, poses in self._free:
+            for shape in shapes:
+                self._add_shape(mujoco, scene, shape.moved(poses[k]), np.zeros(3), _WOOD)
         if near and nearest is not None and len(nearest.on_a):
             if nearest.link is not None:
                 self._add_shape(mujoco, scene, nearest.link, np.zeros(3), (*_CLOSE[:3], 0.35))

@@ -19,24 +19,19 @@ from dqcontrol.plants.mujoco.mujoco_model import import_mujoco, skeleton, skelet
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from dqcontrol.arrays import Array
-    from dqcontrol.constraints.kept_scene import KeptScene
+    from dqcontrol.constraints.constraint_view import ConstraintView
     from dqcontrol.loop.record import Record
-    from dqcontrol.plants.plant import MovingBox, Plant
     from dqcontrol.robots.robot import Robot
 
 _POSTURES = 50  # looked at to find the room of an arm
 _PIECES = 150  # of a path, at most: they take most of the time
-_BALL = (0.55, 0.35, 0.65, 0.6)
-_WOOD = (0.76, 0.60, 0.42, 1.0)
 
 
 def film_arm(
     robot: Robot,
-    plant: Plant | None,
     record: Record,
     further: Sequence[Record] = (),
-    kept: KeptScene | None = None,
+    kept: ConstraintView | None = None,
 ) -> Film:
     """Return what a camera needs of an arm's run, and of further ones that show through it.
 
@@ -59,21 +54,11 @@ def film_arm(
     add_meshes(spec, robot, meshes)
     paths = [path for each in records for path in tip_paths(robot, each)]
     framing = framing_of_arm(robot, postures, np.vstack([desired, *paths]), meshes)
-    balls, boxes = [], []
-    if plant is not None:
-        readings = {name: signal.values for name, signal in record.readings.items()}
-        balls, boxes = plant.balls(record.time), plant.boxes(robot, record.q, readings)
-
     around = DrawnScene(kept, record, framing.reach, framing.floor) if kept else None
 
     def decorate(scene: Any, k: int) -> None:
         if around is not None:
             around.add(mujoco, scene, k)
-        for centers, radius in balls:
-            if not np.isnan(centers[k, 0]):
-                _add_ball(mujoco, scene, centers[k], radius)
-        for box in boxes:
-            _add_box(mujoco, scene, box, k)
         add_desired(mujoco, scene, desired, framing.reach, _PIECES)
         for path in actual:
             add_actual(mujoco, scene, path[: k + 1], framing.reach, _PIECES)
@@ -85,22 +70,7 @@ def film_arm(
         azimuth=130.0,
         elevation=-18.0,
         decorate=decorate,
-        is_overlaid=not boxes,
-        decorations=(1 + len(actual)) * _PIECES + len(balls) + len(boxes) + (around.most if around else 0),
+        is_overlaid=not (around and around.moves),
+        decorations=(1 + len(actual)) * _PIECES + (around.most if around else 0),
         further=[lambda _, q=each.q: skeleton_positions(robot, q) for each in further],
     )
-
-
-def _add_ball(mujoco: Any, scene: Any, center: Array, radius: float) -> None:
-    size, rgba = np.full(3, radius), np.array(_BALL, dtype=np.float32)
-    kind = mujoco.mjtGeom.mjGEOM_SPHERE
-    mujoco.mjv_initGeom(scene.geoms[scene.ngeom], kind, size, center, np.eye(3).ravel(), rgba)
-    scene.ngeom += 1
-
-
-def _add_box(mujoco: Any, scene: Any, box: MovingBox, k: int) -> None:
-    turn, rgba = np.empty(9), np.array(_WOOD, dtype=np.float32)
-    mujoco.mju_quat2Mat(turn, box.quaternion[k])
-    kind = mujoco.mjtGeom.mjGEOM_BOX
-    mujoco.mjv_initGeom(scene.geoms[scene.ngeom], kind, box.half_sizes, box.position[k], turn, rgba)
-    scene.ngeom += 1

@@ -163,7 +163,7 @@ class DecoupledProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="dec
     >>> arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
     >>> law = dqc.laws.DecoupledProportional(gain=[1, 4, 4, 4, 2, 2, 2, 2])
     >>> here, there = arm.fkm(q), arm.fkm(q + 0.02)
-    >>> u = law.command(arm, q, dqc.Sample(there), dt=0.01)
+    >>> u = law.command(arm, q, dqc.Sample(there), period=0.01)
     >>> way = dqc.algebra.translation(there) - dqc.algebra.translation(here)
     >>> np.allclose(arm.translation_jacobian(q) @ u, 4 * way)
     True
@@ -188,7 +188,7 @@ def position_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parame
     for i in range(3):
         target[i] = given.gain * (there[i] - here[i])
     error, inverse = pose_error(pose, sample), inverse_parameters(given.inverse)
-    error = counted((0.0, 0.0, 0.0, error[3], error[4], error[5]), inverse.share, inverse.farthest)
+    error = counted((0.0, 0.0, 0.0, error[3], error[4], error[5]), inverse.share)
     curved = curvature(twist_jacobian, here[0], here[1], here[2], error, 1.0)
     _velocity_rows(here, twist_jacobian, own.matrix)
     return solve(own.matrix, target, own.preferred, curved, given.inverse, own.solver, out)
@@ -212,7 +212,7 @@ def rotation_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parame
     for i in range(3):
         omega[i] *= length
     error, inverse = pose_error(pose, sample), inverse_parameters(given.inverse)
-    error = counted((error[0], error[1], error[2], 0.0, 0.0, 0.0), inverse.share, inverse.farthest)
+    error = counted((error[0], error[1], error[2], 0.0, 0.0, 0.0), inverse.share)
     curved = curvature(twist_jacobian, 0.0, 0.0, 0.0, error, length * length)
     return solve(matrix, omega, own.preferred, curved, given.inverse, own.solver, out)
 
@@ -294,7 +294,7 @@ class PartialProportional(Law, frozen=True, kw_only=True, tag="partial-proportio
     >>> arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
     >>> law = dqc.laws.PartialProportional(part="position", gain=2.0)
     >>> here, there = arm.fkm(q), arm.fkm(q + 0.1)
-    >>> u = law.command(arm, q, dqc.Sample(there), dt=0.01)
+    >>> u = law.command(arm, q, dqc.Sample(there), period=0.01)
     >>> way = dqc.algebra.translation(there) - dqc.algebra.translation(here)
     >>> np.allclose(arm.translation_jacobian(q) @ u, 2 * way)
     True

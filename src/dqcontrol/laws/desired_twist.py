@@ -77,7 +77,7 @@ signed_state: MemoryLayout[SignedState] = MemoryLayout(SignedState, "m", uncheck
 
 
 def _numbers(
-    feedforward: Feedforward, robot: Robot, reference: Reference | None, dt: float, length: float
+    feedforward: Feedforward, robot: Robot, reference: Reference | None, period: float, length: float
 ) -> Array:
     """Return `SecondOrder` for a law, a row of numbers; none if it feeds forward as printed."""
     if feedforward not in get_args(Feedforward):
@@ -89,7 +89,7 @@ def _numbers(
     order[: len(columns)] = columns
     led = isinstance(reference, Previewed)
     return second_order.pack(
-        half_period=dt / 2,
+        half_period=period / 2,
         preview=reference.delay + reference.lag if led else -1.0,
         lag=0.0,
         length=length,
@@ -113,10 +113,10 @@ class FeedforwardLaw(Law, frozen=True, kw_only=True):
         feedforward: Feedforward = "second-order"
         inverse: Inverse = FilteredInverse()
 
-    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> Array:
+    def rows(self, robot: Robot, reference: Reference | None, period: float) -> Array:
         """Return the rows of the law itself, and what feed-forward of second order needs."""
-        rows = super().rows(robot, reference, dt)
-        numbers = _numbers(self.feedforward, robot, reference, dt, self.inverse.characteristic_length)
+        rows = super().rows(robot, reference, period)
+        numbers = _numbers(self.feedforward, robot, reference, period, self.inverse.characteristic_length)
         return np.hstack([rows, np.tile(numbers, (len(rows), 1))])
 
     def state_size(self, robot: Robot) -> int:
@@ -147,9 +147,11 @@ def desired_twist(sample, pose, twist_jacobian, numbers, last, out):
     h J̇u⁻ is at most half of |ξ_d + h ξ̇_d| in the measure [ℓω ; v of the hand]: near singularities u⁻ grows without
     bounds. At goals at rest nothing is added; where a path turns back ξ_d is 0 for a moment, but ξ̇_d is not.
     """
+    moving = 0.0
     for i in range(6):
         out[i] = sample[8 + i]
-    if numbers.shape[0] > 0:
+        moving += abs(sample[8 + i]) + abs(sample[14 + i])
+    if numbers.shape[0] > 0 and moving != 0.0:  # at rest the call is spared
         _add_second_order(sample, pose, twist_jacobian, numbers, last, out)
 
 

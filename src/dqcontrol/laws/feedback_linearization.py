@@ -116,10 +116,10 @@ class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linear
     >>> robot = dqc.load_robot("little-john")
     >>> q = np.array([0, 0, 0, 0.3, -0.8, 1.2, 0.6, 0.4])
     >>> target = dqc.Sample(robot.fkm(robot.integrate(q, [0.2, 0.1, 0, 0, 0, 0, 0], 1.0)))
-    >>> law = dqc.laws.FeedbackLinearization(stiffness=1.0, damping=1.0).prepare(robot, None, dt=0.05)
+    >>> law = dqc.laws.FeedbackLinearization(stiffness=1.0, damping=1.0).prepare(robot, None, period=0.05)
     >>> state = law.initial_state(q)
     >>> for _ in range(400):
-    ...     q = robot.integrate(q, law.command(q, target, state), law.dt)
+    ...     q = robot.integrate(q, law.command(q, target, state), law.period)
     >>> float(np.abs(robot.fkm(q) - target.pose).max()) < 1e-3
     True
     """
@@ -133,12 +133,12 @@ class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linear
     hysteresis: Annotated[float, Meta(ge=0, lt=1)] = 0.2
     null_space: AnyNullSpace | None = BestHeading()
 
-    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> np.ndarray:
+    def rows(self, robot: Robot, reference: Reference | None, period: float) -> np.ndarray:
         """Return one row: inverse, hysteresis, period and gains."""
         return linearization_parameters.pack(
             inverse=self.inverse.parameters(),
             hysteresis=checked_hysteresis(self.hysteresis),
-            period=dt,
+            period=period,
             stiffness=self.stiffness,
             damping=self.damping,
             smooth=self.null_space is not None,

@@ -103,7 +103,7 @@ class ProportionalFeedforward(
     >>> arm = dqc.load_robot("iiwa7")
     >>> q = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
     >>> twist = arm.twist_jacobian(q) @ np.full(7, 0.1)
-    >>> u = dqc.laws.ProportionalFeedforward(gain=3.0).command(arm, q, dqc.Sample(arm.fkm(q), twist), dt=0.001)
+    >>> u = dqc.laws.ProportionalFeedforward(gain=3.0).command(arm, q, dqc.Sample(arm.fkm(q), twist), period=0.001)
     >>> np.allclose(arm.twist_jacobian(q) @ u, twist)
     True
     """

@@ -9,8 +9,7 @@ C_ij = e_p · (ω_i × a_j) + ½ℓ² θ · (ω_i × ω_j) = ω_i · b_j, i ≤ 
 
 On a base that drives, height alone is out of reach: what else is missing is driven away, so that distant targets would
 slow the robot for nothing. Turns, x and y then count by the share ½k (T + delay + lag)/c, which leaves out what c has
-in excess for rests 10 m away; and x and y no further than v/k, v the speed of the base: its commands are scaled to v,
-and the gain k of all joints with them.
+in excess for rests 10 m away. No less: a base that cannot move sideways may come to rest metres beside its target.
 """
 
 from __future__ import annotations
@@ -53,13 +52,10 @@ def pose_error(pose, desired):
 
 
 @inline
-def counted(error, share, farthest):
-    """Return what of [θ ; p_d − p] damping grows with: all, but of turns, x and y a share, and x, y not far away."""
-    x, y = error[3], error[4]
-    part = share
-    if x * x + y * y > farthest * farthest:
-        part *= farthest / math.sqrt(x * x + y * y)
-    return share * error[0], share * error[1], share * error[2], part * x, part * y, error[5]
+def counted(error, share):
+    """Return what of [θ ; p_d − p] damping grows with: all, but of turns, x and y a share."""
+    a, b, c, x, y, z = error
+    return share * a, share * b, share * c, share * x, share * y, z
 
 
 @inline
@@ -98,8 +94,8 @@ def curvature(twist_jacobian, px, py, pz, error, square_length):
     return math.sqrt(max(2.0 * total, 0.0))
 
 
-def driving_speed(robot: Robot) -> float | None:
-    """Return the speed (m/s) of a base that takes the hand to every x, y and heading; None without one.
+def drives_anywhere(robot: Robot) -> bool:
+    """Return whether a base takes the hand to every x, y and heading.
 
     Such a base turns about z in all configurations.
     """
@@ -109,9 +105,8 @@ def driving_speed(robot: Robot) -> float | None:
             robot.twist_jacobian(np.full(robot.configuration_size, each))[:3, turn] for each in (0.0, 1.0)
         ]
         if np.isinf(robot.limits.upper[first : first + 2]).all() and np.allclose(axes, [0.0, 0.0, 1.0]):
-            drives = np.isin(robot.input_coordinates, (first, first + 1))
-            return float(robot.limits.velocity[drives].min())
-    return None
+            return True
+    return False
 
 
 class Growth(NamedTuple):
@@ -119,7 +114,6 @@ class Growth(NamedTuple):
 
     growth: Array
     share: Array
-    farthest: Array
 
 
 def growth_for(robot: Robot, rates: LoopRates | None, late: float, period: float) -> Growth:
@@ -141,13 +135,11 @@ def growth_for(robot: Robot, rates: LoopRates | None, late: float, period: float
     Growth
         So that c‖C‖ of damping keeps the gain of the loop, k/c, within what period and lag bear.
     """
-    one, speed = np.ones(1), driving_speed(robot)
+    one = np.ones(1)
     parts = [] if rates is None else [np.abs(x) for x in (rates.position, rates.orientation) if x is not None]
     if rates is None or not parts:
-        return Growth((_RATE_UNKNOWN if rates is None else LEAST) * one, one, np.inf * one)
+        return Growth((_RATE_UNKNOWN if rates is None else LEAST) * one, one)
     gain = np.max(parts, axis=0)
     needed = 0.5 * gain * (period + late)
     growth = np.maximum(LEAST, needed + (0.5 * gain / rates.lag if rates.lag else 0.0))
-    if speed is None:
-        return Growth(growth, one, np.inf * one)
-    return Growth(growth, needed / growth, speed / np.maximum(gain, 1e-9))
+    return Growth(growth, needed / growth if drives_anywhere(robot) else one)

@@ -23,7 +23,7 @@ from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ShapeError, as_positive, unknown_name
 from dqcontrol.laws.desired_twist import Feedforward, FeedforwardLaw, desired_twist, signed_state
 from dqcontrol.laws.gains import Gain, Positive, Schedule, gain_rows
-from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twist, twist_work
+from dqcontrol.laws.hand_twist import solve_hand_twist, solve_left_twist, twist_at_end_effector, twist_work
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
 from dqcontrol.laws.law import LAW, Law
 from dqcontrol.laws.loop_rates import LoopRates
@@ -82,7 +82,7 @@ def h_infinity_right(q, pose, pose_jacobian, twist_jacobian, sample, parameters,
         twist[i] *= -0.5 * given.orientation
         twist[3 + i] *= -given.translation
     share = LEVER_CURVES / max(0.5 * given.orientation, given.translation)
-    a, b, c, d, e, f = at_hand(twist, pose)
+    a, b, c, d, e, f = twist_at_end_effector(twist, pose)
     error = share * a, share * b, share * c, share * d, share * e, share * f
     if given.tracking != 0.0:
         last = signed_state(state, m).last
@@ -90,7 +90,7 @@ def h_infinity_right(q, pose, pose_jacobian, twist_jacobian, sample, parameters,
         adjoint_twist(relative, own.desired, own.moved)
         for i in range(6):
             twist[i] += own.moved[i]
-    hand_twist = at_hand(twist, pose)
+    hand_twist = twist_at_end_effector(twist, pose)
     return solve_hand_twist(
         pose, twist_jacobian, hand_twist, error, own.preferred, given.inverse, own.solver, out
     )
@@ -170,7 +170,7 @@ class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
     >>> arm = dqc.load_robot("iiwa7")
     >>> q = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
     >>> law = dqc.laws.HInfinity(orientation_gamma=0.5, translation_gamma=0.5, form="left")
-    >>> float(np.abs(law.command(arm, q, dqc.Sample(arm.fkm(q)), dt=0.01)).max()) < 1e-12
+    >>> float(np.abs(law.command(arm, q, dqc.Sample(arm.fkm(q)), period=0.01)).max()) < 1e-12
     True
     """
 
@@ -239,7 +239,7 @@ class HInfinityTracking(FeedforwardLaw, HInfinity, frozen=True, kw_only=True, ta
     >>> arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
     >>> twist = arm.twist_jacobian(q) @ np.full(7, 0.1)
     >>> law = dqc.laws.HInfinityTracking(orientation_gain=4.0, translation_gain=2.0)
-    >>> u = law.command(arm, q, dqc.Sample(arm.fkm(q), twist), dt=0.01)
+    >>> u = law.command(arm, q, dqc.Sample(arm.fkm(q), twist), period=0.01)
     >>> np.allclose(arm.twist_jacobian(q) @ u, twist)
     True
     """

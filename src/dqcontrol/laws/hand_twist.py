@@ -54,7 +54,7 @@ def solve_hand_twist(pose, twist_jacobian, hand_twist, error, preferred, inverse
     n = twist_jacobian.shape[1]
     p = position(pose)
     px, py, pz = p
-    missing = counted(error, inverse.share, inverse.farthest)
+    missing = counted(error, inverse.share)
     square_length = inverse.length * inverse.length
     if n >= 6 and inverse.kind != BY_MANIPULABILITY:
         square_level, vanishing = inverse.level * inverse.level, inverse.damping * inverse.damping
@@ -87,7 +87,7 @@ def solve_hand_twist(pose, twist_jacobian, hand_twist, error, preferred, inverse
 
 
 @inline
-def at_hand(twist, pose):
+def twist_at_end_effector(twist, pose):
     """Return the hand's [ω ; ṗ] of an inertial twist ξ = ω + εv: ṗ = v + ω × p."""
     px, py, pz = position(pose)
     a, b, c = twist[0], twist[1], twist[2]
@@ -109,7 +109,7 @@ def solve_left_twist(
     """Write out = z + J⁺ (t − J z) for a body twist, and the desired one, inertial, unless ``tracking`` is 0."""
     a, b, c, d, e, f = in_inertial_axes(body_twist, pose)
     if tracking != 0.0:
-        u, v, w, x, y, z = at_hand(desired, pose)
+        u, v, w, x, y, z = twist_at_end_effector(desired, pose)
         a, b, c, d, e, f = a + u, b + v, c + w, d + x, e + y, f + z
     error = pose_error(pose, sample)
     return solve_hand_twist(pose, twist_jacobian, (a, b, c, d, e, f), error, preferred, inverse, work, out)

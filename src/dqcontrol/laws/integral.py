@@ -144,16 +144,16 @@ class IntegralPoseLaw(PoseLaw, frozen=True, kw_only=True):
         float, Meta(gt=0, le=1e6, description="the same about each axis, rad/s")
     ] = 2.0
 
-    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> np.ndarray:
+    def rows(self, robot: Robot, reference: Reference | None, period: float) -> np.ndarray:
         """Return inverse, hysteresis, gains, k_I T, T/T_t and bounds, one row a sample as long as they change."""
-        rows = super().rows(robot, reference, dt)
+        rows = super().rows(robot, reference, period)
         gain = self.integral_gain
         position = self.integral_position_limit
         orientation = self.integral_orientation_limit
         return integral_parameters.pack(
             **pose_parameters(rows)._asdict(),
-            step=gain * dt,
-            back=min(math.sqrt(gain) * dt, 1.0),
+            step=gain * period,
+            back=min(math.sqrt(gain) * period, 1.0),
             bounds=[orientation, position],
         )
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, ClassVar, NamedTuple
 
 from msgspec import Meta
@@ -35,8 +34,8 @@ class InverseParameters(NamedTuple):
         ℓ, m.
     growth
         c of the filtered inverse.
-    share, farthest
-        Of the error's turns, x and y what damping grows with, and how far x, y count, m; see `growth.counted`.
+    share
+        Of the error's turns, x and y what damping grows with; see `growth.counted`.
     """
 
     kind: float
@@ -45,7 +44,6 @@ class InverseParameters(NamedTuple):
     length: float
     growth: float
     share: float = 1.0
-    farthest: float = math.inf
 
 
 inverse_parameters: MemoryLayout[InverseParameters] = MemoryLayout(InverseParameters)

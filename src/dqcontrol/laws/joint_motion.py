@@ -66,7 +66,7 @@ class JointMotion(Law, frozen=True, kw_only=True, tag="joint-motion"):
     >>> _ = file.write_text("time,q1,q2\n0,0,0\n1,0.1,0.2\n")
     >>> arm = dqc.SerialArm.from_dh([0, 0], [0, 0], [1, 1], [0, 0])
     >>> law = dqc.laws.JointMotion(file=str(file))
-    >>> law.command(arm, [0, 0], dqc.Sample(arm.fkm([0, 0])), dt=0.01).round(9).tolist()
+    >>> law.command(arm, [0, 0], dqc.Sample(arm.fkm([0, 0])), period=0.01).round(9).tolist()
     [0.1, 0.2]
     """
 
@@ -75,16 +75,16 @@ class JointMotion(Law, frozen=True, kw_only=True, tag="joint-motion"):
     file: Annotated[str, Meta(min_length=1, description="path, relative to the spec")]
     gain: Annotated[float, Meta(ge=0, description="k, 1/s")] = 0.0
 
-    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> Array:
+    def rows(self, robot: Robot, reference: Reference | None, period: float) -> Array:
         """Return gain, positions and velocities at each sample of the motion."""
         if robot.input_size != robot.configuration_size:
             raise ValueRangeError(f"law: joint-motion is for arms; {robot.name} has a mobile base")
         times, positions = read_joint_motion(self.file, robot)
-        steps = float(np.ceil(times[-1] / dt - 1e-9)) + 1
+        steps = float(np.ceil(times[-1] / period - 1e-9)) + 1
         check_steps("law.file", steps)
-        grid = dt * np.arange(int(steps) + 1)
+        grid = period * np.arange(int(steps) + 1)
         wanted = np.column_stack([np.interp(grid, times, each) for each in positions.T])
-        speeds = np.diff(wanted, axis=0) / dt
+        speeds = np.diff(wanted, axis=0) / period
         return np.column_stack([np.full(int(steps), self.gain), wanted[:-1], speeds])
 
     def loop_rates(self, parameters: np.ndarray) -> LoopRates:

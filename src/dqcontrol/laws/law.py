@@ -127,7 +127,7 @@ class Law(
         self,
         robot: Robot,
         reference: Reference | None,
-        dt: float,
+        period: float,
         limits: CommandLimits | None = None,
         command_mode: CommandMode = "measured",
         tasks: PreparedTasks | None = None,
@@ -141,7 +141,7 @@ class Law(
             The robot to drive.
         reference
             The motion to follow; None where a law needs no horizon.
-        dt
+        period
             Control period, s.
         limits
             What is done to the command before it leaves.
@@ -159,25 +159,25 @@ class Law(
         Error
             If a parameter is not allowed; nothing is raised later for that reason.
         """
-        dt = as_positive("dt", dt)
-        rows = np.ascontiguousarray(self.rows(robot, reference, dt), dtype=np.float64)
+        period = as_positive("period", period)
+        rows = np.ascontiguousarray(self.rows(robot, reference, period), dtype=np.float64)
         from dqcontrol.controller.controller import (
             Controller,  # the one import upwards: see docs/how-it-is-built.md
         )
 
-        return Controller(self, robot, rows, dt, limits or CommandLimits(), command_mode, tasks, lag)
+        return Controller(self, robot, rows, period, limits or CommandLimits(), command_mode, tasks, lag)
 
-    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> Array:
+    def rows(self, robot: Robot, reference: Reference | None, period: float) -> Array:
         """Return the kernel's parameters, one row a sample as long as they change, shape (K, p)."""
-        steps = math.ceil(max(self.horizon(reference), 0.0) / dt - 1e-9) + 1
+        steps = math.ceil(max(self.horizon(reference), 0.0) / period - 1e-9) + 1
         check_steps("gain schedule", steps)
-        return self.parameter_rows(robot, dt * np.arange(steps, dtype=np.float64))
+        return self.parameter_rows(robot, period * np.arange(steps, dtype=np.float64))
 
     def command(
-        self, robot: Robot, q: ArrayLike, sample: Sample, dt: float, state: Array | None = None
+        self, robot: Robot, q: ArrayLike, sample: Sample, period: float, state: Array | None = None
     ) -> Array:
         """Return the inputs for one sample; prepare the law once instead when there are many."""
-        prepared = self.prepare(robot, None, dt)
+        prepared = self.prepare(robot, None, period)
         values = as_array("q", q, (robot.configuration_size,))
         return prepared.command(values, sample, prepared.initial_state(values) if state is None else state)
 

@@ -25,7 +25,7 @@ from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ShapeError, ValueRangeError, as_positive, unknown_name
 from dqcontrol.laws import riccati
 from dqcontrol.laws.desired_twist import Feedforward, FeedforwardLaw, desired_twist, signed_state
-from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, solve_left_twist, twist_work
+from dqcontrol.laws.hand_twist import solve_hand_twist, solve_left_twist, twist_at_end_effector, twist_work
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
 from dqcontrol.laws.law import LAW, Law, check_steps
 from dqcontrol.laws.loop_rates import LoopRates, largest_rates
@@ -118,7 +118,7 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
             riccati.weight_matrix("final_weight", self.final_weight, size, definite=False),
         )
 
-    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> Array:
+    def rows(self, robot: Robot, reference: Reference | None, period: float) -> Array:
         """Return the kernel's parameters, one row a sample, or one row for an infinite horizon."""
         end = self.horizon(reference)
         size = self._size()
@@ -130,10 +130,10 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
                 )
             gain = np.linalg.solve(controls[1][0], riccati.steady_solution(weights[1][0], controls[1][0]))
             return self._packed(gain[None], np.zeros((1, size)))
-        if end < dt:
-            raise ValueRangeError(f"horizon_time: must be at least one period of {dt:g} s, got {end:g} s")
-        check_steps("horizon_time", end / dt)
-        times = dt * np.arange(math.ceil(end / dt - 1e-9) + 1, dtype=np.float64)
+        if end < period:
+            raise ValueRangeError(f"horizon_time: must be at least one period of {period:g} s, got {end:g} s")
+        check_steps("horizon_time", end / period)
+        times = period * np.arange(math.ceil(end / period - 1e-9) + 1, dtype=np.float64)
         solution, offset = self.riccati_solution(weights, controls, final, times, end, reference)
         inverse_controls = riccati.at_times((controls[0], np.linalg.inv(controls[1])), times)
         return self._packed(inverse_controls @ solution, (inverse_controls @ offset[:, :, None])[:, :, 0])
@@ -246,8 +246,8 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
     >>> import numpy as np, dqcontrol as dqc
     >>> arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
     >>> sample = dqc.Sample(arm.fkm(q + 0.1))
-    >>> u = dqc.laws.LinearQuadraticR8(error_weight=9.0, control_weight=1.0).command(arm, q, sample, dt=0.01)
-    >>> np.allclose(u, dqc.laws.Proportional(gain=3.0).command(arm, q, sample, dt=0.01))
+    >>> u = dqc.laws.LinearQuadraticR8(error_weight=9.0, control_weight=1.0).command(arm, q, sample, period=0.01)
+    >>> np.allclose(u, dqc.laws.Proportional(gain=3.0).command(arm, q, sample, period=0.01))
     True
     """
 
@@ -262,7 +262,7 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
 
     def riccati_solution(self, weights, controls, final, times, end, reference):
         """Return P and ξ at each time, by Runge–Kutta steps that resolve their decay."""
-        dt = times[1] - times[0]
+        period = times[1] - times[0]
         at_samples = (
             riccati.at_times(weights, times),
             riccati.at_times((controls[0], np.linalg.inv(controls[1])), times),
@@ -272,15 +272,17 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
         starts = np.union1d(weights[0], controls[0])
         starts = starts[starts <= times[-1]]
         pieces = riccati.at_times(weights, starts), riccati.at_times(controls, starts)
-        substeps = riccati.substeps_for(*pieces, final, dt)
+        substeps = riccati.substeps_for(*pieces, final, period)
         if substeps * len(times) > _MOST_SUBSTEPS:
             raise ValueRangeError(
                 f"error_weight, control_weight: so fast a decay needs {substeps:,} steps in each period; "
                 f"at most {_MOST_SUBSTEPS // len(times):,} for {len(times):,} periods (√(q/r) T must stay below 2)"
             )
-        fine = np.clip(dt / (2 * substeps) * np.arange(2 * substeps * (len(times) - 1) + 1), 0.0, times[-1])
+        fine = np.clip(
+            period / (2 * substeps) * np.arange(2 * substeps * (len(times) - 1) + 1), 0.0, times[-1]
+        )
         drifts, offsets = moving_target(reference, fine)
-        riccati.sweep(drifts, offsets, *at_samples, final, dt, substeps, solution, offset, work)
+        riccati.sweep(drifts, offsets, *at_samples, final, period, substeps, solution, offset, work)
         return solution, offset
 
 
@@ -336,8 +338,8 @@ def linear_quadratic_dq(q, pose, pose_jacobian, twist_jacobian, sample, paramete
     desired_twist(sample, pose, twist_jacobian, given.second_order, signed_state(state, m).last, own.desired)
     adjoint_twist(relative, own.desired, twist)
     _subtract_feedback(given.gain, error, twist)
-    hand_twist = at_hand(twist, pose)
-    a, b, c, d, e, f = at_hand(error, pose)
+    hand_twist = twist_at_end_effector(twist, pose)
+    a, b, c, d, e, f = twist_at_end_effector(error, pose)
     s = -LEVER_CURVES
     missing = s * a, s * b, s * c, s * d, s * e, s * f
     return solve_hand_twist(

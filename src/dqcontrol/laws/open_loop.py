@@ -69,7 +69,7 @@ class OpenLoop(Law, frozen=True, kw_only=True, tag="open-loop"):
     >>> import numpy as np, dqcontrol as dqc
     >>> arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
     >>> twist = arm.twist_jacobian(q) @ np.full(7, 0.1)
-    >>> u = dqc.laws.OpenLoop().command(arm, q, dqc.Sample(arm.fkm(q), twist), dt=0.01)
+    >>> u = dqc.laws.OpenLoop().command(arm, q, dqc.Sample(arm.fkm(q), twist), period=0.01)
     >>> np.allclose(arm.twist_jacobian(q) @ u, twist)
     True
     """

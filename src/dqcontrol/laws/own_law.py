@@ -80,7 +80,7 @@ class OwnLaw(Law, frozen=True, kw_only=True, tag="own"):
     >>> arm = dqc.load_robot("iiwa7")
     >>> q = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
     >>> law = dqc.laws.OwnLaw(function=jacobian_transpose, parameters=[2.0])
-    >>> float(np.abs(law.command(arm, q, dqc.Sample(arm.fkm(q)), dt=0.01)).max()) < 1e-12
+    >>> float(np.abs(law.command(arm, q, dqc.Sample(arm.fkm(q)), period=0.01)).max()) < 1e-12
     True
     """
 

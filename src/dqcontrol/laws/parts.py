@@ -2,7 +2,7 @@
 
 from dqcontrol.laws.desired_twist import drive_table
 from dqcontrol.laws.growth import pose_error
-from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist, twist_work
+from dqcontrol.laws.hand_twist import solve_hand_twist, twist_at_end_effector, twist_work
 from dqcontrol.laws.integral import integral_work, solve_with_integral
 from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.laws.linear_quadratic import moving_target
@@ -22,7 +22,6 @@ from dqcontrol.laws.riccati import at_times, riccati_slope
 
 __all__ = [
     "DAMPED_POSE",
-    "at_hand",
     "at_times",
     "drive_table",
     "hand_twist_of_rate",
@@ -44,6 +43,7 @@ __all__ = [
     "solve_pose_rows",
     "solve_rates",
     "solve_with_integral",
+    "twist_at_end_effector",
     "twist_of_inputs",
     "twist_work",
 ]

@@ -90,7 +90,7 @@ def guided_proportional(q, pose, pose_jacobian, twist_jacobian, sample, paramete
 
 
 class GuidedProportional(PoseLaw, frozen=True, kw_only=True, tag="guided-proportional"):
-    """K for goals anywhere, along a `DriveTo` reference: u = u_r + z + w N⁺ (K vec8(1 − x*x_d) − N z).
+    """K for goals anywhere, along `DriveTo` or `planning.PlanTo`: u = u_r + z + w N⁺ (K vec8(1 − x*x_d) − N z).
 
     u_r are the planned inputs of the robot, their means from each sample to the next. z leads back to the planned
     configuration q_r: α (q_r − q) for joints, and for drives, whose plan is e_x ahead, e_y to the left and turned by
@@ -130,26 +130,28 @@ class GuidedProportional(PoseLaw, frozen=True, kw_only=True, tag="guided-proport
     null_space: None = None
     pull: Annotated[float, Meta(gt=0, description="1/s")] = 1.0
 
-    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> np.ndarray:
+    def rows(self, robot: Robot, reference: Reference | None, period: float) -> np.ndarray:
         """Return inverse, hysteresis, gains, pull, the hand's share, drives, and the plan at each sample.
 
         Raises
         ------
         Error
-            If the reference is no `DriveTo` or `DriveThrough` of this robot.
+            If the reference is no `DriveTo`, `DriveThrough` or `planning.PlanTo` of this robot.
         """
         if not isinstance(reference, PlannedWay) or reference.robot.input_names != robot.input_names:
-            raise Error(f"law: guided-proportional follows a drive-to reference, planned for {robot.name}")
+            raise Error(
+                f"law: guided-proportional follows a drive-to or plan-to reference, planned for {robot.name}"
+            )
         if self.null_space is not None:
             raise Error("null_space: leave it out, guided-proportional follows its plan")
-        steps = math.ceil((reference.duration + _HANDOVER) / dt) + 1
+        steps = math.ceil((reference.duration + _HANDOVER) / period) + 1
         check_steps("plan", steps)
-        times = dt * np.arange(steps, dtype=np.float64)
+        times = period * np.arange(steps, dtype=np.float64)
         return plan_parameters.pack(
             **pose_parameters(self.parameter_rows(robot, times))._asdict(),
             pull=self.pull,
             share=np.clip(reference.rested(times) / _HANDOVER, 0.0, 1.0),
             drives=drive_table(robot),
             planned=reference.configurations(times),
-            inputs=reference.mean_inputs(times, dt),
+            inputs=reference.mean_inputs(times, period),
         )

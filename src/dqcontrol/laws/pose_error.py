@@ -7,7 +7,7 @@ import math
 from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply, position, rotated
 from dqcontrol.compiled.compile import inline
 from dqcontrol.laws.growth import pose_error
-from dqcontrol.laws.hand_twist import at_hand, solve_hand_twist
+from dqcontrol.laws.hand_twist import solve_hand_twist, twist_at_end_effector
 from dqcontrol.laws.inverses import inverse_parameters
 from dqcontrol.laws.nearest_twist import nearest_twist
 
@@ -40,7 +40,7 @@ def shorten_lever(error, pose, desired, inverse_numbers):
         return
     px, py, pz = position(pose)
     dx, dy, dz = position(desired)
-    _, _, _, x, y, z = at_hand(error, pose)
+    _, _, _, x, y, z = twist_at_end_effector(error, pose)
     x, y, z = x - px + dx, y - py + dy, z - pz + dz
     lever, longest = math.sqrt(x * x + y * y + z * z), _LONGEST_LEVER * inverse.length
     if lever > longest:

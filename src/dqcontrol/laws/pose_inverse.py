@@ -38,7 +38,7 @@ class DampedPoseInverse(
     >>> target = dqc.Sample(robot.fkm(q + [0.1, 0.05, 0, 0, 0, 0, 0, 0]))
     >>> inverse = dqc.laws.DampedPoseInverse(damping=0.05)
     >>> law = dqc.laws.FeedbackLinearization(stiffness=1.0, damping=1.0, inverse=inverse)
-    >>> dict(zip(robot.input_names, law.command(robot, q, target, dt=0.05).round(4).tolist()))["v"] > 0
+    >>> dict(zip(robot.input_names, law.command(robot, q, target, period=0.05).round(4).tolist()))["v"] > 0
     True
     """
 

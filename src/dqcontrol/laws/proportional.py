@@ -72,7 +72,7 @@ class Proportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="proportional
     >>> arm = dqc.load_robot("iiwa7")
     >>> q = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
     >>> law = dqc.laws.Proportional(gain=3.0)
-    >>> float(np.abs(law.command(arm, q, dqc.Sample(arm.fkm(q)), dt=0.001)).max()) < 1e-12
+    >>> float(np.abs(law.command(arm, q, dqc.Sample(arm.fkm(q)), period=0.001)).max()) < 1e-12
     True
     """
 

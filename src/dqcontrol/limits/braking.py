@@ -11,7 +11,7 @@ _SMOOTH = 1e12  # steps² of braking from which on sampling no longer matters
 
 
 @inline
-def fastest_stoppable(distance, acceleration, dt):
+def fastest_stoppable(distance, acceleration, period):
     """Return the largest rate v ≥ 0 that can be held for one period and braked to 0 within a room.
 
     Braking by aT a period from v covers T (v + (v − aT) + (v − 2aT) + …) = T (N v − aT N (N − 1)/2), N = ⌈v/(aT)⌉;
@@ -22,24 +22,24 @@ def fastest_stoppable(distance, acceleration, dt):
     if distance == math.inf:
         return math.inf
     if acceleration == math.inf:
-        return distance / dt
-    step = acceleration * dt
-    ratio = distance / (step * dt)
+        return distance / period
+    step = acceleration * period
+    ratio = distance / (step * period)
     if (
         not ratio < _SMOOTH
     ):  # v²/(2a) + vT/2 = room: v is less than √(2a room) by 1/(2N) of it, N ≥ √2·10⁶ periods
         return math.sqrt(2.0 * acceleration) * math.sqrt(distance) * (1.0 - 1e-6)
     count = max(math.ceil(0.5 * (math.sqrt(1.0 + 8.0 * ratio) - 1.0)), 1.0)
-    return (distance / dt + 0.5 * step * count * (count - 1.0)) / count
+    return (distance / period + 0.5 * step * count * (count - 1.0)) / count
 
 
 @inline
-def surely_stops(room, rate, acceleration, dt):
+def surely_stops(room, rate, acceleration, period):
     """Return True only if `fastest_stoppable` is at least this rate: without what that takes to find out.
 
     From v a joint stops within v²/(2a) + vT; a hundredth more is more than all rounding.
     """
-    return 2.0 * acceleration * room > _MORE * (rate * (rate + 2.0 * acceleration * dt))
+    return 2.0 * acceleration * room > _MORE * (rate * (rate + 2.0 * acceleration * period))
 
 
 @inline

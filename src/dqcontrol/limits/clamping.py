@@ -233,18 +233,18 @@ class ModifiedClamping(PositionLimit, frozen=True, kw_only=True, tag="modified-c
     kernel = modified_clamping
     tolerance: Annotated[float, Meta(ge=0, description="rad or m")] = 1e-6
 
-    def parameters(self, robot: Robot, dt: float, command_mode: str, velocity: np.ndarray) -> np.ndarray:
+    def parameters(self, robot: Robot, period: float, command_mode: str, velocity: np.ndarray) -> np.ndarray:
         """Return period, tolerance, command mode, position limits, longest lags and velocity limits."""
         tolerance = self.tolerance
         return clamping_parameters.pack(
-            period=dt,
+            period=period,
             tolerance=tolerance,
-            memory=self.memory(robot, command_mode, dt),
+            memory=self.memory(robot, command_mode, period),
             **position_limits("limits.position", robot)._asdict(),
             longest=_MOST_LAG * robot.limits.velocity,
             velocity=velocity,
         )
 
-    def memory(self, robot: Robot, command_mode: str, dt: float) -> int:
+    def memory(self, robot: Robot, command_mode: str, period: float) -> int:
         """Return room for lags, the last configuration and the last command, where commands move a target."""
         return lag_memory.size(robot.input_size) if command_mode == "integrated" else 0

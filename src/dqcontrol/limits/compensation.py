@@ -196,7 +196,7 @@ class Compensation(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
 
     def parameters(
-        self, robot: Robot, dt: float, command_mode: str, velocity: NDArray[np.float64]
+        self, robot: Robot, period: float, command_mode: str, velocity: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Return the kernel's parameters.
 
@@ -211,12 +211,12 @@ class Compensation(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
         compliance = self._each("compliance", n)
         if compliance.any() and robot.inertia is None:
             raise ValueRangeError(f"limits.compensation.compliance: {robot.name} has no inertia to sag under")
-        answers = [self._answer(delay, lag, dt) for delay, lag in zip(*self._model(n), strict=True)]
+        answers = [self._answer(delay, lag, period) for delay, lag in zip(*self._model(n), strict=True)]
         delays, oldest, decays = np.array(answers).T
         weights, table = self._bodies(robot)
-        share = -math.expm1(-dt / self.observer) if self.observer else 0.0
+        share = -math.expm1(-period / self.observer) if self.observer else 0.0
         rest = compensation_parameters.pack(
-            period=dt,
+            period=period,
             share=share,
             sags=float(compliance.any()),
             gravity=as_array("limits.compensation.gravity", self.gravity, (3,)),
@@ -228,27 +228,27 @@ class Compensation(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
             table=table,
         )
         return compensation_sizes.pack(
-            memory=self.memory(robot, command_mode, dt),
-            late=self._late(n, dt),
+            memory=self.memory(robot, command_mode, period),
+            late=self._late(n, period),
             bodies=len(weights),
             columns=table.shape[1],
             rest=rest,
         )
 
-    def memory(self, robot: Robot, command_mode: str, dt: float) -> int:
+    def memory(self, robot: Robot, command_mode: str, period: float) -> int:
         """Return how many numbers are kept from sample to sample, the last n of them the command that left."""
         n = robot.configuration_size
-        return compensation_memory.size(n, self._late(n, dt), len(self._bodies(robot)[0]))
+        return compensation_memory.size(n, self._late(n, period), len(self._bodies(robot)[0]))
 
     def _bodies(self, robot: Robot) -> tuple[Array, Array]:
         """Return the robot's bodies that sag, and the table of the joints that carry them."""
         if robot.inertia is None or not np.any(self.compliance):
             return np.zeros((0, 4)), np.zeros((1, 8))
-        return robot.inertia.table, robot.weighed_table
+        return robot.inertia.table, robot.inertia_chain
 
-    def _late(self, n: int, dt: float) -> int:
+    def _late(self, n: int, period: float) -> int:
         delays, _ = self._model(n)
-        most = float(delays.max(initial=0.0)) / dt
+        most = float(delays.max(initial=0.0)) / period
         if most > _MOST_LATE:
             raise ValueRangeError(
                 f"limits.compensation.delay: must be ≤ {_MOST_LATE} periods, got {delays.max():g} s"
@@ -262,14 +262,14 @@ class Compensation(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
         return as_each_positive(f"limits.compensation.{field}", getattr(self, field), n, zero_allowed=True)
 
     @staticmethod
-    def _answer(delay: float, lag: float, dt: float) -> tuple[float, float, float]:
+    def _answer(delay: float, lag: float, period: float) -> tuple[float, float, float]:
         """Return delay in periods begun, weight of the older target, and exp(−T/τ), as servos have them."""
-        periods = delay / dt
-        begun = round(periods) if abs(round(periods) - periods) * dt <= 1e-9 else math.ceil(periods)
-        share = 1.0 if begun - periods < 1e-9 / dt else periods - math.floor(periods)
-        return float(begun), *lag_weights(share, lag, dt)
+        periods = delay / period
+        begun = round(periods) if abs(round(periods) - periods) * period <= 1e-9 else math.ceil(periods)
+        share = 1.0 if begun - periods < 1e-9 / period else periods - math.floor(periods)
+        return float(begun), *lag_weights(share, lag, period)
 
-    def behind(self, transition: Array, inputs: Array, n: int, dt: float) -> tuple[Array, Array] | None:
+    def behind(self, transition: Array, inputs: Array, n: int, period: float) -> tuple[Array, Array] | None:
         """Return a plant's linear model x⁺ = A x + B u with the observer before it; None without an observer.
 
         Sag, which changes with the configuration, is left out. y are the first entries of x, as before.
@@ -280,21 +280,21 @@ class Compensation(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
         delays, lags = self._model(n)
         if m == 1:  # one joint stands for all
             delays, lags = delays[:1], lags[:1]
-        answers = [self._answer(delay, lag, dt) for delay, lag in zip(delays, lags, strict=True)]
-        late, share = self._late(n, dt), -math.expm1(-dt / self.observer)
+        answers = [self._answer(delay, lag, period) for delay, lag in zip(delays, lags, strict=True)]
+        late, share = self._late(n, period), -math.expm1(-period / self.observer)
 
         def step(state: Array, command: Array) -> Array:
             x, rest = state[:size], state[size:]
             targets = rest[: late * m].reshape(late, m).copy()
             before, disturbance, sent = rest[late * m :].reshape(3, m)
             targets[1:] = targets[:-1].copy()
-            targets[0] += dt * sent
+            targets[0] += period * sent
             change = np.zeros(m)
             for i, (delay, oldest, decay) in enumerate(answers):
                 goal = oldest * targets[int(delay), i] + (1 - oldest) * targets[max(int(delay) - 1, 0), i]
                 seen = (x[i] - decay * before[i]) / (1 - decay) - goal
                 change[i] = share * (seen - disturbance[i])
-            left = command - change / dt
+            left = command - change / period
             return np.concatenate(
                 [transition @ x + inputs @ left, targets.ravel(), x[:m], disturbance + change, left]
             )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 
-def lag_weights(share: float, lag: float, dt: float) -> tuple[float, float]:
+def lag_weights(share: float, lag: float, period: float) -> tuple[float, float]:
     """Return the weight of the older target, and what is left of the distance to it after a period, exp(−T/τ).
 
     A target that is followed for the first share f of a period T, before the next one is for the rest, counts with
@@ -17,7 +17,7 @@ def lag_weights(share: float, lag: float, dt: float) -> tuple[float, float]:
         f, above 0, up to 1: of the period, in which the older target holds.
     lag
         Time constant τ, s; 0: joints are where their newest target is.
-    dt
+    period
         Period T, s.
 
     Examples
@@ -27,6 +27,8 @@ def lag_weights(share: float, lag: float, dt: float) -> tuple[float, float]:
     """
     if not lag:
         return 1.0 if share == 1 else 0.0, 0.0
-    decay = math.exp(-dt / lag)
-    oldest = 1.0 if share == 1 else (math.exp((share - 1) * dt / lag) - decay) / -math.expm1(-dt / lag)
+    decay = math.exp(-period / lag)
+    oldest = (
+        1.0 if share == 1 else (math.exp((share - 1) * period / lag) - decay) / -math.expm1(-period / lag)
+    )
     return oldest, decay

@@ -50,7 +50,7 @@ class PositionLimit(NamedFields, frozen=True, kw_only=True, tag_field="kind", fo
     kernel: ClassVar[Kernel]
 
     def parameters(
-        self, robot: Robot, dt: float, command_mode: str, velocity: NDArray[np.float64]
+        self, robot: Robot, period: float, command_mode: str, velocity: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Return the kernel's parameters, for the parameters of the limit on velocities (none without).
 
@@ -61,7 +61,7 @@ class PositionLimit(NamedFields, frozen=True, kw_only=True, tag_field="kind", fo
         """
         raise NotImplementedError
 
-    def memory(self, robot: Robot, command_mode: str, dt: float) -> int:
+    def memory(self, robot: Robot, command_mode: str, period: float) -> int:
         """Return how many numbers are kept from sample to sample, the last m of them the command that left."""
         return 0
 

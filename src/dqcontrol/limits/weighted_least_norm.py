@@ -95,6 +95,6 @@ class WeightedLeastNorm(PositionLimit, frozen=True, kw_only=True, tag="weighted-
 
     kernel = weighted_least_norm
 
-    def parameters(self, robot: Robot, dt: float, command_mode: str, velocity: np.ndarray) -> np.ndarray:
+    def parameters(self, robot: Robot, period: float, command_mode: str, velocity: np.ndarray) -> np.ndarray:
         """Return the limits."""
         return input_ranges.pack(**position_limits("limits.position", robot)._asdict())

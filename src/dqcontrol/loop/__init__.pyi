@@ -3,6 +3,10 @@ from .clock import (
     Timing as Timing,
 )
 from .closed_loop import close_loop as close_loop
+from .live import (
+    Live as Live,
+    LiveState as LiveState,
+)
 from .record import (
     Record as Record,
     has_failed as has_failed,

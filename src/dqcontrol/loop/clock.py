@@ -89,8 +89,8 @@ class Clock:
     --------
     >>> import numpy as np, dqcontrol as dqc
     >>> arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
-    >>> law = dqc.laws.Proportional(gain=5.0).prepare(arm, None, dt=0.01)
-    >>> plant = dqc.plants.Servo().start(arm, q, dt=0.01, steps=20, seed=0)
+    >>> law = dqc.laws.Proportional(gain=5.0).prepare(arm, None, period=0.01)
+    >>> plant = dqc.plants.Servo().start(arm, q, period=0.01, steps=20, seed=0)
     >>> samples = dqc.references.SetPoint(arm.fkm(q)).samples(0.01 * np.arange(20))
     >>> clock = dqc.loop.Clock()
     >>> trace = dqc.loop.close_loop(law, plant, samples, clock=clock)

@@ -23,8 +23,9 @@ from dqcontrol.loop.signals import Readings
 from dqcontrol.loop.supervision import Senses, Supervision, most_steps_to_rest
 from dqcontrol.loop.trace import Stop, Trace, empty_records, ended
 from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance
-from dqcontrol.plants.live_plant import LivePlant, MovedPlant, live_plant
+from dqcontrol.plants.live_plant import LivePlant, PlantProtocol, live_plant
 from dqcontrol.plants.plant import CompiledPlant
+from dqcontrol.references.follow import Follow
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE
 from dqcontrol.supervisor.supervisor_layout import GO, moment_layout
 
@@ -35,7 +36,7 @@ _LOST = "the measured configuration is not finite"
 
 def close_loop(
     law: Controller,
-    plant: MovedPlant,
+    plant: PlantProtocol,
     samples: Array,
     stop: Stop | None = None,
     *,
@@ -45,6 +46,7 @@ def close_loop(
     clock: Clock | None = None,
     supervision: Supervision | None = None,
     recording: SampleSink | None = None,
+    follow: Follow | None = None,
 ) -> Trace:
     """Drive a plant along samples with a law.
 
@@ -53,7 +55,7 @@ def close_loop(
     law
         From ``law.prepare``.
     plant
-        From ``plant.start``, or a robot of your own: anything that has what `MovedPlant` has, and as much of
+        From ``plant.start``, or a robot of your own: anything that has what `PlantProtocol` has, and as much of
         `LivePlant` as it can. It is moved.
     samples
         Desired motion, one row a period, shape (N, 21), inertial frame.
@@ -74,6 +76,8 @@ def close_loop(
         to rest within the supervisor's limits, and an exception raised only then.
     recording
         Gets every sample at once; the loop is then interpreted, and ends, braking if it can, when it cannot be written.
+    follow
+        Displaces the samples to where its body is measured.
 
     Returns
     -------
@@ -111,11 +115,17 @@ def close_loop(
             f"contact: {type(plant).__name__} measures no wrench, so no force can be controlled; "
             "take a plant with a force sensor"
         )
-    steps = _Steps(law, plant, samples, disturbance, clock, supervision, recording)
+    if follow is not None:
+        if follow.body not in live.seen:
+            raise ValueRangeError(
+                f"reference.body: nothing measures '{follow.body}' here; its 'watch' needs a plant that moves it"
+            )
+        samples = samples.copy()
+    steps = _Steps(law, plant, samples, disturbance, clock, supervision, recording, follow)
     if clock is not None:
         _warm_up(law, live, samples, disturbance)
         asked = first_interrupt(supervision.end) if supervision else nullcontext()
-        with asked, clock.running(law.dt, len(steps.desired)):
+        with asked, clock.running(law.period, len(steps.desired)):
             return steps.run(stop, progress)
     compiled_plant = None if interpreted or recording else live.compiled()
     if compiled_plant is not None:
@@ -125,7 +135,7 @@ def close_loop(
     return steps.run(stop, progress)
 
 
-def check_disturbed(plant: MovedPlant) -> None:
+def check_disturbed(plant: PlantProtocol) -> None:
     """Raise an `Error` if a disturbance cannot move this plant's joints."""
     if live_plant(plant).compiled() is None:
         raise Error(
@@ -180,7 +190,7 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
     )
     failure, halted, steps.done = None, "", int(done[0])
     finished = "duration" if steps.done == count else "settled"
-    steps.is_sent = status == OK and not (stop and settling[0] >= stop.samples)
+    steps.was_sent = status == OK and not (stop and settling[0] >= stop.samples)
     if status == compiled.HALTED:
         halted, steps.rests = _SUPERVISOR, True
     elif status >= compiled.PLANT_FAILED:
@@ -202,16 +212,18 @@ class _Steps:
     def __init__(
         self,
         law: Controller,
-        plant: MovedPlant,
+        plant: PlantProtocol,
         samples: Array,
         disturbance: LiveDisturbance | None,
         clock: Clock | None,
         supervision: Supervision | None,
         recording: SampleSink | None,
+        follow: Follow | None,
     ) -> None:
         self.law, self.samples, self.disturbance = law, samples, disturbance
         self.plant = live = live_plant(plant)
         self.clock, self.supervision, self.recording = clock, supervision, recording
+        self._follow_body, self._followed = follow, np.zeros(8)
         self.desired, self.senses = samples, None
         if supervision is not None:
             self.desired = long_array(len(samples) + most_steps_to_rest(supervision.supervisor), SAMPLE_SIZE)
@@ -221,7 +233,7 @@ class _Steps:
         self.records = empty_records(law, self.desired)
         self.realised = np.zeros((len(self.desired), 6)) if disturbance else np.zeros((0, 6))
         self.law_state = law.initial_state(plant.q)
-        self.done, self.is_sent, self.rests = 0, True, False
+        self.done, self.was_sent, self.rests = 0, True, False
         self.readings = Readings(live, len(self.desired))
         self._fault, self.unanswered = "", ""
         if clock is not None:
@@ -239,7 +251,7 @@ class _Steps:
         try:
             failure, halted, finished = self._follow(stop, progress)
         except BaseException:
-            self._come_to_rest_all_the_same()
+            self._stop_on_exception()
             raise
         return self.end(failure, halted, finished)
 
@@ -296,13 +308,13 @@ class _Steps:
             supervision.stop()
         else:
             supervision.finish()
-        self._send_all_the_same()
+        self._flush_command()
         while not self.rests and self.done < len(self.desired):
             if self.clock:
                 self.clock.await_step()
             self._rest_desired()
             self._command(self.desired[self.done], asks=False)
-            self._send_all_the_same()
+            self._flush_command()
 
     def _follow(
         self, stop: Stop | None, progress: Callable[[int, int], None] | None
@@ -324,11 +336,11 @@ class _Steps:
                     return None, "", "settled" if self.done < len(self.samples) else "duration"
                 self._move()
             except DivergedError as error:
-                if not self.is_sent:
-                    self.done, self.is_sent = self.done - 1, True
+                if not self.was_sent:
+                    self.done, self.was_sent = self.done - 1, True
                 return str(error), "", ""
             except FallenError as error:
-                self.is_sent, self._fault = True, str(error)
+                self.was_sent, self._fault = True, str(error)
                 if self.supervision:
                     self.supervision.stop()
                 return None, "", "duration"
@@ -342,6 +354,7 @@ class _Steps:
         q, measured, command, kept = (record[k] for record in self.records)
         q[:], measured[:] = plant.q, plant.measured
         self.readings.take(k)
+        self._see(k, row)
         command[:] = 0.0
         if self.law.wrench.size:
             self.law.wrench[:] = plant.wrench
@@ -350,7 +363,7 @@ class _Steps:
         if failure and supervision is None:
             return failure
         self.unanswered = failure or self.unanswered
-        self.done, self.is_sent = k + 1, False
+        self.done, self.was_sent = k + 1, False
         elapsed = self.clock.elapsed if self.clock else None
         if supervision:
             self.rests = supervision.step(k, row[TIME], measured, command, self.senses, elapsed)
@@ -365,29 +378,41 @@ class _Steps:
             self.clock.commanded()
         return failure
 
+    def _see(self, k: int, row: Array) -> None:
+        """Let law and desired sample know where watched bodies are measured."""
+        for name, pose in self.plant.seen.items():
+            self.law.place(name, pose)
+        follow = self._follow_body
+        if follow is None or k >= len(self.samples):
+            return
+        if row[TIME] <= follow.until:
+            self._followed[:] = self.plant.seen[follow.body]
+        row[:] = follow.carried(row, self._followed)
+        self.desired[k] = row
+
     def _move(self) -> None:
         """Send the last command, and let the robot move for a period."""
         k = self.done - 1
         if self.disturbance is not None:
             self.disturbance.step(self.law.robot, k, self.plant.q, self.realised[k])
         self.plant.step(self.records[2][k])
-        self.is_sent = True
+        self.was_sent = True
         if self.plant.fault and not self._fault:
             category = "stop category 0: " if self.supervision else ""
             self._fault = f"faulted at {self.desired[k, TIME]:g} s: {category}{self.plant.fault}"
             if self.supervision:
                 self.supervision.stop()
 
-    def _send_all_the_same(self) -> None:
+    def _flush_command(self) -> None:
         """Send the last command if it was not; a plant that fails may hear the next one."""
-        if not self.is_sent:
-            self.is_sent = True
+        if not self.was_sent:
+            self.was_sent = True
             with suppress(Exception):
                 self.plant.step(self.records[2][self.done - 1])
 
-    def _come_to_rest_all_the_same(self) -> None:
+    def _stop_on_exception(self) -> None:
         """Come to rest while an exception is on its way; one interrupt does not end that, the next one does."""
-        self.is_sent = self.is_sent or not self.rests
+        self.was_sent = self.was_sent or not self.rests
         if self.supervision and self.done:
             with first_interrupt(self.supervision.stop), suppress(Exception):
                 self._come_to_rest(hard=True)
@@ -397,7 +422,7 @@ class _Steps:
         before, row = self.desired[self.done - 1], self.desired[self.done]
         row[:] = before
         row[TWIST] = row[TWIST_RATE] = 0.0
-        row[TIME] = before[TIME] + self.law.dt
+        row[TIME] = before[TIME] + self.law.period
 
 
 def _ask(law: Controller, measured: Array, row: Array, k: int, state: Array, command: Array) -> str | None:

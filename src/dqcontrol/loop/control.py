@@ -84,7 +84,7 @@ class Control:
         longest_advance: float | None = None,
     ) -> None:
         self.law, self.target, self.supervisor = law, target, supervisor
-        self.longest_advance: float = longest_advance or FASTEST_REFERENCE * law.dt
+        self.longest_advance: float = longest_advance or FASTEST_REFERENCE * law.period
         self.robot: Robot = law.robot
         self.phase, self.reason = Phase.INACTIVE, ""
         m = self.robot.input_size
@@ -93,8 +93,8 @@ class Control:
         self.measured: Array = np.zeros(self.robot.configuration_size)
         self._request, self._cause = GO, ""
         self.time = self._stamp = self._asked = 0.0
-        self._elapsed, self._still = law.dt, 0.0
-        self.black_box: BlackBox = BlackBox(self.robot, law.dt)
+        self._elapsed, self._still = law.period, 0.0
+        self.black_box: BlackBox = BlackBox(self.robot, law.period)
         self._law_state = self._state = np.zeros(0)
         self.is_commanding: bool = False
 
@@ -155,6 +155,16 @@ class Control:
             raise Error(f"deactivate: the controller is {self.phase.value}, not active")
         self._request, self.phase = END, Phase.STOPPING
 
+    def take_law(self, law: Controller) -> None:
+        """Go on with another law for the same robot and period; its memory begins with the last measured joints.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If what it keeps is not kept there; the present law goes on then.
+        """
+        self._law_state, self.law = law.initial_state(self.measured), law
+
     def emergency_stop(self, cause: str = "") -> None:
         """Brake as hard as the supervisor may, and hold until `reset`; while inactive it refuses to start.
 
@@ -209,8 +219,10 @@ class Control:
         """
         if not self.is_commanding:
             return
-        passed = time - self._stamp if self._stamp or time else self.law.dt  # the first step is a period long
-        self._still = self._still + self.law.dt if time == self._stamp else 0.0
+        passed = (
+            time - self._stamp if self._stamp or time else self.law.period
+        )  # the first step is a period long
+        self._still = self._still + self.law.period if time == self._stamp else 0.0
         self._stamp = time
         self.time += min(max(passed, 0.0), self.longest_advance) if time else 0.0
         self._elapsed = passed if elapsed is None or not passed >= 0.0 else max(passed, elapsed)
@@ -259,9 +271,9 @@ class Control:
 
     def _ask_law(self, time: float) -> None:
         """Ask the law, once for each period since it was asked last: what it adds up, it adds up by periods."""
-        most, missed = self.longest_advance / self.law.dt, (time - self._asked) / self.law.dt
+        most, missed = self.longest_advance / self.law.period, (time - self._asked) / self.law.period
         self._asked = time
-        row = max(round(time / self.law.dt), 0)
+        row = max(round(time / self.law.period), 0)
         try:
             self.desired = self.target.sample(time, self.robot.fkm(self.measured))
             for _ in range(max(int(min(missed, most) + _EARLY), 1)):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from dqcontrol.errors import DivergedError
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.closed_loop import close_loop
 from dqcontrol.loop.record import has_failed
+from dqcontrol.loop.signals import Signal
 from dqcontrol.loop.simulate import supervise
 from dqcontrol.loop.trace import FARTHEST
 from dqcontrol.plants.disturbance import Disturbance
@@ -27,7 +29,7 @@ from dqcontrol.supervisor import Supervisor
 _NOTHING: Array = np.zeros(0)
 
 
-class Passed(NamedTuple):
+class RolloutView(NamedTuple):
     """What a loop saw, valid until it, or one with which it shares its records, runs again.
 
     Attributes
@@ -36,6 +38,8 @@ class Passed(NamedTuple):
         As of a `Record`, one row a sample.
     failed
         Whether it diverged, or was stopped.
+    readings
+        What the plant sensed, by name; empty of compiled plants.
     """
 
     samples: Array
@@ -43,6 +47,7 @@ class Passed(NamedTuple):
     measured: Array
     command: Array
     failed: bool
+    readings: Mapping[str, Signal] = MappingProxyType({})
 
 
 class RepeatedLoop:
@@ -146,7 +151,7 @@ class RepeatedLoop:
             )
         return self._written[report]
 
-    def run(self, law: Controller) -> Passed:
+    def run(self, law: Controller) -> RolloutView:
         """Run the loop with a law that was prepared for this robot and period."""
         if self._compiled is None or not isinstance(law.kernel, Kernel):
             return self._close_loop(law)
@@ -165,9 +170,9 @@ class RepeatedLoop:
         done = int(self._done[0])
         q, measured, command = (record[:done] for record in self._records)
         lost = status != OK or max(q.max(), -q.min()) > FARTHEST
-        return Passed(self.samples[:done], q, measured, command, lost)
+        return RolloutView(self.samples[:done], q, measured, command, lost)
 
-    def _close_loop(self, law: Controller) -> Passed:
+    def _close_loop(self, law: Controller) -> RolloutView:
         supervision = (
             supervise(self._supervisor, law, self.plant, self.start) if self._supervisor is not None else None
         )
@@ -183,8 +188,9 @@ class RepeatedLoop:
             )
         except DivergedError:
             empty = np.zeros((0, self.robot.configuration_size))
-            return Passed(self.samples[:0], empty, empty, np.zeros((0, self.robot.input_size)), True)
-        return Passed(trace.desired, trace.q, trace.measured, trace.command, has_failed(trace.stopped))
+            return RolloutView(self.samples[:0], empty, empty, np.zeros((0, self.robot.input_size)), True)
+        failed = has_failed(trace.stopped)
+        return RolloutView(trace.desired, trace.q, trace.measured, trace.command, failed, trace.readings)
 
 
 def share_records(loops: Sequence[RepeatedLoop]) -> None:

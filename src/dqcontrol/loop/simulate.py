@@ -27,6 +27,7 @@ from dqcontrol.loop.trace import Stop
 from dqcontrol.plants.disturbance import Disturbance
 from dqcontrol.plants.plant import Plant, command_mode, lagging_mode, limits_before
 from dqcontrol.references import Reference
+from dqcontrol.references.follow import Follow, follow_in
 from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
@@ -140,6 +141,7 @@ def simulate(
         seed=seed,
         interpreted=interpreted,
         progress=progress,
+        follow=follow_in(reference),
     )
 
 
@@ -159,6 +161,7 @@ def simulate_prepared(
     recording: SampleSink | None = None,
     watch: Watch | None = None,
     black_box: BlackBox | None = None,
+    follow: Follow | None = None,
 ) -> Record:
     """Drive a plant along samples (N, 21) with a law made ready; what `simulate` does after its preparation.
 
@@ -171,15 +174,16 @@ def simulate_prepared(
     supervision = supervisor and supervise(supervisor, law, plant, start, watch, black_box)
     trace = close_loop(
         law,
-        plant.start(robot, start, law.dt, len(samples), seed),
+        plant.start(robot, start, law.period, len(samples), seed),
         samples,
         stop,
-        disturbance=disturbance and disturbance.start(robot, law.dt, len(samples), seed),
+        disturbance=disturbance and disturbance.start(robot, law.period, len(samples), seed),
         interpreted=interpreted,
         progress=progress,
         clock=clock,
         supervision=supervision,
         recording=recording,
+        follow=follow,
     )
     if not len(trace.q):
         raise DivergedError(trace.stopped)
@@ -217,7 +221,7 @@ def supervise(
     Error
         If a parameter is not allowed, or the robot starts outside its bounds.
     """
-    prepared = supervisor.prepare(law.robot, law.dt, command_mode(plant))
+    prepared = supervisor.prepare(law.robot, law.period, command_mode(plant))
     return Supervision(prepared, start, watch, black_box)
 
 

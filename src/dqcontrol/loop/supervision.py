@@ -12,7 +12,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.signals import Signal
-from dqcontrol.plants.live_plant import MovedPlant, live_plant
+from dqcontrol.plants.live_plant import PlantProtocol, live_plant
 from dqcontrol.supervisor import supervisor_layout as layout
 from dqcontrol.supervisor.interventions import (
     COMMAND,
@@ -41,7 +41,7 @@ class Senses:
         If the supervisor bounds what the plant does not measure.
     """
 
-    def __init__(self, plant: MovedPlant, supervisor: PreparedSupervisor) -> None:
+    def __init__(self, plant: PlantProtocol, supervisor: PreparedSupervisor) -> None:
         self._plant = live_plant(plant)
         bounds = supervisor.bounds
         for field, limit, what, measured in (

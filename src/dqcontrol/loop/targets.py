@@ -17,9 +17,10 @@ from dqcontrol.loop.target_motion import (
     asked_twist,
     move_by_twist,
     move_to_pose,
+    moving_sample,
     target_speeds,
 )
-from dqcontrol.references.sample import POSE, SAMPLE_SIZE
+from dqcontrol.references.sample import SAMPLE_SIZE
 
 _NOTHING: Array = np.zeros(0)
 
@@ -27,8 +28,8 @@ _NOTHING: Array = np.zeros(0)
 class Target(Protocol):
     """What gives the desired motion at a time."""
 
-    def start(self, pose: Array) -> None:
-        """Begin with the hand at a pose (8,)."""
+    def start(self, pose: Array, time: float = 0.0) -> None:
+        """Begin with the hand at a pose (8,), at a time, s."""
         ...
 
     def sample(self, time: float, pose: Array) -> Array:
@@ -57,18 +58,22 @@ class SampledTarget:
     """A reference sampled once a period, shape (N, 21)."""
 
     def __init__(self, samples: Array, period: float) -> None:
-        self._samples, self._period = samples, period
+        self._samples, self._period, self._begin = samples, period, 0.0
 
-    def start(self, pose: Array) -> None:
+    def start(self, pose: Array, time: float = 0.0) -> None:
         """Begin; the reference has its own first pose."""
+        self._begin = time
 
     def sample(self, time: float, pose: Array) -> Array:
         """Return the nearest sample."""
-        return self._samples[min(max(round(time / self._period), 0), len(self._samples) - 1)]
+        return self._samples[min(max(self._index(time), 0), len(self._samples) - 1)]
 
     def is_over(self, time: float) -> bool:
         """Return whether the last sample's period has passed."""
-        return round(time / self._period) >= len(self._samples)
+        return self._index(time) >= len(self._samples)
+
+    def _index(self, time: float) -> int:
+        return round((time - self._begin) / self._period)
 
 
 class MovingTarget:
@@ -81,10 +86,11 @@ class MovingTarget:
         self._memory = np.zeros(MOVING_SIZE)
         self._row, self._asked = self._memory[:SAMPLE_SIZE], _NOTHING
 
-    def start(self, pose: Array) -> None:
+    def start(self, pose: Array, time: float = 0.0) -> None:
         """Begin at rest where the hand is."""
         self._memory[:] = 0.0
-        self._row[POSE], self._asked = pose, _NOTHING
+        moving = moving_sample(self._memory)
+        moving.pose[:], moving.last[0], self._asked = pose, time, _NOTHING
 
     def sample(self, time: float, pose: Array) -> Array:
         """Return where the desired pose has come to."""

@@ -7,22 +7,19 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.loop.record import Record, row_norms
+from dqcontrol.loop.record import Record
 
 RECOVERED = 2e-3  # m
 FORCE, DEPTH = "contact_force", "penetration"  # channels of plants that let links touch the world
 
 
 def contact_force(record: Record) -> NDArray[np.float64] | None:
-    """Return the force on the hand, the largest since each sample before, or on a body, N; None without."""
-    if FORCE in record.readings:
-        return record.readings[FORCE].values.max(axis=1)
-    signal = record.readings.get("contact")
-    return row_norms(signal.values) if signal is not None and signal.values.shape[1] == 3 else None
+    """Return the largest force on any body at each sample, N; None where links touch nothing."""
+    return record.readings[FORCE].values.max(axis=1) if FORCE in record.readings else None
 
 
 def peak_contact(record: Record) -> float:
-    """Return the largest force of an obstacle on the hand, N; NaN without obstacles."""
+    """Return the largest force on a body, N; NaN where links touch nothing."""
     force = contact_force(record)
     return math.nan if force is None else float(force.max())
 

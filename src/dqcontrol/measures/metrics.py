@@ -1,21 +1,19 @@
 """Numbers that judge one run: error, effort, smoothness, convergence, distance from joint limits.
 
-All integrals belong to one piecewise model of the run, so that those of its parts add up: errors are joined
-linearly, commands are held from one sample to the next, and differences of samples (joint step, speed,
-acceleration) are held over the interval they were taken from. They are sums without BLAS, whose last bits depend on the
-number of its threads.
+Most come from one compiled pass over the samples, `measure_kernel`, which searches use as well.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ValueRangeError, as_positive
+from dqcontrol.errors import ShapeError, ValueRangeError, as_positive
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.files.plain_data import finite_or_none
 from dqcontrol.laws import Law
@@ -24,6 +22,14 @@ from dqcontrol.loop.signals import ACTUATORS, TASK
 from dqcontrol.measures.contact import peak_contact, recovery_time
 from dqcontrol.measures.low_pass import low_passed
 from dqcontrol.measures.margins import least_margin
+from dqcontrol.measures.run_kernels import (
+    GIVEN,
+    NUMBERS,
+    REACHED,
+    SETTLED_FRACTION,
+    STEP_SHARE,
+    measure_kernel,
+)
 from dqcontrol.measures.task_range import outside_range
 from dqcontrol.measures.task_result import task_result
 from dqcontrol.robots import Robot
@@ -32,11 +38,15 @@ from dqcontrol.robots.limits import Limits
 if TYPE_CHECKING:
     from dqcontrol.tables.tables import Table
 
+_Part = TypeVar("_Part", "SignalNorms", "Deviation")
 
-SETTLED_FRACTION = 0.02
-_ROUNDING = 1e-9  # as a share of a velocity limit
 _RESTING = 1e-6  # m or rad; an initial error below it has no direction to overshoot in
-_STEP_SHARE = 0.1  # of the largest error: a run whose first error is smaller starts on its target
+_MOTION = (
+    "joint_step",
+    "joint_path_length",
+    "hand_speed",
+    "hand_acceleration",
+)  # what noise of encoders is most of
 
 
 @dataclass(frozen=True)
@@ -141,7 +151,7 @@ class Metrics:
     limit_joint
         The joint that comes so near; empty without limits.
     peak_contact
-        Largest force of an obstacle on the hand, N; NaN without obstacles.
+        Largest force on a body of the world, N; NaN where links touch nothing.
     recovery_time
         From the end of the last contact until the hand is back where it was, s; see ``contact.recovery_time``.
     peak_velocity_share
@@ -282,48 +292,45 @@ def evaluate(
     )
     if tolerance is not None:
         as_positive("tolerance", tolerance)
+    margin, joint = least_margin(record, limits)
+    numbers = _numbers(record, limits, start, tolerance or 0.0)
+    if low_pass is not None:
+        smooth = _numbers(
+            _smoothed(record, as_positive("low_pass", low_pass)), limits, start, tolerance or 0.0
+        )
+        numbers |= {name: value for name, value in smooth.items() if name.startswith(_MOTION)}
     time, intervals = record.time, np.diff(record.time)
     times = _Times(time, intervals)
-    between = (intervals[1:] + intervals[:-1]) / 2
-    moved, position = record.q, record.position
-    if low_pass is not None:
-        cutoff = as_positive("low_pass", low_pass)
-        moved, position = low_passed(time, moved, cutoff), low_passed(time, position, cutoff)
     with np.errstate(invalid="ignore", over="ignore"):  # a diverged run
-        effect = row_by_row(lambda q: row_norms(np.diff(q, axis=0)), moved, ahead=1)
-        speed = row_by_row(lambda p, t: row_norms(_velocity(p, t)), position, time, ahead=1)
-        acceleration = row_by_row(_acceleration, position, time, ahead=2)
-        control = row_by_row(row_norms, record.command[:-1])
-        actuators = record.readings[ACTUATORS].values if ACTUATORS in record.readings else record.command
-        effort = math.sqrt(np.sum(row_by_row(row_norms, actuators[:-1]) ** 2 * intervals))
-        settling_time, band = _settling(time, record.error, tolerance)
-        margin, joint = least_margin(record, limits)
-        peak_share, saturation = _saturation(record.command[:-1], limits)
+        effort = numbers["effort"]
+        if ACTUATORS in record.readings:
+            actuators = record.readings[ACTUATORS].values[:-1]
+            effort = math.sqrt(np.sum(row_by_row(row_norms, actuators) ** 2 * intervals))
         task = task_result(record, law=law, skip_initial=skip_initial, robot=robot)
         return Metrics(
             duration=record.duration,
             samples=len(record),
-            error=_continuous(times, record.error),
-            settled_error=_continuous(times.since(start), record.error[start:]),
-            final_error=float(record.error[-1]),
-            control=_held(control, intervals),
-            joint_step=_held(effect, intervals),
-            hand_speed=_held(speed, intervals),
-            hand_acceleration=_held(acceleration, between),
-            position=_deviation(times, 1e3 * record.position_error, start),
-            orientation=_deviation(times, np.degrees(record.orientation_error), start),
-            joint_path_length=float(effect.sum()),
+            error=_part(numbers, "error", SignalNorms),
+            settled_error=_part(numbers, "settled_error", SignalNorms),
+            final_error=numbers["final_error"],
+            control=_part(numbers, "control", SignalNorms),
+            joint_step=_part(numbers, "joint_step", SignalNorms),
+            hand_speed=_part(numbers, "hand_speed", SignalNorms),
+            hand_acceleration=_part(numbers, "hand_acceleration", SignalNorms),
+            position=_part(numbers, "position", Deviation),
+            orientation=_part(numbers, "orientation", Deviation),
+            joint_path_length=numbers["joint_path_length"],
             effort=effort,
-            settling_time=settling_time,
-            settling_band=band,
+            settling_time=numbers["settling_time"],
+            settling_band=_settling_band(record, numbers["error.peak"], tolerance),
             position_overshoot=_overshoot(row_by_row(np.subtract, record.desired_position, record.position)),
             orientation_overshoot=_overshoot(record.rotation_error),
             limit_margin=margin,
             limit_joint=joint,
             peak_contact=peak_contact(record),
             recovery_time=recovery_time(record),
-            peak_velocity_share=peak_share,
-            saturation=saturation,
+            peak_velocity_share=numbers["peak_velocity_share"],
+            saturation=numbers["saturation"],
             outside_range=outside_range(record),
             tasks={
                 name.removeprefix(TASK): TaskDeviation(
@@ -338,15 +345,32 @@ def evaluate(
         )
 
 
-def _velocity(position: Array, time: Array) -> Array:
-    return np.diff(position, axis=0) / np.diff(time)[:, None]
+def _numbers(record: Record, limits: Limits | None, start: int, band: float) -> dict[str, float]:
+    """Return what one pass over the samples finds, by name."""
+    n, m = record.q.shape[1], record.command.shape[1]
+    out, free = np.full(len(NUMBERS), math.nan), np.zeros(n)
+    if limits is not None and len(limits.velocity) != m:
+        raise ShapeError(f"limits: expected {m} speeds as the record has inputs, got {len(limits.velocity)}")
+    per_speed = np.zeros(m) if limits is None else 1.0 / np.asarray(limits.velocity, dtype=np.float64)
+    work = np.zeros(REACHED + 2 * n)
+    measure_kernel(
+        GIVEN, record.time, record.desired, record.q, record.command, record.pose, free, free, per_speed, start, band,
+        work, out,
+    )  # fmt: skip
+    return dict(zip(NUMBERS, out.tolist(), strict=True))
 
 
-def _acceleration(position: Array, time: Array) -> Array:
-    """Return the size of the acceleration from one interval to the next."""
-    intervals = np.diff(time)
-    between = (intervals[1:] + intervals[:-1]) / 2
-    return row_norms(np.diff(_velocity(position, time), axis=0) / between[:, None])
+def _smoothed(record: Record, cutoff: float) -> Record:
+    """Return a record whose joints and positions have passed a low-pass filter."""
+    pose = np.array(record.pose)
+    place = low_passed(record.time, record.position, cutoff)
+    pose[:] = algebra.pose(pose[:, :4], place)
+    return replace(record, q=low_passed(record.time, record.q, cutoff), pose=pose)
+
+
+def _part(numbers: dict[str, float], name: str, kind: type[_Part]) -> _Part:
+    """Return the numbers of one signal."""
+    return kind(**{each.name: numbers[f"{name}.{each.name}"] for each in fields(kind)})
 
 
 class _Times(NamedTuple):
@@ -373,16 +397,6 @@ def _continuous(times: _Times, value: Array) -> SignalNorms:
     return SignalNorms(integral, integral / duration, math.sqrt(square / duration), float(value.max()))
 
 
-def _held(value: Array, intervals: Array) -> SignalNorms:
-    """Summarise values held over intervals."""
-    if not len(value):
-        return SignalNorms(0.0, math.nan, math.nan, math.nan)
-    duration = float(intervals.sum())
-    integral = float(np.sum(value * intervals))
-    rms = math.sqrt(np.sum(value**2 * intervals) / duration)
-    return SignalNorms(integral, integral / duration, rms, float(value.max()))
-
-
 def _deviation(times: _Times, value: Array, start: int) -> Deviation:
     whole, settled = _continuous(times, value), _continuous(times.since(start), value[start:])
     return Deviation(
@@ -390,33 +404,18 @@ def _deviation(times: _Times, value: Array, start: int) -> Deviation:
     )
 
 
-def _settling(time: Array, error: Array, tolerance: float | None) -> tuple[float, float]:
-    """Return the settling time and the band."""
-    if tolerance is None and float(error[0]) < _STEP_SHARE * float(error.max()):
-        return math.nan, math.nan
-    band = SETTLED_FRACTION * float(error[0]) if tolerance is None else tolerance
-    outside = np.flatnonzero(~(error <= band))  # NaN is outside
-    if not len(outside):
-        return 0.0, band
-    last = int(outside[-1])
-    return (float(time[last + 1] - time[0]) if last + 1 < len(time) else math.nan), band
-
-
-def _saturation(command: Array, limits: Limits | None) -> tuple[float, float]:
-    """Return the largest command over its limit, and the share of samples with one there or beyond."""
-    if limits is None or not len(command) or not np.isfinite(limits.velocity).any():
-        return math.nan, math.nan
-    velocity = limits.velocity
-    shares = row_by_row(lambda rows: np.ascontiguousarray((np.abs(rows) / velocity).T).max(axis=0), command)
-    if not np.isfinite(shares).all():
-        return math.nan, math.nan
-    return float(shares.max()), float(np.mean(shares >= 1 - _ROUNDING))
+def _settling_band(record: Record, largest: float, tolerance: float | None) -> float:
+    """Return the band of the error; NaN if it is a share of the first error and the run starts on its target."""
+    if tolerance is not None:
+        return tolerance
+    first = float(record.error[0])
+    return math.nan if first < STEP_SHARE * largest else SETTLED_FRACTION * first
 
 
 def _overshoot(error: Array) -> float:
     """Return the largest component against the first error vector over the latter's length."""
     size = float(np.linalg.norm(error[0]))
-    if not size > _RESTING or size < _STEP_SHARE * float(row_norms(error).max()):
+    if not size > _RESTING or size < STEP_SHARE * float(row_norms(error).max()):
         return math.nan
     return float(np.maximum(-(error @ error[0]) / size**2, 0.0).max())
 

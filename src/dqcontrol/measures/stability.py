@@ -75,7 +75,7 @@ def loop_gains(law: Law, prepared: Controller) -> tuple[LoopGain, ...] | None:
             gain = complex(values[k])
             share = rates.integral / abs(gain) / abs(gain) if gain else 0.0  # its square may overflow
             share = min(share, _MOST_INTEGRAL)
-            when = k * prepared.dt if np.ptp(values) else None
+            when = k * prepared.period if np.ptp(values) else None
             gains.append(LoopGain(loop, gain, when, share, rates.lag))
     rate = law.null_space.loop_rate(prepared.robot) if law.null_space else None
     if rate is not None and (prepared.robot.input_size > 6 or len(gains) < 2):

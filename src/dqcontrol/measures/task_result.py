@@ -16,10 +16,11 @@ from dqcontrol.compiled.compile import OK, READ2, STATUS, WRITE, inline, kernel
 from dqcontrol.controller import PreparedTasks
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws import Law, PartialProportional
-from dqcontrol.loop.record import Record, has_failed, row_norms
+from dqcontrol.loop.record import Record, has_failed, part_of, row_norms
 from dqcontrol.measures.task_range import inverse_of, lost_share
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
+from dqcontrol.supervisor.interventions import INTERVENTIONS, SOFT_STOP
 
 Outcome = Literal["reached", "not reached", "followed", "not followed", "kept", "not kept", "failed"]
 
@@ -214,6 +215,8 @@ def task_result(
 ) -> TaskResult:
     """Return whether a run did what was asked.
 
+    How a supervisor brakes at the end is not judged.
+
     A run whose reference ends at rest has reached its goal if it stays within 2 % of the way that was asked for
     (position: from the hand's start, or the farthest point of the reference, to the goal; orientation: the same
     angle), the usual criterion of settling. One whose reference ends moving has followed if the RMS error is at most a
@@ -243,6 +246,7 @@ def task_result(
     not reached: still moves 24.5 mm, 6.3° off
     reached
     """
+    record = _before_braking(record)
     part = law.part if isinstance(law, PartialProportional) else "pose"
     distance = record.position_error if part in ("pose", "position") else None
     found = _judged(record, _asked(record, skip_initial), distance, _orientation_error(record, law))
@@ -268,6 +272,7 @@ def further_results(record: Record, tasks: PreparedTasks, skip_initial: float = 
     tasks
         What it was to do beside the law's task.
     """
+    record = _before_braking(record)
     found, errors = {}, tasks.errors(record.q)
     for label, task, samples, gain in zip(tasks.labels, tasks.tasks, tasks.samples, tasks.gains, strict=True):
         away, turned = errors[label].T
@@ -284,6 +289,15 @@ def further_results(record: Record, tasks: PreparedTasks, skip_initial: float = 
             shown = replace(record, pose=tasks.robot.pose_of(task, record.q), desired=desired)
             found[label] = _judged(shown, _asked(shown, skip_initial), away, turned)
     return found
+
+
+def _before_braking(record: Record) -> Record:
+    """Return a record without its last samples in which the supervisor brakes softly: the run is over by then."""
+    if INTERVENTIONS not in record.readings:
+        return record
+    brakes = record.readings[INTERVENTIONS].values[:, 0].astype(np.int64) & SOFT_STOP != 0
+    count = len(record) if brakes.all() or not brakes[-1] else len(record) - int(brakes[::-1].argmin())
+    return part_of(record, 0, count)
 
 
 def _judged(record: Record, asked: _Asked, distance: Array | None, orientation: Array | None) -> TaskResult:

@@ -10,7 +10,6 @@ from .compliant.loads_and_faults import (
     Push as Push,
     WristFault as WristFault,
 )
-from .compliant.obstacle import Obstacle as Obstacle
 from .compliant.payload_compensation import PayloadCompensation as PayloadCompensation
 from .coppeliasim import CoppeliaPlant as CoppeliaPlant
 from .disturbance import (
@@ -23,16 +22,17 @@ from .disturbance import (
 from .integrator import Integrator as Integrator
 from .live_plant import (
     LivePlant as LivePlant,
-    MovedPlant as MovedPlant,
+    PlantProtocol as PlantProtocol,
 )
 from .mobile import MobilePlant as MobilePlant
-from .mobile.gripper import (
-    Gripper as Gripper,
-    GripperEvent as GripperEvent,
-)
 from .mobile.odometry import Odometry as Odometry
 from .mobile.wheeled_base import WheeledBase as WheeledBase
 from .mujoco import MujocoPlant as MujocoPlant
+from .mujoco.gripper import (
+    Gripper as Gripper,
+    GripperEvent as GripperEvent,
+)
+from .mujoco.pads import Pads as Pads
 from .own_plant import OwnPlant as OwnPlant
 from .plant import (
     CompiledPlant as CompiledPlant,

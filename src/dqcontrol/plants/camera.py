@@ -98,7 +98,7 @@ class Camera(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True)
     >>> import numpy as np, dqcontrol as dqc
     >>> body = dqc.load_robot("little-john")
     >>> slow = dqc.plants.Servo(camera=dqc.plants.Camera(rate=5.0))
-    >>> plant = slow.start(body, np.zeros(8), dt=0.1, steps=3, seed=0)
+    >>> plant = slow.start(body, np.zeros(8), period=0.1, steps=3, seed=0)
     >>> for _ in range(3):
     ...     plant.step(np.array([1.0, 0, 0, 0, 0, 0, 0]))
     >>> plant.q[:1].round(3).tolist(), plant.measured[:1].round(3).tolist()  # at 0.5 m/s; the last frame is of 0.2 s
@@ -125,31 +125,33 @@ class Camera(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True)
                 f"got {self.timeout:g} s"
             )
 
-    def schedule(self, dt: float, steps: int, bases: int, seed: int) -> CameraSchedule:
-        """Return what the camera does in a number of periods dt (s).
+    def schedule(self, period: float, steps: int, bases: int, seed: int) -> CameraSchedule:
+        """Return what the camera does in a number of periods (s).
 
         Raises
         ------
         ValueRangeError
             If there is more than one frame a period, or the delay is of too many periods.
         """
-        delay, _ = begun_periods("plant.camera.delay", self.delay, dt)  # read at the sample after its arrival
-        if self.rate * dt > 1 + _SNAP:
+        delay, _ = begun_periods(
+            "plant.camera.delay", self.delay, period
+        )  # read at the sample after its arrival
+        if self.rate * period > 1 + _SNAP:
             raise ValueRangeError(
-                f"plant.camera.rate: must be ≤ {1 / dt:g} Hz, one frame a period, got {self.rate:g}"
+                f"plant.camera.rate: must be ≤ {1 / period:g} Hz, one frame a period, got {self.rate:g}"
             )
-        count = math.ceil(steps * dt * self.rate) + 1
+        count = math.ceil(steps * period * self.rate) + 1
         times = np.arange(count) / self.rate
         seen = np.ones(count, dtype=bool)
         for loss in self.losses:
             seen &= (times < loss.time - _SNAP) | (times >= loss.time + loss.duration - _SNAP)
-        arrival = np.ceil(times / dt - _SNAP).astype(np.intp) + delay
+        arrival = np.ceil(times / period - _SNAP).astype(np.intp) + delay
         used = seen & (arrival <= steps)
         arrives, errors = np.zeros(steps + 1, dtype=bool), np.zeros((steps + 1, 3 * bases))
         arrives[arrival[used]] = True
         errors[arrival[used]] = self._errors(count, bases, [seed])[used]
         last = np.maximum.accumulate(np.where(arrives, np.arange(steps + 1), 0))
-        age: Array = dt * (np.arange(steps) - last[:steps]).astype(np.float64)
+        age: Array = period * (np.arange(steps) - last[:steps]).astype(np.float64)
         share: Array = np.clip(1 - (age - self.timeout - _SNAP) / self.stopping_time, 0.0, 1.0)
         weight = -math.expm1(-1 / (self.rate * self.filter_time)) if self.filter_time else 1.0
         return CameraSchedule(arrives, errors, age, share, delay, weight)

@@ -54,18 +54,18 @@ class CoppeliaPlant(Plant, frozen=True, kw_only=True, tag="coppeliasim"):
     command_mode: Literal["integrated", "measured", "velocity"] = "integrated"
     timeout: Annotated[float, Meta(gt=0, description="s")] = 5.0
 
-    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> LiveCoppelia:
-        """Return the arm at q0, its simulation started.
+    def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> LiveCoppelia:
+        """Return the arm at start, its simulation started.
 
         Raises
         ------
         Error
             If CoppeliaSim does not answer, has no such joint, or another time step.
         """
-        start = start_configuration(robot, q0)
+        start = start_configuration(robot, start)
         if len(self.joints) != len(start):
             raise ShapeError(f"plant.joints: expected {len(start)} paths, got {len(self.joints)}")
-        return LiveCoppelia(self, start, as_positive("dt", dt))
+        return LiveCoppelia(self, start, as_positive("period", period))
 
     def target_mode(self) -> CommandMode:
         """Return what targets grow from; joints follow also a velocity with a lag."""
@@ -75,19 +75,19 @@ class CoppeliaPlant(Plant, frozen=True, kw_only=True, tag="coppeliasim"):
 class LiveCoppelia(LivePlant):
     """Joints in a running simulation."""
 
-    def __init__(self, plant: CoppeliaPlant, start: Array, dt: float) -> None:
+    def __init__(self, plant: CoppeliaPlant, start: Array, period: float) -> None:
         self._client = _connect(plant)
         self._address = f"{plant.host}:{plant.port}"
-        self._mode, self._dt = plant.command_mode, dt
+        self._mode, self._dt = plant.command_mode, period
         self._sim = self._call(self._client.require, "sim")
         self._joints = [self._joint(path) for path in plant.joints]
         self._stop()
         self._call(self._sim.setStepping, True)
         step = float(self._call(self._sim.getSimulationTimeStep))
-        self._substeps = round(dt / step)
-        if self._substeps < 1 or abs(self._substeps * step - dt) > 1e-9:
+        self._substeps = round(period / step)
+        if self._substeps < 1 or abs(self._substeps * step - period) > 1e-9:
             raise ValueRangeError(
-                f"plant: the scene's time step is {step:g} s; the period {dt:g} s must be a multiple of it"
+                f"plant: the scene's time step is {step:g} s; the period {period:g} s must be a multiple of it"
             )
         for joint, angle in zip(self._joints, start, strict=True):
             self._call(self._sim.setJointPosition, joint, float(angle))

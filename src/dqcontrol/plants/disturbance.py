@@ -248,8 +248,8 @@ class Disturbance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
             rows[:, 3:6] = self.worst_case.level * direction / np.linalg.norm(direction)
         return rows
 
-    def start(self, robot: Robot, dt: float, steps: int, seed: int) -> LiveDisturbance:
-        """Return the disturbance of a number of periods dt (s); the seed draws all its chance.
+    def start(self, robot: Robot, period: float, steps: int, seed: int) -> LiveDisturbance:
+        """Return the disturbance of a number of periods (s); the seed draws all its chance.
 
         Raises
         ------
@@ -258,7 +258,7 @@ class Disturbance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         ShapeError
             If the robot is a whole body with drives in its unconstrained form.
         """
-        dt = as_positive("dt", dt)
+        period = as_positive("period", period)
         if len(robot.drives) and robot.configuration_size == robot.input_size:
             raise ShapeError(
                 f"disturbance: needs the constrained form of {robot.name}, because drives do not move sideways; "
@@ -266,13 +266,13 @@ class Disturbance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
             )
         for name, source in (("twist", self.twist), ("pose", self.pose)):
             field, frequency = source.highest_frequency() if source is not None else ("", 0.0)
-            if frequency >= 0.5 / dt:
+            if frequency >= 0.5 / period:
                 raise ValueRangeError(
-                    f"disturbance.{name}.{field}: must be below half the sampling rate, {0.5 / dt:g} Hz, "
+                    f"disturbance.{name}.{field}: must be below half the sampling rate, {0.5 / period:g} Hz, "
                     f"got {frequency:g}"
                 )
-        rows = self.samples(dt * np.arange(steps), seed)
-        return LiveDisturbance(disturb, rows, dt, robot.input_size, robot.drives)
+        rows = self.samples(period * np.arange(steps), seed)
+        return LiveDisturbance(disturb, rows, period, robot.input_size, robot.drives)
 
 
 def _numbers(field: str, value: ArrayLike, count: int) -> Array:

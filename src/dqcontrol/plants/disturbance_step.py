@@ -92,11 +92,11 @@ class LiveDisturbance:
         One a period, or one for all, shape (N, 12): inertial twist, then twist of the hand in its own axes.
     """
 
-    def __init__(self, kernel: Kernel, rows: Array, dt: float, input_size: int, drives: Array) -> None:
+    def __init__(self, kernel: Kernel, rows: Array, period: float, input_size: int, drives: Array) -> None:
         self.kernel = kernel
         self.rows: Array = np.ascontiguousarray(rows)
         self.parameters: Array = disturbance_parameters.pack(
-            period=dt, inverse=_INVERSE.parameters(), drives=drives
+            period=period, inverse=_INVERSE.parameters(), drives=drives
         )
         self.work: Array = np.zeros(disturbance_work.size(input_size))
 

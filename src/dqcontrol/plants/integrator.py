@@ -56,7 +56,7 @@ class Integrator(Plant, frozen=True, kw_only=True, tag="integrator"):
     Examples
     --------
     >>> import numpy as np, dqcontrol as dqc
-    >>> plant = dqc.plants.Integrator().start(dqc.load_robot("iiwa7"), np.zeros(7), dt=0.01, steps=1, seed=0)
+    >>> plant = dqc.plants.Integrator().start(dqc.load_robot("iiwa7"), np.zeros(7), period=0.01, steps=1, seed=0)
     >>> plant.step(np.ones(7))
     >>> float(plant.q[0])
     0.01
@@ -65,19 +65,19 @@ class Integrator(Plant, frozen=True, kw_only=True, tag="integrator"):
     is_ideal: ClassVar[bool] = True
     bias: Annotated[float | list[float], Meta(description="rad/s or m/s")] = 0.0
 
-    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
-        """Return the plant at q0.
+    def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> CompiledPlant:
+        """Return the plant at start.
 
         Raises
         ------
         ShapeError, ValueRangeError
-            If q0, dt or the bias does not fit.
+            If start, period or the bias does not fit.
         """
-        q0, dt, m = start_configuration(robot, q0), as_positive("dt", dt), robot.input_size
-        parameters = np.concatenate([[dt], as_each("plant.bias", self.bias, m), robot.drives.ravel()])
+        start, period, m = start_configuration(robot, start), as_positive("period", period), robot.input_size
+        parameters = np.concatenate([[period], as_each("plant.bias", self.bias, m), robot.drives.ravel()])
         move = drive if len(robot.drives) else integrate
-        return CompiledPlant(move, parameters, np.zeros(m), q0, np.zeros((steps, 1)))
+        return CompiledPlant(move, parameters, np.zeros(m), start, np.zeros((steps, 1)))
 
-    def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel:
+    def linear_model(self, robot: Robot, start: Array, period: float) -> LinearModel:
         """Return q⁺ = q + T u."""
-        return LinearModel(np.ones((1, 1)), np.full((1, 1), dt))
+        return LinearModel(np.ones((1, 1)), np.full((1, 1), period))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -35,7 +37,7 @@ class ControllerSettings(NamedTuple):
     slew_rate: Array | None = None
 
 
-class MovedPlant(Protocol):
+class PlantProtocol(Protocol):
     """The least that a plant at work has; ``live_plant`` adds the defaults of `LivePlant`.
 
     Attributes
@@ -77,6 +79,8 @@ class LivePlant:
         What it senses and is known before the run: quantities, and their values at each sample.
     periods
         For how many steps its noise was drawn.
+    seen
+        Where bodies of the world are measured, by name unit dual quaternions (8,), inertial frame, updated in place.
 
     Examples
     --------
@@ -100,6 +104,7 @@ class LivePlant:
     readings: Array = _NOTHING
     foreseen: tuple[tuple[Channel, Array], ...] = ()
     periods: float = math.inf
+    seen: Mapping[str, Array] = MappingProxyType({})
 
     def step(self, command: Array) -> None:
         """Move for one control period; what it measures is updated in place.
@@ -143,8 +148,9 @@ class _CompletedPlant(LivePlant):
     q, measured = _of_plant("q"), _of_plant("measured")
     fault, age, effort, wrench = (_of_plant(name) for name in ("fault", "age", "effort", "wrench"))
     channels, readings, foreseen = (_of_plant(name) for name in ("channels", "readings", "foreseen"))
+    seen = _of_plant("seen")
 
-    def __init__(self, plant: MovedPlant) -> None:
+    def __init__(self, plant: PlantProtocol) -> None:
         self._plant = plant
 
     def step(self, command: Array) -> None:
@@ -152,7 +158,7 @@ class _CompletedPlant(LivePlant):
         self._plant.step(command)
 
 
-def live_plant(plant: MovedPlant) -> LivePlant:
+def live_plant(plant: PlantProtocol) -> LivePlant:
     """Return a plant with defaults for what it has not; one derived from `LivePlant` as it is.
 
     Examples

@@ -73,7 +73,7 @@ class OwnPlant(Plant, frozen=True, kw_only=True, tag="own"):
     ...             q[i] += parameters[0] * command[i]
     ...         measured[i] = q[i]
     >>> plant = dqc.plants.OwnPlant(function=sticky, parameters=[0.5])
-    >>> live = plant.start(dqc.load_robot("iiwa7"), np.zeros(7), dt=0.1, steps=2, seed=0)
+    >>> live = plant.start(dqc.load_robot("iiwa7"), np.zeros(7), period=0.1, steps=2, seed=0)
     >>> live.step(np.array([1.0, 0.1, 0, 0, 0, 0, 0]))
     >>> live.q[:2].tolist()
     [0.1, 0.0]
@@ -84,30 +84,30 @@ class OwnPlant(Plant, frozen=True, kw_only=True, tag="own"):
     state: list[float] = []
     noise: int = 0
 
-    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
-        """Return the plant at q0.
+    def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> CompiledPlant:
+        """Return the plant at start.
 
         Raises
         ------
         Error
             If an argument or a parameter does not fit.
         """
-        q0, dt = start_configuration(robot, q0), as_positive("dt", dt)
+        start, period = start_configuration(robot, start), as_positive("period", period)
         given = numbers_in(self.parameters)
-        parameters = np.array([dt, *as_array("parameters", given, (None,))])
+        parameters = np.array([period, *as_array("parameters", given, (None,))])
         state = as_array("state", self.state if len(self.state) else [0.0], (None,))
         noise = np.random.default_rng(seed).standard_normal((steps, max(as_count("noise", self.noise), 1)))
         kernel = _kernel(function_at("function", self.function), of_spec=isinstance(self.function, str))
-        return CompiledPlant(kernel, parameters, state, q0, noise)
+        return CompiledPlant(kernel, parameters, state, start, noise)
 
-    def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
+    def linear_model(self, robot: Robot, start: Array, period: float) -> LinearModel | None:
         """Return all joints together, by finite differences without noise, as the plant rests at no command.
 
         None of robots with drives, of plants that jump or bend there, and of those whose joints do not move.
         """
         if len(robot.drives):
             return None
-        live, n = self.start(robot, q0, dt, 1, 0), robot.configuration_size
+        live, n = self.start(robot, start, period, 1, 0), robot.configuration_size
         quiet, sizes = np.zeros_like(live.noise[0]), [n, 2 * n]
         rest = np.concatenate([live.measured, live.q, live.state])
 
@@ -126,4 +126,4 @@ class OwnPlant(Plant, frozen=True, kw_only=True, tag="own"):
         )
         if slopes is None or not np.isfinite(slopes).all():
             return None
-        return LinearModel(slopes[:, : rest.size], slopes[:, rest.size :]).reduced(round(_HORIZON / dt))
+        return LinearModel(slopes[:, : rest.size], slopes[:, rest.size :]).reduced(round(_HORIZON / period))

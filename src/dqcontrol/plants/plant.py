@@ -18,7 +18,7 @@ from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.live_plant import ControllerSettings, LivePlant, MovedPlant
+from dqcontrol.plants.live_plant import ControllerSettings, LivePlant, PlantProtocol
 from dqcontrol.robots.command_mode import AT_ONCE, CommandMode, Lag
 from dqcontrol.robots.robot import Robot, base_coordinates
 from dqcontrol.world import World
@@ -55,14 +55,6 @@ class PhysicsPicture(NamedTuple):
     coordinates: Callable[[Any, Array, Mapping[str, Array]], Array]
 
 
-class MovingBox(NamedTuple):
-    """A box in pictures: its places (N, 3), m, its orientations (N, 4), and half its sizes (3,), m."""
-
-    position: Array
-    quaternion: Array
-    half_sizes: Array
-
-
 class Plant(
     NamedFields,
     frozen=True,
@@ -95,8 +87,8 @@ class Plant(
     is_ideal: ClassVar[bool] = False
     file_keys: ClassVar[tuple[str, ...]] = ()
 
-    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> MovedPlant:
-        """Return the plant at configuration q0, for a number of periods dt (s); the seed draws all its noise."""
+    def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> PlantProtocol:
+        """Return the plant at configuration start, for a number of periods (s); the seed draws all its noise."""
         raise NotImplementedError
 
     def target_mode(self) -> CommandMode | None:
@@ -110,8 +102,8 @@ class Plant(
         """Return how late its joints follow targets that commands move; none unless it says so."""
         return AT_ONCE
 
-    def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
-        """Return how small commands move the measured joints near q0, with period dt (s); None if that is unknown."""
+    def linear_model(self, robot: Robot, start: Array, period: float) -> LinearModel | None:
+        """Return how small commands move the measured joints near start, with a period (s); None if that is unknown."""
         return None
 
     @classmethod
@@ -159,25 +151,6 @@ class Plant(
     def step_time(self, period: float, *, is_compiled: bool) -> float:
         """Return roughly how long one step of a run takes on one core, s, so that long studies are shared out."""
         return _COMPILED_STEP if is_compiled else _INTERPRETED_STEP
-
-    def balls(self, times: Array) -> list[tuple[Array, float]]:
-        """Return the balls in the hand's way, for pictures.
-
-        Parameters
-        ----------
-        times
-            Shape (N,), s.
-
-        Returns
-        -------
-        list
-            Of each its centres, shape (N, 3), m, base frame, NaN while it is not there, and its radius, m.
-        """
-        return []
-
-    def boxes(self, robot: Robot, q: Array, readings: Mapping[str, Array]) -> list[MovingBox]:
-        """Return what boxes a robot moves in a run, by its configurations (N, n) and what was sensed, for pictures."""
-        return []
 
     def in_world(self, world: World) -> Self:
         """Return this plant among the bodies of a world; one that nothing touches stays as it is."""
@@ -228,22 +201,22 @@ def limits_before(plant: Plant, limits: CommandLimits | None, robot: Robot) -> C
     return replace(limits, velocity=plant.has_velocity_limits and bounded)
 
 
-def start_configuration(robot: Robot, q0: ArrayLike) -> Array:
-    """Return q0 as an array (n,), or say why it does not fit the robot."""
-    start = as_array("q0", q0, (robot.configuration_size,))
+def start_configuration(robot: Robot, start: ArrayLike) -> Array:
+    """Return start as an array (n,), or say why it does not fit the robot."""
+    start = as_array("start", start, (robot.configuration_size,))
     if start.ndim != 1:
-        raise ShapeError(f"q0: expected shape ({robot.configuration_size},), got {start.shape}")
+        raise ShapeError(f"start: expected shape ({robot.configuration_size},), got {start.shape}")
     return start
 
 
-def start_within_limits(robot: Robot, q0: ArrayLike) -> Array:
-    """Return q0 as an array (n,), or say why the robot cannot be there."""
-    start = start_configuration(robot, q0)
+def start_within_limits(robot: Robot, start: ArrayLike) -> Array:
+    """Return start as an array (n,), or say why the robot cannot be there."""
+    start = start_configuration(robot, start)
     for i, name in enumerate(robot.joint_names):
         lower, upper = robot.limits.lower[i], robot.limits.upper[i]
         if not lower <= start[i] <= upper:
             raise ValueRangeError(
-                f"q0: joint {i + 1} '{name}' is at {start[i]:g}; must lie in {lower:g} … {upper:g}"
+                f"start: joint {i + 1} '{name}' is at {start[i]:g}; must lie in {lower:g} … {upper:g}"
             )
     return start
 
@@ -267,26 +240,26 @@ def as_command(command: ArrayLike, size: int) -> Array:
     return array
 
 
-def begun_periods(field: str, seconds: float, dt: float) -> tuple[int, float]:
-    """Return a time of at least 0 as a number of periods dt, the last perhaps begun only, and the share passed of it.
+def begun_periods(field: str, seconds: float, period: float) -> tuple[int, float]:
+    """Return a time of at least 0 as a number of periods, the last perhaps begun only, and the share passed of it.
 
     Examples
     --------
     >>> [begun_periods("delay", delay, 0.01) for delay in (0.0, 0.02, 0.025)]
     [(0, 1.0), (2, 1.0), (3, 0.5)]
     """
-    periods = _periods(field, seconds, dt)
-    if abs(round(periods) * dt - seconds) <= 1e-9:
+    periods = _periods(field, seconds, period)
+    if abs(round(periods) * period - seconds) <= 1e-9:
         return round(periods), 1.0
     return math.ceil(periods), round(periods - math.floor(periods), 12)
 
 
-def _periods(field: str, seconds: float, dt: float) -> float:
+def _periods(field: str, seconds: float, period: float) -> float:
     """Return a time of at least 0 over the period; refuse more periods than there is sense in remembering."""
-    periods = as_positive(field, seconds, zero_allowed=True) / dt
+    periods = as_positive(field, seconds, zero_allowed=True) / period
     if not periods <= _MOST_LATE:
         raise ValueRangeError(
-            f"{field}: must be ≤ {_MOST_LATE:,} periods of {dt:g} s, {_MOST_LATE * dt:.4g} s, got {seconds:g} s"
+            f"{field}: must be ≤ {_MOST_LATE:,} periods of {period:g} s, {_MOST_LATE * period:.4g} s, got {seconds:g} s"
         )
     return periods
 
@@ -305,14 +278,14 @@ class CompiledPlant(LivePlant):
         kernel: Kernel | InterpretedKernel,
         parameters: Array,
         state: Array,
-        q0: Array,
+        start: Array,
         noise: Array,
         foreseen: Sequence[tuple[Channel, Array]] = (),
     ) -> None:
         self.kernel = kernel
         self.parameters: Array = np.ascontiguousarray(parameters, dtype=np.float64)
         self.state: Array = np.ascontiguousarray(state, dtype=np.float64)
-        self.q: Array = np.array(q0, dtype=np.float64)
+        self.q: Array = np.array(start, dtype=np.float64)
         self.measured: Array = self.q.copy()
         self.noise = noise
         self.foreseen: tuple[tuple[Channel, Array], ...] = tuple(foreseen)

@@ -6,7 +6,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from msgspec import Meta
@@ -21,7 +21,7 @@ from dqcontrol.errors import (
     as_array,
     as_positive,
 )
-from dqcontrol.geometry import FloorMap, load_map
+from dqcontrol.geometry import FloorMap
 from dqcontrol.references.base_ways import Piece, arcs_and_lines, rolled, turns_and_lines
 from dqcontrol.references.reference import NO_CORNERS, Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE, as_pose
@@ -34,10 +34,14 @@ from dqcontrol.references.ways_around import (
     itself_apart,
     room_of,
 )
-from dqcontrol.references.yaml_form import FileName, Metres, SpecStart
+from dqcontrol.references.yaml_form import Metres, SpecStart
 from dqcontrol.robots import Robot, WholeBody, nearest_pose
 from dqcontrol.robots.kinematics.driving import RIM_LEVER, TURNING_RADIUS
 from dqcontrol.robots.robot import base_coordinates
+from dqcontrol.world import World, floor_around
+
+if TYPE_CHECKING:
+    from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 
 _RAMP = 1.0  # s; no motion reaches its full speed sooner
 _WIDER = 1.25  # arcs of bases that steer, against their least radius: the rest is for corrections
@@ -48,6 +52,7 @@ _Acceleration = (
     | list[Annotated[float, Meta(gt=0, description="m/s² or rad/s²")]]
     | None
 )
+ClearOf = Literal["all"] | list[str] | None  # bodies of the world
 _TURN_DRIVE_TURN = 3  # motions
 _TRIES, _AROUND_TRIES = (
     64,
@@ -196,7 +201,7 @@ class DriveTo(PlannedWay):
         *,
         speed_fraction: _SpeedFraction = 0.5,
         acceleration: _Acceleration = None,
-        map: FileName | None = None,
+        clear_of: ClearOf = None,
         clearance: Metres = CLEARANCE,
     ) -> Reference:
         """Go with the whole robot to the pose that ``start`` and ``offset`` say; see `dqcontrol.references.DriveTo`."""
@@ -212,14 +217,16 @@ class DriveTo(PlannedWay):
         reference: Reference,
         robot: Robot,
         start: Array,
+        world: World | None = None,
+        kept: PreparedConstraints | None = None,
         *,
         speed_fraction: float = 0.5,
         acceleration: ArrayLike | None = None,
-        map: str | None = None,
+        clear_of: ClearOf = None,
         clearance: float = CLEARANCE,
     ) -> DriveTo:
         """Return the way from the start configuration to the reference's pose; see `Reference.of_robot`."""
-        floor = None if map is None else load_map(map)
+        floor = None if clear_of is None else floor_around(world, clear_of, "reference.clear_of")
         target = reference.at(0.0).pose
         return cls.pose(robot, start, target, speed_fraction, acceleration, floor, clearance)
 
@@ -351,17 +358,17 @@ def _way_around(
         raise ShapeError(f"floor: expected a robot with one base, got {robot.name}")
     if body_points(robot, start).carried.all():
         raise ShapeError(
-            f"map: nothing says how wide the base of {robot.name} is: wheels alone do not; give its drive a chassis or "
-            "a holonomic base a size, in a robot file with parts; or plant.base of its physics a radius; or the links "
-            "of a mobile robot's own file collision shapes"
+            f"clear_of: nothing says how wide the base of {robot.name} is: wheels alone do not; give its drive a "
+            "chassis or a holonomic base a size, in a robot file with parts; or plant.base of its physics a radius; or "
+            "the links of a mobile robot's own file collision shapes"
         )
     x, y, z = algebra.translation(pose)
     if z < floor.height and floor.holds([[x, y]])[0]:
         raise UnreachableGoalError(
-            f"pose: the goal ({x:.3g}, {y:.3g}, {z:.3g}) m is inside an obstacle of the map"
+            f"pose: the goal ({x:.3g}, {y:.3g}, {z:.3g}) m is inside what stands there"
         )
     if (room := room_of(floor, robot, start[None])) < 0:
-        raise ValueRangeError(f"start: {robot.name} is {-1e3 * room:.3g} mm inside an obstacle of the map")
+        raise ValueRangeError(f"start: {robot.name} is {-1e3 * room:.3g} mm inside what stands there")
     first = robot.bases[0][0]
     found = goal_configurations(robot, start, pose, _AROUND_TRIES)
     nearest = np.argsort(np.linalg.norm(found[:, first : first + 2] - start[first : first + 2], axis=1))
@@ -369,7 +376,7 @@ def _way_around(
     if not len(free):
         raise UnreachableGoalError(
             f"pose: of {len(found)} configurations that {robot.name} reaches it with, none is {1e3 * clearance:g} mm "
-            "clear of the map's obstacles"
+            "clear of what stands there"
         )
     here = start[first : first + 2]
     folded = folded_posture(robot, start)
@@ -399,7 +406,7 @@ def _way_around(
             return way
     raise UnreachableGoalError(
         f"pose: {robot.name} finds no way to any of {len(free)} configurations that reach it and are clear of the "
-        f"map's obstacles by {1e3 * clearance:g} mm; folded it takes {2e3 * width:.0f} mm"
+        f"what stands there by {1e3 * clearance:g} mm; folded it takes {2e3 * width:.0f} mm"
     )
 
 

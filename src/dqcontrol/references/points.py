@@ -27,6 +27,8 @@ class Points(Reference):
         Shape (N,), s, increasing, N ≥ 2; the first becomes time 0.
     poses
         Unit dual quaternions, shape (N, 8), inertial frame, m.
+    streamed
+        They came one by one, so nobody knew then how they go on: twists are zero, and laws feed nothing forward.
 
     Raises
     ------
@@ -44,6 +46,7 @@ class Points(Reference):
 
     times: ArrayLike
     poses: ArrayLike
+    streamed: bool = False
     duration: float = field(init=False)
     corners: NDArray[np.float64] = field(init=False, repr=False)
     _times: Array = field(init=False, repr=False)
@@ -58,7 +61,9 @@ class Points(Reference):
             "times": times,
             "poses": poses,
             "duration": float(times[-1]),
-            "corners": corners_between(twists, np.concatenate([twists[1:], np.zeros((1, 6))]), times[1:]),
+            "corners": np.zeros(0)
+            if self.streamed
+            else corners_between(twists, np.concatenate([twists[1:], np.zeros((1, 6))]), times[1:]),
             "_times": times,
             "_poses": poses,
             "_twists": twists,
@@ -67,8 +72,13 @@ class Points(Reference):
             object.__setattr__(self, name, value)
 
     @classmethod
-    def from_spec(cls, start: SpecStart, *, file: FileName, duration: Seconds | None = None) -> Points:
-        """Run from pose to pose of a file; see `dqcontrol.references.load_points`."""
+    def from_spec(
+        cls, start: SpecStart, *, file: FileName, duration: Seconds | None = None, streamed: bool = False
+    ) -> Points:
+        """Run from pose to pose of a file; see `dqcontrol.references.load_points`.
+
+        ``streamed``: the poses came one by one, as from a hand; twists are zero.
+        """
         from dqcontrol.references.points_file import load_points
 
         path = start.folder / file
@@ -77,9 +87,9 @@ class Points(Reference):
             try:
                 load_points(path, duration=duration)
             except ValueRangeError:  # it has no orientations: those of the start are needed
-                return load_points(path, start.pose, duration)
+                return load_points(path, start.pose, duration, streamed=streamed)
             start.refuse_orientation(path)
-        return load_points(path, start.pose, duration)
+        return load_points(path, start.pose, duration, streamed=streamed)
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""
@@ -87,7 +97,8 @@ class Points(Reference):
         out = np.zeros((len(times), SAMPLE_SIZE))
         elapsed = times - self._times[i]
         out[:, POSE] = multiply(exp_screw(0.5 * elapsed[:, None] * self._twists[i]), self._poses[i])
-        out[:, TWIST] = self._twists[i]
+        if not self.streamed:
+            out[:, TWIST] = self._twists[i]
         return out
 
 

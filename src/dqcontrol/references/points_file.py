@@ -25,7 +25,11 @@ _LAYOUTS = (POSITION, POSITION + QUATERNION, DUAL_QUATERNION)
 
 
 def load_points(
-    path: str | os.PathLike[str], start: ArrayLike | None = None, duration: float | None = None
+    path: str | os.PathLike[str],
+    start: ArrayLike | None = None,
+    duration: float | None = None,
+    *,
+    streamed: bool = False,
 ) -> Points:
     r"""Return the reference that runs through the points of a file.
 
@@ -44,6 +48,8 @@ def load_points(
         Pose that gives the orientation if the file has positions only: `DualQuaternion` or shape (8,).
     duration
         s, shared equally among the points, if the file has no ``time``.
+    streamed
+        As of `Points`.
 
     Raises
     ------
@@ -79,7 +85,7 @@ def load_points(
     if len(values) < 2:
         raise FileFormatError(f"{path}: expected at least two points, got {len(values)}")
     table = dict(zip(names, np.array(values).T, strict=True))
-    return Points(_times(path, table, lines, duration), _poses(path, table, lines, start))
+    return Points(_times(path, table, lines, duration), _poses(path, table, lines, start), streamed)
 
 
 def _rows(text: str, *, plain: bool = False) -> Iterator[tuple[int, list[str]]]:

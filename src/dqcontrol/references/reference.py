@@ -17,14 +17,16 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.files.long_array import long_array
 from dqcontrol.references.sample import SAMPLE_SIZE, TIME, TWIST, TWIST_RATE, Sample
 from dqcontrol.references.yaml_form import SpecStart
+from dqcontrol.world import World
 
 if TYPE_CHECKING:
+    from dqcontrol.constraints.prepared_constraints import PreparedConstraints
     from dqcontrol.robots import Robot
 
 SMOOTH = (
     1e-3  # a twist that jumps by less, compared with the largest, comes of rounded input and is no corner
 )
-SNAP = 1e-9  # s; a time this near to a corner is the corner: k·dt seldom hits one exactly
+SNAP = 1e-9  # s; a time this near to a corner is the corner: a multiple of the period seldom hits one exactly
 _BLOCK = 4096  # times sampled at once: all that is computed of them fits into the processor's cache
 
 
@@ -59,11 +61,14 @@ class Reference(ABC):
     corners
         Times at which the twist jumps, shape (k,), s, increasing. The end is one if the motion does not come
         to rest there by itself; the start is not.
+    plans_around
+        Whether `of_robot` asks what constraints keep.
     kind
         Its name in specs; empty if it has none. Its keys there are the parameters of `from_spec`.
     """
 
     kind: ClassVar[str] = ""
+    plans_around: ClassVar[bool] = False
     duration: float
     corners: Array
 
@@ -84,7 +89,14 @@ class Reference(ABC):
 
     @classmethod
     def of_robot(
-        cls, reference: Reference, robot: Robot, start: Array, *_: Any, **parameters: Any
+        cls,
+        reference: Reference,
+        robot: Robot,
+        start: Array,
+        world: World | None = None,
+        kept: PreparedConstraints | None = None,
+        *_: Any,
+        **parameters: Any,
     ) -> Reference:
         """Return what a robot at its start configuration, shape (n,), makes of the reference of a spec.
 
@@ -94,6 +106,10 @@ class Reference(ABC):
             From `from_spec`, with all that modifies it.
         robot, start
             Who follows it, and from where, rad or m.
+        world
+            What stands around.
+        kept
+            What the laws of the spec keep; given to a reference that plans around it.
         **parameters
             As of `from_spec`.
         """

@@ -16,7 +16,7 @@ from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.measures.margins import UNSEEN
 from dqcontrol.measures.task_range import RANGE, TaskRange
 from dqcontrol.measures.task_result import TaskResult
-from dqcontrol.plants.mujoco.carried_box import GRIP_FORCE
+from dqcontrol.plants.mujoco.pads import GRIP_FORCE
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.supervisor import list_interventions
 from dqcontrol.supervisor.interventions import INTERVENTIONS

@@ -22,6 +22,7 @@ from .files.tree_file import TreeFile as TreeFile
 from .files.two_arms_file import TwoArmsFile as TwoArmsFile
 from .files.urdf import load_urdf as load_urdf
 from .files.whole_body_file import WholeBodyFile as WholeBodyFile
+from .inverse.dexterity import most_dexterous as most_dexterous
 from .inverse.inverse_kinematics import Solution as Solution
 from .inverse.nearest_pose import (
     NearestPose as NearestPose,

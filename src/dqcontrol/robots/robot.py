@@ -169,7 +169,7 @@ class Robot(InverseKinematics):
         return np.zeros(self.configuration_size)
 
     @property
-    def weighed_table(self) -> Array:
+    def inertia_chain(self) -> Array:
         """The table of all joints by which ``gravity`` knows where the bodies are: the chain, or all of a tree."""
         return self.chain
 
@@ -261,7 +261,7 @@ class Robot(InverseKinematics):
         bodies = self._known_inertia("gravity torque").table
         rows, shape = self._as_rows(q)
         out, work = np.empty_like(rows), np.empty(WORK * len(bodies))
-        self._checked(gravity_torques(self.weighed_table, bodies, rows, _fall(gravity), out, work), q)
+        self._checked(gravity_torques(self.inertia_chain, bodies, rows, _fall(gravity), out, work), q)
         return out.reshape(shape)
 
     def mass_matrix(self, q: ArrayLike) -> Array:

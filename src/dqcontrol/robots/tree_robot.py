@@ -254,8 +254,8 @@ class TreeRobot(Robot):
         return self._tree[: 1 + len(self.joints.kind)]
 
     @property
-    def weighed_table(self) -> Array:
-        """The joints' table; see `Robot.weighed_table`."""
+    def inertia_chain(self) -> Array:
+        """The joints' table; see `Robot.inertia_chain`."""
         return self.joint_table
 
     @property
@@ -429,7 +429,7 @@ class TreeRobot(Robot):
     def solve_tasks(
         self,
         poses: Mapping[PoseTask | str, ArrayLike],
-        q0: ArrayLike | None = None,
+        start: ArrayLike | None = None,
         *,
         position_tolerance: float = 1e-6,
         orientation_tolerance: float = 1e-6,
@@ -442,7 +442,7 @@ class TreeRobot(Robot):
         ----------
         poses
             Desired unit dual quaternion, shape (8,), of each task or named frame.
-        q0, position_tolerance, orientation_tolerance, restarts, seed
+        start, position_tolerance, orientation_tolerance, restarts, seed
             As of `solve`.
 
         Returns
@@ -469,9 +469,9 @@ class TreeRobot(Robot):
         targets = [
             _one_pose(f"poses[{task.label}]", pose) for task, pose in zip(tasks, poses.values(), strict=True)
         ]
-        guess = problem.middle if q0 is None else self._rows("q0", q0)
+        guess = problem.middle if start is None else self._rows("start", start)
         if guess.ndim != 1:
-            raise ShapeError(f"q0: expected one configuration, got shape {guess.shape}")
+            raise ShapeError(f"start: expected one configuration, got shape {guess.shape}")
         q = np.clip(guess, *problem.limits)[None]
         report = self._newton_tasks(tasks, problem, np.concatenate(targets)[None], q)[0]
         success = problem.is_reached(report[0], report[1])

@@ -47,9 +47,9 @@ def _braking_shares(bounds, rate, out):
 
     A drive brakes on its arc, a base on rollers along its way: so none of their rims becomes faster.
     """
-    dt = bounds.head[DT]
+    period = bounds.head[DT]
     for i in range(out.shape[0]):
-        out[i] = braking_share(rate[i], bounds.acceleration[i] * dt)
+        out[i] = braking_share(rate[i], bounds.acceleration[i] * period)
     if bounds.drives.shape[0] > 0:
         out[0] = out[1] = min(out[0], out[1])
     if bounds.rollers.shape[0] > 0:
@@ -66,7 +66,7 @@ def _stays_clear(parts, share):
     """
     bounds, memory, scratch = parts.bounds, parts.memory, parts.scratch
     head, past, rates = bounds.head, memory.past, scratch.rates
-    m, dt, window = rates.shape[0], head[DT], int(head[WINDOW])
+    m, period, window = rates.shape[0], head[DT], int(head[WINDOW])
     config, sent, asked, sums = scratch.config, scratch.look, scratch.asked, scratch.sums
     inputs = 2 if m < config.shape[0] else 3
     shares, kept = scratch.column[0:inputs], head[FOOTPRINT] + head[KEEP_OUT_MARGIN]
@@ -95,7 +95,7 @@ def _stays_clear(parts, share):
             sent[i] = sums[i] / window
             moving = moving or now != 0.0
         x, y, heading = config[0], config[1], config[2]
-        advance(bounds.drives, sent, dt, config)
+        advance(bounds.drives, sent, period, config)
         way = math.sqrt((config[0] - x) ** 2 + (config[1] - y) ** 2)
         between = 0.125 * way * (way / kept + abs(config[2] - heading))
         nearest = before - way  # at worst; the distance itself takes longer

@@ -42,7 +42,7 @@ class KeepOutZones(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
     >>> zones = KeepOutZones(world=dqc.World(bodies={"column": column}), footprint=0.3)
     >>> cart = dqc.WholeBody([dqc.DifferentialDrive(0.05, 0.15, rim_speed=0.5)])
     >>> given = dqc.supervisor.Supervisor(keep_out=zones, slow_below=0.0, hold_below=0.0)
-    >>> supervisor, q = given.prepare(cart, dt=0.02), np.zeros(3)
+    >>> supervisor, q = given.prepare(cart, period=0.02), np.zeros(3)
     >>> state = supervisor.start(q)
     >>> for _ in range(200):
     ...     q = cart.integrate(q, supervisor.command(q, np.array([0.5, 0.0]), state), 0.02)

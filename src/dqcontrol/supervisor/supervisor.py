@@ -130,7 +130,7 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
     --------
     >>> import numpy as np, dqcontrol as dqc
     >>> arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
-    >>> supervisor = dqc.supervisor.Supervisor(acceleration=5.0, ramp=0.0).prepare(arm, dt=0.01)
+    >>> supervisor = dqc.supervisor.Supervisor(acceleration=5.0, ramp=0.0).prepare(arm, period=0.01)
     >>> state = supervisor.start(q)
     >>> supervisor.command(q, np.full(7, 100.0), state).round(3).tolist()[0]  # after one period: 5 rad/s² · 0.01 s
     0.05
@@ -190,7 +190,7 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         )
 
     def prepare(
-        self, robot: Robot, dt: float, command_mode: Literal["integrated", "measured"] = "integrated"
+        self, robot: Robot, period: float, command_mode: Literal["integrated", "measured"] = "integrated"
     ) -> PreparedSupervisor:
         """Check the parameters for a robot and a period.
 
@@ -198,7 +198,7 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         ----------
         robot
             The robot to guard.
-        dt
+        period
             Control period, s.
         command_mode
             What a plant moves by T u: its last target (``integrated``), or its measured joints (``measured``).
@@ -215,7 +215,7 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
                         f"supervisor.{field}: is of one hand, and {robot.task.label} of {robot.name} has two; bound "
                         "'effort' or 'contact_effort', or drive one hand"
                     )
-        dt, m = as_positive("dt", dt), robot.input_size
+        period, m = as_positive("period", period), robot.input_size
         velocity = robot.limits.velocity if self.velocity is None else _each("velocity", self.velocity, m)
         if not np.isfinite(velocity).all():
             raise ValueRangeError(
@@ -234,7 +234,7 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
                 f"{robot.input_names[int((lower > upper).argmax())]} no room"
             )
         head = np.zeros(layout.HEAD)
-        head[layout.DT], head[layout.WINDOW] = dt, self._window(acceleration, dt)
+        head[layout.DT], head[layout.WINDOW] = period, self._window(acceleration, period)
         head[layout.FROM_MEASURED] = command_mode == "measured"
         self._fill_head(head, margin)
         points, zones = self._workspace(robot, head), self._zones(robot, head)
@@ -259,23 +259,23 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         return PreparedSupervisor(robot, bounds)
 
     def _fill_head(self, head: Array, margin: float) -> None:
-        dt, ramp = head[layout.DT], self.ramp
-        head[layout.STALE] = _STALE_PERIODS * dt if self.stale_after is None else self.stale_after
+        period, ramp = head[layout.DT], self.ramp
+        head[layout.STALE] = _STALE_PERIODS * period if self.stale_after is None else self.stale_after
         longest = _LONGEST_STEP if self.stale_after is None else self.stale_after
-        head[layout.LONGEST_STEP] = max(longest, _STALE_PERIODS * dt)
+        head[layout.LONGEST_STEP] = max(longest, _STALE_PERIODS * period)
         head[layout.SLOW] = self.slow_below
         head[layout.HOLD] = self.hold_below
         if self.slow_below < self.hold_below:
             raise ValueRangeError(
                 f"supervisor.slow_below: must be ≥ hold_below {self.hold_below:g}, got {self.slow_below:g}"
             )
-        head[layout.RAMP] = min(dt / ramp, 1.0) if ramp else 1.0
+        head[layout.RAMP] = min(period / ramp, 1.0) if ramp else 1.0
         head[layout.HAND_TOLERANCE] = self.measured_tolerance
         head[layout.JOINT_TOLERANCE] = head[layout.HAND_TOLERANCE] + margin
         head[layout.OVERSPEED] = self.overspeed
         head[layout.JUMP] = self.jump
         head[layout.LONGEST_BASE_JUMP] = self.base_jump
-        head[layout.FROZEN_AFTER] = max(self.frozen_after, _FROZEN_PERIODS * dt)
+        head[layout.FROZEN_AFTER] = max(self.frozen_after, _FROZEN_PERIODS * period)
         head[layout.HAND_SPEED_LIMIT] = _or_infinite(self.hand_speed)
         head[layout.HAND_ACCELERATION_LIMIT] = _or_infinite(self.hand_acceleration)
         head[layout.CONTACT_FORCE] = _or_infinite(self.contact_force)
@@ -285,12 +285,12 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             head[layout.PAYLOAD_WEIGHT] = _GRAVITY * self.payload.mass
             head[layout.PAYLOAD_CENTER : layout.PAYLOAD_CENTER + 3] = self.payload.center
 
-    def _window(self, acceleration: Array, dt: float) -> int:
+    def _window(self, acceleration: Array, period: float) -> int:
         """Return how many periods the rates are smoothed over, to keep the jerk."""
         if self.jerk is None:
             return 1
         with np.errstate(over="ignore", divide="ignore"):
-            needed = (2 * (acceleration / _each("jerk", self.jerk, len(acceleration))) / dt).max() - 1e-9
+            needed = (2 * (acceleration / _each("jerk", self.jerk, len(acceleration))) / period).max() - 1e-9
         if not needed <= _LONGEST_WINDOW:
             raise ValueRangeError(
                 f"supervisor.jerk: smooths over {np.ceil(needed):.7g} periods; at most {_LONGEST_WINDOW}: "

@@ -222,11 +222,11 @@ def limit_hand_speed(memory, state, is_bounded):
     if numbers[STARTED] == 0.0:
         for i in range(3 * MOST_HANDS):
             numbers[HAND_BEFORE + i] = hand[i]
-    limit, dt = bounds.head[HAND_SPEED_LIMIT], bounds.head[DT]
+    limit, period = bounds.head[HAND_SPEED_LIMIT], bounds.head[DT]
     if not is_bounded or not limit < math.inf:
         return 0
-    _commanded_hand(memory, state, dt, ahead)
-    speed = _distance(bounds.head, ahead, hand) / dt
+    _commanded_hand(memory, state, period, ahead)
+    speed = _distance(bounds.head, ahead, hand) / period
     if not speed > limit:
         return 0
     for i in range(rates.shape[0]):
@@ -243,21 +243,21 @@ def limit_hand_acceleration(memory, state):
     several hands the least share.
     """
     _, _, bounds, kept, scratch = taken_apart(memory, state)
-    m, dt, limit = scratch.rates.shape[0], bounds.head[DT], bounds.head[HAND_ACCELERATION_LIMIT]
+    m, period, limit = scratch.rates.shape[0], bounds.head[DT], bounds.head[HAND_ACCELERATION_LIMIT]
     rates, rate, trial = scratch.rates, kept.rate, scratch.trial
     hands = int(bounds.head[HANDS])
-    _commanded_hand(memory, state, dt, scratch.ahead)
+    _commanded_hand(memory, state, period, scratch.ahead)
     for i in range(3 * hands):  # the column holds x with all of the change, as it is overwritten below
         scratch.column[i] = scratch.ahead[i]
     for i in range(m):
         trial[i], rates[i] = rates[i], rate[i]
-    _commanded_hand(memory, state, dt, scratch.ahead)
+    _commanded_hand(memory, state, period, scratch.ahead)
     least = 1.0
     for k in range(hands):
         cc, cd, dd = 0.0, 0.0, 0.0
         for i in range(3 * k, 3 * k + 3):
-            c = (scratch.ahead[i] - 2.0 * scratch.hand[i] + kept.numbers[HAND_BEFORE + i]) / (dt * dt)
-            d = (scratch.column[i] - scratch.ahead[i]) / (dt * dt)
+            c = (scratch.ahead[i] - 2.0 * scratch.hand[i] + kept.numbers[HAND_BEFORE + i]) / (period * period)
+            d = (scratch.column[i] - scratch.ahead[i]) / (period * period)
             cc, cd, dd = cc + c * c, cd + c * d, dd + d * d
         share = 1.0
         if cc + 2.0 * cd + dd > limit * limit:
@@ -286,12 +286,12 @@ def _stays_safe(parts, share):
     """
     bounds, memory, scratch = parts.bounds, parts.memory, parts.scratch
     head, past = bounds.head, memory.past
-    m, dt, window = scratch.rates.shape[0], head[DT], int(head[WINDOW])
+    m, period, window = scratch.rates.shape[0], head[DT], int(head[WINDOW])
     look, trial, sums, config = scratch.look, scratch.trial, scratch.sums, scratch.config
     for i in range(config.shape[0]):
         config[i] = memory.good[i]
     for i in range(m):
-        safe = braked(memory.rate[i], bounds.acceleration[i] * dt)
+        safe = braked(memory.rate[i], bounds.acceleration[i] * period)
         scratch.asked[i] = trial[i] = safe + share * (scratch.rates[i] - safe)
         look[i], sums[i] = memory.sent[i], 0.0
         for k in range(window):
@@ -302,7 +302,7 @@ def _stays_safe(parts, share):
     for step in range(_BRAKING_STEPS + 2 * window):
         moving = False
         for i in range(m):
-            change = bounds.acceleration[i] * dt
+            change = bounds.acceleration[i] * period
             if step < window:
                 dropped = past[(row + step) % window, i]
             else:
@@ -313,14 +313,14 @@ def _stays_safe(parts, share):
                 )
             sums[i] += trial[i] - dropped
             if bounds.is_joint[i] != 0.0:
-                look[i] += dt * sums[i] / window
+                look[i] += period * sums[i] / window
                 config[int(bounds.coordinate[i])] = look[i]
                 trial[i] = braked(trial[i], change)
                 moving = moving or trial[i] != 0.0
         if not is_inside(parts, config, bounds, 0.0, scratch.frames, scratch.ahead):
             return False
         share_of_speed = _BRAKING_HAND if step else 1.0 + _ROUNDING
-        limit = head[HAND_SPEED_LIMIT] * dt * share_of_speed
+        limit = head[HAND_SPEED_LIMIT] * period * share_of_speed
         if not _distance(head, scratch.ahead, scratch.column) <= limit:
             return False
         for k in range(3 * int(head[HANDS])):

@@ -68,19 +68,19 @@ START = STATUS(WRITE, WRITE)
 @inline
 def _want(wanted, following, wrong, bounds, memory, rates):
     """Write the rates that law, return or stop want."""
-    head, numbers, dt = bounds.head, memory.numbers, bounds.head[DT]
+    head, numbers, period = bounds.head, memory.numbers, bounds.head[DT]
     for i in range(rates.shape[0]):
         goal = memory.good[int(bounds.coordinate[i])]
         rates[i] = 0.0
         if following:
             rates[i] = min(max(wanted[i], -_MOST), _MOST)
             if head[FROM_MEASURED] != 0.0 and bounds.is_joint[i] != 0.0:
-                rates[i] += (goal - memory.position[i]) / dt
+                rates[i] += (goal - memory.position[i]) / period
             rates[i] = min(max(rates[i], -_MOST), _MOST) * numbers[SCALE]
         elif numbers[MODE] == RETURNING and not wrong and bounds.is_joint[i] != 0.0:
             room = abs(goal - memory.position[i])
             rates[i] = math.copysign(
-                min(fastest_stoppable(room, bounds.acceleration[i], dt), _MOST), goal - memory.position[i]
+                min(fastest_stoppable(room, bounds.acceleration[i], period), _MOST), goal - memory.position[i]
             )
 
 
@@ -109,20 +109,20 @@ def _keep(bounds, memory, rates, inwards):
     A joint that is outside, because it started there or its limits moved, is brought in by a share ``inwards`` of what
     it can stop from. Where not all is possible together, the acceleration is kept.
     """
-    done, dt = 0, bounds.head[DT]
+    done, period = 0, bounds.head[DT]
     for i in range(rates.shape[0]):
-        rate, step = memory.rate[i], bounds.acceleration[i] * dt
+        rate, step = memory.rate[i], bounds.acceleration[i] * period
         low, high = -bounds.velocity[i], bounds.velocity[i]
         below, above = memory.position[i] - bounds.lower[i], bounds.upper[i] - memory.position[i]
         fastest = max(bounds.velocity[i], abs(rates[i]))
-        is_free = high > 0.0 and surely_stops(min(below, above), fastest, bounds.acceleration[i], dt)
+        is_free = high > 0.0 and surely_stops(min(below, above), fastest, bounds.acceleration[i], period)
         if bounds.is_joint[i] != 0.0 and not is_free:
-            least = -fastest_stoppable(below, bounds.acceleration[i], dt)
-            most = fastest_stoppable(above, bounds.acceleration[i], dt)
+            least = -fastest_stoppable(below, bounds.acceleration[i], period)
+            most = fastest_stoppable(above, bounds.acceleration[i], period)
             if below < 0.0:
-                least = inwards * fastest_stoppable(-below, bounds.acceleration[i], dt)
+                least = inwards * fastest_stoppable(-below, bounds.acceleration[i], period)
             if above < 0.0:
-                most = -inwards * fastest_stoppable(-above, bounds.acceleration[i], dt)
+                most = -inwards * fastest_stoppable(-above, bounds.acceleration[i], period)
             low, high = min(max(low, least), bounds.velocity[i]), max(min(high, most), -bounds.velocity[i])
             if low > high:
                 low, high = 0.0, 0.0
@@ -142,14 +142,14 @@ def _keep_rims(bounds, memory, rates):
 
     Both are within reach of the present rates, and so is all between them; a rim's speed is linear in the share.
     """
-    done, rollers, rate, dt = 0, bounds.rollers, memory.rate, bounds.head[DT]
+    done, rollers, rate, period = 0, bounds.rollers, memory.rate, bounds.head[DT]
     for k in range(rollers.shape[0]):
         first, load = int(rollers[k, 0]), rim_load(rollers, k, memory.good, rates)
         if abs(load) <= 1.0:
             continue
         left = 1.0
         for i in range(first, first + 3):
-            left = min(left, braking_share(rate[i], bounds.acceleration[i] * dt))
+            left = min(left, braking_share(rate[i], bounds.acceleration[i] * period))
         left = 1.0 - left
         safe = left * rim_load(rollers, k, memory.good, rate)
         share = 0.0
@@ -198,7 +198,7 @@ def _moved(position, way, lower, upper):
 @inline
 def _commit(bounds, memory, rates):
     """Move the position command, smoothed over the window; return whether all is at rest."""
-    numbers, past, dt = memory.numbers, memory.past, bounds.head[DT]
+    numbers, past, period = memory.numbers, memory.past, bounds.head[DT]
     window = past.shape[0]
     row = int(numbers[INDEX])
     numbers[INDEX] = float((row + 1) % window)
@@ -208,7 +208,7 @@ def _commit(bounds, memory, rates):
         if bounds.is_joint[i] == 0.0:
             lower, upper = -math.inf, math.inf
         memory.rate[i] = past[row, i] = rates[i]
-        memory.position[i] = _moved(memory.position[i], dt * rates[i], lower, upper)
+        memory.position[i] = _moved(memory.position[i], period * rates[i], lower, upper)
         total = 0.0
         for k in range(window):
             total += past[k, i]
@@ -216,7 +216,7 @@ def _commit(bounds, memory, rates):
         if abs(mean) <= bounds.velocity[i] * (1.0 + _ROUNDING):
             mean = min(max(mean, -bounds.velocity[i]), bounds.velocity[i])
         memory.sent_rate[i] = mean
-        memory.sent[i] = _moved(memory.sent[i], dt * mean, lower, upper)
+        memory.sent[i] = _moved(memory.sent[i], period * mean, lower, upper)
         still = still and mean == 0.0
     return still
 

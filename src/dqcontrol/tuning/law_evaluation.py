@@ -14,13 +14,18 @@ from msgspec.structs import replace as changed
 from dqcontrol.arrays import Array
 from dqcontrol.controller import Controller
 from dqcontrol.errors import Error, ValueRangeError
+from dqcontrol.experiments.contacts import contacts_of
 from dqcontrol.experiments.feasibility import path_demand
+from dqcontrol.experiments.outcome import judge_outcome
 from dqcontrol.experiments.prepared_experiment import PreparedRobot, prepare_spec
+from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws import Law
-from dqcontrol.loop.repeated_loop import RepeatedLoop, share_records
+from dqcontrol.loop.record import Record
+from dqcontrol.loop.repeated_loop import RepeatedLoop, RolloutView, share_records
 from dqcontrol.measures.margins import AT_LIMIT
 from dqcontrol.measures.run_numbers import NUMBERS, RunMeasure, of_all_runs
 from dqcontrol.plants.plant import Plant, command_mode, lagging_mode
+from dqcontrol.references.sample import TIME
 from dqcontrol.robots import TreeRobot
 from dqcontrol.robots.command_mode import CommandMode
 from dqcontrol.tuning.plant_family import PlantFamily
@@ -42,7 +47,7 @@ class Evaluated(NamedTuple):
     total
         Weighted sum of the objectives, of the worst plant; infinite where there is none.
     violation
-        By how much constraints are violated; 0 if they are kept.
+        By how much constraints are violated, and what of the spec's ``outcome`` is not so; 0 if all is kept.
     numbers
         All `NUMBERS` of the worst plant's runs together, see `of_all_runs`.
     """
@@ -162,6 +167,7 @@ class LawEvaluation:
             max(each.product for each in found),
             min(each.share for each in found),
             min(each.of_margin for each in found),
+            min(each.of_null_space for each in found),
         )
 
     def __call__(self, law: Law, *, damped: bool = True) -> Evaluated:
@@ -187,6 +193,7 @@ class LawEvaluation:
                     return Evaluated(math.inf, _DIVERGED * (1 + left), nothing)
                 q = passed.measured if self._spec.metrics_from == "measured" else passed.q
                 rows[i] = self._measures[scene](passed.samples, q, passed.command, self._skipped)
+                violation += self._unmet(law, self._scenes[scene], loop.plant, passed)
             for place, bounds in self._bounds:
                 violation += max(bounds.violation(float(value)) for value in rows[:, place])
             numbers = of_all_runs(rows)
@@ -196,6 +203,27 @@ class LawEvaluation:
             if total > worst.total:
                 worst = Evaluated(total, 0.0, numbers)
         return worst._replace(violation=violation)
+
+    def _unmet(self, law: Law, scene: PreparedRobot, plant: Plant, passed: RolloutView) -> int:
+        """Return how much of what the spec's ``outcome`` says is not true of a run."""
+        spec = self._spec
+        if not spec.outcome:
+            return 0
+        desired, robot = passed.samples, scene.robot
+        record = Record(
+            desired[:, TIME],
+            passed.q,
+            passed.measured,
+            passed.command,
+            row_by_row(robot.fkm, passed.q),
+            desired,
+            robot.joint_names,
+            readings=dict(passed.readings),
+        )
+        world = spec.surroundings
+        through = [each.words for each in contacts_of(robot, law.constraints, plant, world).of_run(record)]
+        judged = judge_outcome(spec.outcome, record, robot, world, spec.period, through)
+        return sum(not each.holds for each in judged)
 
 
 def searched_scenes(problem: TuneProblem) -> list[PreparedRobot]:

@@ -103,6 +103,11 @@ class SearchSpace:
         if any(self.slack(self.law_at(corner)).share >= 1 - _MARGIN_TOLERANCE for corner in corners):
             return
         slowest = self.slack(self.law_at(corners[0]))
+        if slowest.of_null_space < 1 - _MARGIN_TOLERANCE:
+            raise ValueRangeError(
+                f"null_space.gain: too high for any law: margin and damping as asked allow "
+                f"{slowest.of_null_space:.3g} times as much"
+            )
         spans = [
             f"{key} in {span.low:g} … {span.high:g}" for key, span in self.ranges.items() if span is not None
         ]

@@ -39,11 +39,14 @@ class Slack(NamedTuple):
         By how much its gain could be multiplied with margin and damping as asked for; infinite if neither is.
     of_margin
         The same with the margins alone.
+    of_null_space
+        By how much the gain in the null space, which is not the law's, could be multiplied likewise.
     """
 
     product: float
     share: float
     of_margin: float
+    of_null_space: float = math.inf
 
 
 class StabilityJudge:
@@ -92,15 +95,17 @@ class StabilityJudge:
         if gains is None:
             numeric = self._numeric(prepared)
             return Slack(product, numeric, numeric)
-        margins = [
-            self._limit(i, gain) / (abs(gain.value) * self._period) / self._margins[i]
-            for i in range(len(self._models))
-            for gain in gains
-            if gain.value
-        ]
-        dampings = [self._damped(gain) / (abs(gain.value) * self._period) for gain in gains if gain.value]
-        of_margin = min(margins, default=math.inf)
-        return Slack(product, min([of_margin, *dampings]), of_margin)
+        of_margin, share, of_null_space = math.inf, math.inf, math.inf
+        for gain in gains:
+            if not gain.value:
+                continue
+            own = abs(gain.value) * self._period
+            margin = min(self._limit(i, gain) / own / asked for i, asked in enumerate(self._margins))
+            damped = min(margin, self._damped(gain) / own)
+            of_margin, share = min(of_margin, margin), min(share, damped)
+            if gain.loop == "null space":
+                of_null_space = damped
+        return Slack(product, share, of_margin, of_null_space)
 
     def _limit(self, plant: int, gain: LoopGain) -> float:
         direction = gain.value / abs(gain.value) if gain.value.imag else 1.0

@@ -4,9 +4,11 @@ from .body import (
     Motion as Motion,
     Slide as Slide,
     Solid as Solid,
+    Watch as Watch,
 )
 from .footprint import (
     Footprint as Footprint,
+    floor_around as floor_around,
     footprint as footprint,
 )
 from .world import World as World

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import Annotated, ClassVar
 
@@ -26,6 +27,7 @@ FileName = Annotated[str, Meta(min_length=1, description="path, relative to the 
 SHAPES = ("box", "sphere", "capsule", "cylinder", "plane", "container", "mesh", "map")
 _WALL = 6e-3  # m: of a container, as of a wicker basket
 _FLOOR = 3e-3  # m
+_BY_PHYSICS = ("free", "hinge", "slide")
 _FASTEST = 20.0  # m/s: nothing that a robot works beside moves faster; a path that does has a jump
 
 
@@ -250,6 +252,34 @@ def _check_joint(axis: Number3, limits: tuple[float, float] | None, key: str, do
         )
 
 
+class Watch(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How a body that physics moves is measured: by a camera, say.
+
+    Parameters
+    ----------
+    rate
+        Frames a second, Hz.
+    delay
+        From a frame to its arrival, s.
+    position_noise, angle_noise
+        Standard deviation of each coordinate of its position, m, and of a turn about each axis, rad, white.
+    filter_time
+        Time constant of the estimate, s; 0 for none.
+    """
+
+    spec_key: ClassVar[str] = "world.watch"
+    rate: Annotated[float, Meta(gt=0, le=1e4, description="Hz")] = 30.0
+    delay: Annotated[float, Meta(ge=0, le=100, description="s")] = 0.0
+    position_noise: Annotated[float, Meta(ge=0, le=10, description="m")] = 0.0
+    angle_noise: Annotated[float, Meta(ge=0, le=1, description="rad")] = 0.0
+    filter_time: Annotated[float, Meta(ge=0, le=100, description="s")] = 0.0
+
+    @property
+    def weight(self) -> float:
+        """Of a new frame against the estimate so far."""
+        return -math.expm1(-1 / (self.rate * self.filter_time)) if self.filter_time else 1.0
+
+
 class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Something in the world: without further keys it stands still.
 
@@ -266,7 +296,9 @@ class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
     hinge, slide
         The axis on which physics moves it.
     stiffness, damping
-        It gives way by that, N/m and N·s/m, along the face that is pressed, and comes back.
+        It gives way by that, N/m and N·s/m, along the face that is pressed, and comes back; also while it moves.
+    watch
+        How the pose of one that physics moves is measured; nobody knows it if omitted.
 
     Examples
     --------
@@ -284,10 +316,11 @@ class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
     slide: Slide | None = None
     stiffness: Annotated[float, Meta(gt=0, description="N/m")] | None = None
     damping: Annotated[float, Meta(ge=0, description="N·s/m")] = 0.0
+    watch: Watch | None = None
 
     @property
     def role(self) -> str:
-        """``fixed``, ``moving`` as it says, ``free``, on a ``hinge`` or ``slide``, or ``springy``.
+        """``fixed``, ``moving`` as it says, ``free``, on a ``hinge`` or ``slide``, or ``springy``, moving or not.
 
         Raises
         ------
@@ -295,7 +328,7 @@ class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
             If it says two of them.
         """
         said = {
-            "moving": self.moves is not None,
+            "moving": self.moves is not None and self.stiffness is None,
             "hinge": self.hinge is not None,
             "slide": self.slide is not None,
             "springy": self.stiffness is not None,
@@ -307,12 +340,15 @@ class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
             raise ShapeError(f"a body is moved in one way, got {' and '.join(names)}")
         if self.kind in ("plane", "map") and (found or self.mass is not None) and found != ["moving"]:
             raise ShapeError(f"{self.kind}: stands still, and this is to be {(found or ['free'])[0]}")
-        return found[0] if found else "free" if self.mass is not None else "fixed"
+        role = found[0] if found else "free" if self.mass is not None else "fixed"
+        if self.watch is not None and role not in _BY_PHYSICS:
+            raise ShapeError(f"watch: measures where physics moves a body, and this is {role}; take it away")
+        return role
 
     @property
     def is_moved_by_physics(self) -> bool:
         """Whether nobody says where it is but a simulation, or what measures it."""
-        return self.role in ("free", "hinge", "slide")
+        return self.role in _BY_PHYSICS
 
     def holds(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Return which points, shape (…, 3), m, lie inside a container that stands where it started."""

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from dqcontrol.arrays import Array
+from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.geometry import Box, Capsule, Cylinder, FloorMap, Shape, Sphere, load_map
 from dqcontrol.world.body import Body
+from dqcontrol.world.world import World
+
+_CORNERS = 32  # of the polygon around a disc
 
 _UPRIGHT = 1e-9  # sine of the angle to the vertical
 
@@ -43,8 +48,8 @@ def footprint(body: Body) -> Footprint:
     Error
         If a file cannot be read.
     """
-    if body.map is not None and not any((*body.position, *body.rpy)) and not body.parts:
-        return Footprint(np.zeros((0, 3)), load_map(body.map))
+    if (as_it_is := _map_as_it_is(body)) is not None:
+        return Footprint(np.zeros((0, 3)), as_it_is)
     discs, polygons = [], []
     for shape in body.shapes:
         found = _shadow(shape)
@@ -55,6 +60,69 @@ def footprint(body: Body) -> Footprint:
     return Footprint(np.array(discs).reshape(-1, 3), FloorMap(tuple(polygons)))
 
 
+def floor_around(world: World | None, names: Literal["all"] | Sequence[str], field: str) -> FloorMap:
+    """Return what bodies take of the floor as one map, as high as the highest of them.
+
+    Parameters
+    ----------
+    world
+        Which they are in.
+    names
+        Theirs, or ``all``: those that stand still or give way, planes left out.
+    field
+        For messages.
+
+    Raises
+    ------
+    Error
+        If there is no world, or no such body, or one that does not stand still, or a file cannot be read.
+    """
+    bodies = {} if world is None else world.bodies
+    if names == "all":
+        names = [name for name, body in bodies.items() if _stands(body) and body.plane is None]
+    for name in names:
+        if name not in bodies:
+            raise unknown_name(field, name, tuple(bodies))
+        if not _stands(bodies[name]):
+            raise ValueRangeError(f"{field}: '{name}' does not stand still; plans keep clear of what does")
+    if not names:
+        raise ShapeError(f"{field}: there is nothing in the world that stands on the floor; give 'world'")
+    if len(names) == 1 and (found := _map_as_it_is(bodies[names[0]])) is not None:
+        return found
+    places = [footprint(bodies[name]) for name in names]
+    polygons = [polygon for place in places for polygon in place.floor.polygons]
+    polygons += [disc[:2] + _rim(float(disc[2])) for place in places for disc in place.discs]
+    tops = [_top(shape) for name in names for shape in bodies[name].shapes]
+    return FloorMap(tuple(polygons), max(tops))
+
+
+def _stands(body: Body) -> bool:
+    return body.role in ("fixed", "springy") and body.moves is None
+
+
+def _map_as_it_is(body: Body) -> FloorMap | None:
+    moved = any((*body.position, *body.rpy)) or body.parts
+    return None if body.map is None or moved else load_map(body.map, body.height)
+
+
+def _top(shape: Shape) -> float:
+    """Return how high a shape reaches, m."""
+    if isinstance(shape, Sphere):
+        return float(shape.center[2]) + shape.radius
+    if isinstance(shape, Capsule | Cylinder):
+        along = shape.end - shape.start
+        level = np.linalg.norm(along[:2]) / np.linalg.norm(along) if isinstance(shape, Cylinder) else 1.0
+        return float(max(shape.start[2], shape.end[2]) + level * shape.radius)
+    assert isinstance(shape, Box)
+    return float(shape.row[6] + np.abs(shape.row[7:].reshape(3, 3)[2]) @ shape.row[1:4])
+
+
+def _rim(radius: float) -> Array:
+    """Return the corners of a polygon around a disc, a little outside of it, shape (32, 2), m."""
+    turn = 2 * np.pi * np.arange(_CORNERS) / _CORNERS
+    return radius / np.cos(np.pi / _CORNERS) * np.column_stack([np.cos(turn), np.sin(turn)])
+
+
 def _shadow(shape: Shape) -> Array:
     """Return a disc, shape (3,), or the corners of a polygon, shape (k, 2); none of a plane."""
     if isinstance(shape, Sphere):
@@ -63,8 +131,7 @@ def _shadow(shape: Shape) -> Array:
         along = shape.end - shape.start
         if np.linalg.norm(along[:2]) <= _UPRIGHT * np.linalg.norm(along):
             return np.array([*shape.start[:2], shape.radius])
-        turn = 2 * np.pi * np.arange(32) / 32  # around it: a little outside of round ends
-        rim = shape.radius / np.cos(np.pi / 32) * np.column_stack([np.cos(turn), np.sin(turn)])
+        rim = _rim(shape.radius)
         return _hull(np.vstack([shape.start[:2] + rim, shape.end[:2] + rim]))
     if isinstance(shape, Box):
         signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], np.float64)

@@ -51,7 +51,7 @@ def parsimonious_law(
     >>> import numpy as np, dqcontrol as dqc
     >>> arm, q = dqc.load_robot("iiwa7"), np.array([0.2, 0.6, 0.1, 1.6, 0.1, 0.6, 0])
     >>> law = parsimonious_law(arm, gain=0.5)
-    >>> u = law.command(arm, q, dqc.Sample(arm.fkm(q + 0.1)), dt=0.05)
+    >>> u = law.command(arm, q, dqc.Sample(arm.fkm(q + 0.1)), period=0.05)
     >>> int((np.abs(u) > 1e-9).sum()) < 7
     True
     """

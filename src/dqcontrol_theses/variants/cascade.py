@@ -196,10 +196,12 @@ class Cascade(PublishedLinearization, frozen=True, kw_only=True, tag="cascade"):
     velocity_state: Literal["commanded"] = "commanded"  # pyright: ignore[reportIncompatibleVariableOverride]
     inner_gain: Annotated[float, Meta(gt=0, description="κ, 1/s")] = 2.0
 
-    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> np.ndarray:
+    def rows(self, robot: Robot, reference: Reference | None, period: float) -> np.ndarray:
         """Return the row of `PublishedLinearization` and κ."""
         _constrained_drives(robot, "cascade")
-        return cascade_parameters.pack(outer=super().rows(robot, reference, dt), inner_gain=self.inner_gain)
+        return cascade_parameters.pack(
+            outer=super().rows(robot, reference, period), inner_gain=self.inner_gain
+        )
 
     def loop_rates(self, parameters: np.ndarray) -> None:
         """Return None: the inner loop has a share in them."""
@@ -248,20 +250,20 @@ class ClassicCascade(PoseLaw, frozen=True, kw_only=True, tag="classic-cascade"):
     >>> robot, q = dqc.load_robot("little-john"), np.array([0, 0, 0, 0.3, -0.8, 1.2, 0.6, 0.4])
     >>> target = dqc.Sample(robot.fkm(q + [0.1, 0.05, 0, 0, 0, 0, 0, 0]))
     >>> law = ClassicCascade(gain=0.5)
-    >>> dict(zip(robot.input_names, law.command(robot, q, target, dt=0.05).round(3).tolist()))["v"] > 0
+    >>> dict(zip(robot.input_names, law.command(robot, q, target, period=0.05).round(3).tolist()))["v"] > 0
     True
     """
 
     kernel = classic_cascade
     inner_gain: Annotated[float, Meta(gt=0, description="κ, 1/s")] = 2.0
 
-    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> np.ndarray:
+    def rows(self, robot: Robot, reference: Reference | None, period: float) -> np.ndarray:
         """Return inverse, hysteresis, gain diagonal, κ, period and the table of drives at each time."""
         drives = _constrained_drives(robot, "classic-cascade")
-        given = pose_parameters(super().rows(robot, reference, dt))
+        given = pose_parameters(super().rows(robot, reference, period))
         inner_gain = self.inner_gain
         return classic_cascade_parameters.pack(
-            **given._asdict(), inner_gain=inner_gain, period=dt, drives=drives
+            **given._asdict(), inner_gain=inner_gain, period=period, drives=drives
         )
 
     def loop_rates(self, parameters: np.ndarray) -> None:  # type: ignore[override]

@@ -124,7 +124,7 @@ class ClassicWholeBody(PoseLaw, frozen=True, kw_only=True, tag="classic-whole-bo
     >>> robot, q = dqc.load_robot("little-john"), np.array([0, 0, 0, 0.3, -0.8, 1.2, 0.6, 0.4])
     >>> target = dqc.Sample(robot.fkm(q + [0.1, 0.05, 0, 0, 0, 0, 0, 0]))
     >>> law = ClassicWholeBody(gain=0.5)
-    >>> dict(zip(robot.input_names, law.command(robot, q, target, dt=0.05).round(3).tolist()))["v"] > 0
+    >>> dict(zip(robot.input_names, law.command(robot, q, target, period=0.05).round(3).tolist()))["v"] > 0
     True
     """
 

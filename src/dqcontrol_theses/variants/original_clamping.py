@@ -44,6 +44,6 @@ class OriginalClamping(PositionLimit, frozen=True, kw_only=True, tag="original-c
 
     kernel = original_clamping
 
-    def parameters(self, robot: Robot, dt: float, command_mode: str, velocity: np.ndarray) -> np.ndarray:
+    def parameters(self, robot: Robot, period: float, command_mode: str, velocity: np.ndarray) -> np.ndarray:
         """Return the limits."""
         return input_ranges.pack(**position_limits("limits.position", robot)._asdict())

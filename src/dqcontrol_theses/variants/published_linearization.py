@@ -172,8 +172,8 @@ class PublishedLinearization(FeedbackLinearization, frozen=True, kw_only=True, t
     >>> from dqcontrol_theses.variants import PublishedLinearization
     >>> arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
     >>> gains, target = {"stiffness": 9.0, "damping": 3.0}, dqc.Sample(arm.fkm(q + 0.1))
-    >>> published = PublishedLinearization(**gains).command(arm, q, target, dt=0.01)
-    >>> ours = dqc.laws.FeedbackLinearization(**gains, null_space=None).command(arm, q, target, dt=0.01)
+    >>> published = PublishedLinearization(**gains).command(arm, q, target, period=0.01)
+    >>> ours = dqc.laws.FeedbackLinearization(**gains, null_space=None).command(arm, q, target, period=0.01)
     >>> np.allclose(published, ours)  # from rest, and without drives
     True
     """
@@ -183,7 +183,7 @@ class PublishedLinearization(FeedbackLinearization, frozen=True, kw_only=True, t
     logarithm: Literal["body", "inertial", "inertial-unguarded"] = "body"
     null_space: AnyNullSpace | None = None
 
-    def rows(self, robot: Robot, reference: Reference | None, dt: float) -> np.ndarray:
+    def rows(self, robot: Robot, reference: Reference | None, period: float) -> np.ndarray:
         """Return one row: that of `FeedbackLinearization`, the choices, and the table of drives."""
         drives = drive_table(robot)
         if len(drives) < len(robot.drives) and self.velocity_state == "realised":
@@ -191,7 +191,7 @@ class PublishedLinearization(FeedbackLinearization, frozen=True, kw_only=True, t
                 f"velocity_state: 'realised' is for the constrained form of {robot.name}, got the other"
             )
         return published_parameters.pack(
-            linear=super().rows(robot, reference, dt),
+            linear=super().rows(robot, reference, period),
             is_commanded=self.velocity_state == "commanded",
             logarithm=LOGARITHMS.index(self.logarithm),
             drives=drives,

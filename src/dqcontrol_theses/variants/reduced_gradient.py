@@ -8,13 +8,13 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled import LAW, OK, MemoryLayout, inline, kernel
 from dqcontrol.laws import PoseLaw
 from dqcontrol.laws.parts import (
-    at_hand,
     inverse_parameters,
     left_error,
     left_error_twist,
     pose_error,
     pose_parameters,
     solve_hand_twist,
+    twist_at_end_effector,
     twist_work,
 )
 from dqcontrol.robots import Robot
@@ -55,7 +55,7 @@ def choose_inputs(twist_jacobian, pose, length, own, in_use):
     matrix, row_done, chosen = own.matrix, own.row_done, own.chosen
     m, r = matrix.shape[1], own.nothing.shape[0]
     for j in range(m):
-        column = at_hand(twist_jacobian[:, j], pose)
+        column = twist_at_end_effector(twist_jacobian[:, j], pose)
         for i in range(6):
             matrix[i, j] = length * column[i] if i < 3 else column[i]
         chosen[j] = 0.0
@@ -104,7 +104,7 @@ def reduced_gradient(q, pose, pose_jacobian, twist_jacobian, sample, parameters,
     )
     for j in range(m):
         if own.chosen[j] == 0.0 and status == OK:
-            column = at_hand(twist_jacobian[:, j], pose)
+            column = twist_at_end_effector(twist_jacobian[:, j], pose)
             status = solve_hand_twist(
                 pose, own.basis, column, missing, own.nothing, given.inverse, own.solver, own.share
             )
@@ -163,7 +163,7 @@ class ReducedGradient(PoseLaw, frozen=True, kw_only=True, tag="reduced-gradient"
     >>> arm, q = dqc.load_robot("iiwa7"), np.array([0.2, 0.6, 0, 1.6, 0, 0.6, 0])
     >>> target = dqc.Sample(arm.fkm(q + 0.02))
     >>> laws = [law(gain=2.0) for law in (ReducedGradient, dqc.laws.Proportional)]
-    >>> commands = [law.command(arm, q, target, dt=0.01) for law in laws]
+    >>> commands = [law.command(arm, q, target, period=0.01) for law in laws]
     >>> np.allclose(*(arm.twist_jacobian(q) @ u for u in commands)), int((commands[0] == 0).sum())
     (True, 1)
     """

@@ -41,7 +41,7 @@ class TiringMotors(Plant, frozen=True, kw_only=True, tag="tiring-motors"):
     >>> from dqcontrol_theses.variants import TiringMotors
     >>> body = dqc.load_robot("little-john")
     >>> stretched = np.zeros(8)
-    >>> live = TiringMotors(torque=0.8, patience=0.5).start(body, stretched, dt=0.1, steps=10, seed=0)
+    >>> live = TiringMotors(torque=0.8, patience=0.5).start(body, stretched, period=0.1, steps=10, seed=0)
     >>> for _ in range(10):
     ...     live.step(np.zeros(7))
     >>> live.fault
@@ -55,8 +55,8 @@ class TiringMotors(Plant, frozen=True, kw_only=True, tag="tiring-motors"):
     )
     hand: Annotated[float, Meta(description="m")] = 0.085
 
-    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> LiveMotors:
-        """Return the plant at q0.
+    def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> LiveMotors:
+        """Return the plant at start.
 
         Raises
         ------
@@ -66,7 +66,7 @@ class TiringMotors(Plant, frozen=True, kw_only=True, tag="tiring-motors"):
         count, joints = len(as_array("plant.masses", self.masses, (None,))), robot.configuration_size
         if count > joints:
             raise ShapeError(f"plant.masses: {robot.name} has {joints} joints, got {count} masses")
-        return LiveMotors(self, robot, np.array(q0, dtype=np.float64), dt)
+        return LiveMotors(self, robot, np.array(start, dtype=np.float64), period)
 
     def gravity_torques(self, robot: Robot, q: Array) -> Array:
         """Return |torque| about each of the last joints, on a base that holds them still, shape (…, motors), N·m."""
@@ -91,14 +91,14 @@ class TiringMotors(Plant, frozen=True, kw_only=True, tag="tiring-motors"):
 class LiveMotors:
     """`TiringMotors` at work."""
 
-    def __init__(self, plant: TiringMotors, robot: Robot, q0: Array, dt: float) -> None:
-        self._plant, self._robot, self._dt = plant, robot, dt
-        self.q = q0
-        self.measured: Array = q0.copy()
+    def __init__(self, plant: TiringMotors, robot: Robot, start: Array, period: float) -> None:
+        self._plant, self._robot, self._dt = plant, robot, period
+        self.q = start
+        self.measured: Array = start.copy()
         count = len(plant.masses)
         self._names = robot.joint_names[-count:]
         self.channels: tuple[Channel, ...] = (Channel("motor_torque", self._names, "N·m"),)
-        self.readings: Array = plant.gravity_torques(robot, q0)
+        self.readings: Array = plant.gravity_torques(robot, start)
         self._strained = np.zeros(count)
         self._gone = np.zeros(count, dtype=bool)
 

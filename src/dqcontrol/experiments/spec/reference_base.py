@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import msgspec
 import numpy as np
@@ -13,10 +13,12 @@ from msgspec import Meta
 
 from dqcontrol import algebra, references as shapes
 from dqcontrol.arrays import Array
+from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import Error, FileFormatError, ValueRangeError, as_array
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.references.yaml_form import SpecStart
 from dqcontrol.robots import Robot
+from dqcontrol.world import World
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
@@ -79,6 +81,7 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
     ``transform``, ``preview``.
     """
 
+    plans_around: ClassVar[bool] = False  # see `Reference`
     start: StartPose = StartPose()
     offset: Offset = Offset()
     repeat: Annotated[int, Meta(ge=1, le=10_000)] = 1
@@ -142,8 +145,15 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
             reference = shapes.Previewed(reference, **msgspec.structs.asdict(self.preview))
         return reference
 
-    def of_robot(self, reference: shapes.Reference, robot: Robot, start: Array) -> shapes.Reference:
-        """Return the reference that `build` returned, or what a robot at its start configuration makes of it."""
+    def of_robot(
+        self,
+        reference: shapes.Reference,
+        robot: Robot,
+        start: Array,
+        world: World | None,
+        kept: PreparedConstraints | None = None,
+    ) -> shapes.Reference:
+        """Return the reference that `build` returned, or what a robot at its start, in a world, makes of it."""
         return reference
 
     def _shape(self, start: SpecStart) -> shapes.Reference:

@@ -13,15 +13,18 @@ from msgspec import Meta
 from numpy.typing import ArrayLike
 
 from dqcontrol import references as shapes
-from dqcontrol.algebra import rotation, translation
+from dqcontrol.algebra import pose, rotation, translation
 from dqcontrol.arrays import Array
-from dqcontrol.errors import Error, ShapeError, ValueRangeError
-from dqcontrol.experiments.spec.reference_base import Part, ReferenceSpec
+from dqcontrol.constraints.prepared_constraints import PreparedConstraints
+from dqcontrol.errors import Error, ShapeError, ValueRangeError, unknown_name
+from dqcontrol.experiments.spec.reference_base import Part, ReferenceSpec, Vector
 from dqcontrol.extensions.registry import registered, union_of
 from dqcontrol.extensions.user_code import function_at, place_from
+from dqcontrol.planning import PlanTo
 from dqcontrol.references.sample import as_pose
 from dqcontrol.references.yaml_form import SpecStart, Yaml
 from dqcontrol.robots import Robot
+from dqcontrol.world import World
 
 __all__ = ["AnyReference", "Part"]
 
@@ -42,6 +45,59 @@ class SequenceSpec(ReferenceSpec, frozen=True, kw_only=True, tag="sequence"):
             if math.isfinite(parts[-1].duration):
                 hand = parts[-1].samples([parts[-1].duration])[0, :8]
         return shapes.Sequence(parts)
+
+
+class FollowSpec(ReferenceSpec, frozen=True, kw_only=True, tag="follow"):
+    """A motion for where a body of the world stands, carried along to where that is measured; see `references.Follow`.
+
+    Without ``reference`` the hand stays at ``start`` with its ``offset``, relative to the body. ``taught`` is where the
+    body was to be, its place in the world if omitted.
+    """
+
+    body: Annotated[str, Meta(min_length=1, description="of the world, with 'watch'")]
+    reference: AnyReference | None = None
+    duration: Annotated[float, Meta(gt=0, description="s, without 'reference'")] | None = None
+    taught: Annotated[Vector | None, Meta(description="its position, m")] = None
+    until: Annotated[float, Meta(ge=0, description="s; the last measurement counts from then on")] | None = (
+        None
+    )
+
+    def _shape(self, start: SpecStart) -> shapes.Reference:
+        if (self.reference is None) == (self.duration is None):
+            raise ShapeError(
+                "give either 'reference', the motion for the body, or 'duration' of staying at 'start'"
+            )
+        if self.reference is not None:
+            inner = self.reference.build(start.pose, start.folder, f"{start.place}.reference")
+        else:
+            assert self.duration is not None
+            inner = shapes.SetPoint(start.pose, duration=self.duration)
+        return shapes.Follow(inner, self.body, _NOWHERE)
+
+    def of_robot(
+        self,
+        reference: shapes.Reference,
+        robot: Robot,
+        start: Array,
+        world: World | None,
+        kept: PreparedConstraints | None = None,
+    ) -> shapes.Reference:
+        if not isinstance(reference, shapes.Follow):
+            raise ShapeError("reference: what changes a motion belongs to that inside of 'follow'")
+        bodies = {} if world is None else world.bodies
+        if self.body not in bodies:
+            raise unknown_name("reference.body", self.body, tuple(bodies))
+        body = bodies[self.body]
+        if body.watch is None:
+            raise ValueRangeError(f"reference.body: nothing measures where '{self.body}' is; give it 'watch'")
+        taught = body.pose if self.taught is None else pose(body.pose[:4], self.taught)
+        inner = reference.reference
+        if self.reference is not None:
+            inner = self.reference.of_robot(inner, robot, start, world, kept)
+        return shapes.Follow(inner, self.body, taught, math.inf if self.until is None else self.until)
+
+
+_NOWHERE = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # until the world says where the body is
 
 
 class OwnSpec(ReferenceSpec, frozen=True, kw_only=True, tag="own"):
@@ -108,8 +164,16 @@ def _written(shape: type[shapes.Reference]) -> type[ReferenceSpec]:
     def _shape(self: ReferenceSpec, start: SpecStart) -> shapes.Reference:
         return shape.from_spec(start, **{name: getattr(self, name) for name in names})
 
-    def of_robot(self: Any, reference: shapes.Reference, robot: Robot, start: Array) -> shapes.Reference:
-        return shape.of_robot(reference, robot, start, **{name: getattr(self, name) for name in names})
+    def of_robot(
+        self: Any,
+        reference: shapes.Reference,
+        robot: Robot,
+        start: Array,
+        world: World | None,
+        kept: PreparedConstraints | None = None,
+    ) -> shapes.Reference:
+        given = {name: getattr(self, name) for name in names}
+        return shape.of_robot(reference, robot, start, world, kept, **given)
 
     contents = {
         "__doc__": said,
@@ -117,6 +181,7 @@ def _written(shape: type[shapes.Reference]) -> type[ReferenceSpec]:
         "__annotations__": {name: kind for name, kind, *_ in fields},
         "_shape": _shape,
         "of_robot": of_robot,
+        "plans_around": shape.plans_around,
         **{name: default for name, _, *rest in fields for default in rest},
     }
     options = {"frozen": True, "kw_only": True, "forbid_unknown_fields": True, "tag": shape.kind}
@@ -150,6 +215,7 @@ def _form(hint: Any) -> Any:
     return next((each.form for each in getattr(hint, "__metadata__", ()) if isinstance(each, Yaml)), hint)
 
 
+_PLANNED = PlanTo  # stands above the package of references: known by being imported here
 for _shape in registered(shapes.Reference, "dqcontrol.references"):
     if vars(_shape).get("kind"):
         globals()[f"{_shape.__name__}Spec"] = _written(_shape)  # by this name, so that workers find it

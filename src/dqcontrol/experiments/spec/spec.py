@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
@@ -30,6 +31,7 @@ from dqcontrol.experiments.spec.parameter_sets import Changes, Label, Variant, v
 from dqcontrol.experiments.spec.reference_base import Quaternion, Vector, rotation_from
 from dqcontrol.experiments.spec.reference_spec import AnyReference, Part, reference_data
 from dqcontrol.experiments.spec.spec_files import complete_plants, locate_files, use_copies
+from dqcontrol.experiments.spec.world_file import said_world
 from dqcontrol.extensions.registry import union_of
 from dqcontrol.extensions.user_code import admit, place_of
 from dqcontrol.files.plain_data import yaml_text
@@ -57,7 +59,7 @@ from dqcontrol.robots.kinematics.joined_chains import chain_as_tree
 from dqcontrol.robots.tree_robot import Root, TaskKind
 from dqcontrol.supervisor import Supervisor
 from dqcontrol.world import World
-from dqcontrol.world.world import Bodies, plain_world
+from dqcontrol.world.world import Bodies
 
 if TYPE_CHECKING:
     AnyLaw: TypeAlias = Law
@@ -149,8 +151,8 @@ class FurtherTaskSpec(Part, frozen=True, kw_only=True):
     part: TaskPart = "pose"
     posture: Annotated[list[float] | None, Meta(description="rad or m")] = None
 
-    def further_task(self, robot: Robot, start: Array, folder: Path) -> FurtherTask:
-        """Return the task of a robot that starts somewhere, shape (n,)."""
+    def further_task(self, robot: Robot, start: Array, folder: Path, world: World | None) -> FurtherTask:
+        """Return the task of a robot that starts somewhere, shape (n,), in a world."""
         own = self.task.task() if isinstance(self.task, TaskSpec) else self.task
         reference, part = None, self.part
         if own == POSTURE:
@@ -164,7 +166,7 @@ class FurtherTaskSpec(Part, frozen=True, kw_only=True):
             if self.reference is not None:
                 reference = self.reference.build(tree.pose_of(own, start), folder)
                 if not is_mass:
-                    reference = self.reference.of_robot(reference, tree.with_task(own), start)
+                    reference = self.reference.of_robot(reference, tree.with_task(own), start, world)
         return FurtherTask(own, self.gain, reference, self.level, self.weight, part, self.posture)
 
 
@@ -193,11 +195,19 @@ class HandStart(Part, frozen=True, kw_only=True):
             return postures(robot, pose, orientation=rotation is not None)
 
 
-def start_configuration(given: Start, robot: Robot, field: str = "start") -> Array:
-    """Return a start configuration, shape (n,): as given, or the best for a pose of the hand, with a `NoteWarning`."""
+def start_configuration(
+    given: Start,
+    robot: Robot,
+    field: str = "start",
+    chosen: Callable[[list[ReachingPosture]], ReachingPosture] = itemgetter(0),
+) -> Array:
+    """Return a start configuration, shape (n,): as given, or one for a pose of the hand, with a `NoteWarning`.
+
+    ``chosen`` takes it from those that bring the hand there; else it is the best.
+    """
     if not isinstance(given, HandStart):
         return as_array(field, given, (robot.configuration_size,))
-    best = given.postures(robot)[0]
+    best = chosen(given.postures(robot))
     numbers = ", ".join(
         f"{value:.4g}" if kind == "prismatic" else f"{math.degrees(value):.4g}°"
         for value, kind in zip(best.q, robot.joint_types, strict=True)
@@ -402,7 +412,7 @@ class Spec(Part, frozen=True, kw_only=True):
         further = []
         for i, each in enumerate(self.tasks):
             with error_prefix(f"tasks[{i}]"):
-                further.append(each.further_task(robot, start, folder))
+                further.append(each.further_task(robot, start, folder, self.surroundings))
         return PreparedTasks(robot, further, start, times)
 
     def limits_of(self, plant: AnyPlant, robot: Robot) -> CommandLimits:
@@ -526,7 +536,7 @@ def in_numbers(where: str, data: dict[str, Any], folder: Path) -> dict[str, Any]
     """Return plain data with what files say in their place, and with numbers in SI units for texts like ``60 mm``."""
     complete_plants(data, folder)
     if "world" in data:
-        data["world"] = plain_world(data["world"], folder)
+        data["world"] = said_world(data["world"], folder)
     admit(where, data, folder)
     return _with_numbers(where, data)
 

@@ -111,10 +111,7 @@ def _robots(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
 
 
 def _maps(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
-    """Yield what names maps and meshes: references and bodies of the world."""
-    reference = data.get("reference")
-    if isinstance(reference, dict) and isinstance(reference.get("map"), str):
-        yield reference, "map"
+    """Yield what names maps and meshes: bodies of the world."""
     for body in _within(data, "world").values():
         parts = body.get("parts") if isinstance(body, dict) else None
         for each in (body, *(parts if isinstance(parts, list) else ())):

@@ -10,7 +10,6 @@ from dqcontrol.compiled.compile import READ, WRITE, WRITE2, types
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.plants.compliant.filters import COEFFICIENTS, MEMORY
 from dqcontrol.plants.compliant.joint_columns import CONSTANTS, SHARED, STATE
-from dqcontrol.plants.compliant.obstacle import COLUMNS
 from dqcontrol.robots.kinematics.gravity import WORK
 
 ARM_PLAN = types.Array(types.intp, 1, "C")
@@ -27,7 +26,7 @@ class ArmPlan(NamedTuple):
         Of the physics in a tick of the joint controllers.
     from_measured
         Whether a target is taken from the measured angle, 0 or 1.
-    joints, losses, pushes, payloads, obstacles
+    joints, losses, pushes, payloads
         Sizes of `ArmMemory`.
     """
 
@@ -40,7 +39,6 @@ class ArmPlan(NamedTuple):
     losses: int
     pushes: int
     payloads: int
-    obstacles: int
 
 
 class ArmMemory(NamedTuple):
@@ -64,12 +62,8 @@ class ArmMemory(NamedTuple):
         From, until, body, force (3).
     payloads
         From, until, mass.
-    obstacles
-        Rows of `obstacle`.
     carriers
         Bodies that carry the payload, itself first.
-    contact
-        Largest force of contact in the period, and its norm.
     wrist_filter, wrist_memory, wrench
         Coefficients and memory of the wrist sensor's filter, and the filtered wrench.
     angles, torques, rotor_angles, rotor_velocities, work
@@ -87,9 +81,7 @@ class ArmMemory(NamedTuple):
     losses: Annotated[Array, "losses", 3]
     pushes: Annotated[Array, "pushes", 6]
     payloads: Annotated[Array, "payloads", 3]
-    obstacles: Annotated[Array, "obstacles", COLUMNS]
     carriers: Annotated[Array, "joints + 3"]
-    contact: Annotated[Array, 4]
     wrist_filter: Annotated[Array, COEFFICIENTS]
     wrist_memory: Annotated[Array, 6, MEMORY]
     wrench: Annotated[Array, 6]

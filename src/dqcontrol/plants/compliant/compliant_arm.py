@@ -14,7 +14,6 @@ from dqcontrol.plants.compliant.controller_file import ControllerFile, load_cont
 from dqcontrol.plants.compliant.elastic_model import TICK, elastic_model, joint_inertia, steps_per_tick
 from dqcontrol.plants.compliant.joint_columns import LOWER, MODES, UPPER, WITH_GRAVITY
 from dqcontrol.plants.compliant.joint_constants import constants_table, gravity_bodies, static_state
-from dqcontrol.plants.compliant.obstacle import steps_per_touch
 from dqcontrol.plants.compliant.payload_compensation import PayloadScale
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.plants.plant import start_within_limits
@@ -61,33 +60,33 @@ class Arm:
     steps: int
 
 
-def assemble(plant: CompliantPlant, robot: Robot, q0: ArrayLike, dt: float) -> Arm:
-    """Put the arm of a plant together, at rest at q0 (n,), rad, for control periods dt, s.
+def assemble(plant: CompliantPlant, robot: Robot, start: ArrayLike, period: float) -> Arm:
+    """Put the arm of a plant together, at rest at start (n,), rad, for control periods period, s.
 
     Raises
     ------
     Error
-        If something does not fit the robot, or its motors cannot hold it at q0.
+        If something does not fit the robot, or its motors cannot hold it at start.
     """
     mujoco = import_mujoco()
     file = load_controllers(robot, plant.controllers)
-    start, ticks, n = start_within_limits(robot, q0), _ticks("period", dt), robot.configuration_size
+    start, ticks, n = start_within_limits(robot, start), _ticks("period", period), robot.configuration_size
     exchange = 1 if plant.exchange_period is None else _ticks("plant.exchange_period", plant.exchange_period)
     dry_friction = as_each("plant.dry_friction", plant.dry_friction, n)
     actuation = replace(file.actuation(plant.springs), dry_friction=dry_friction)
     elastic = actuation.elastic
     hand = file.hand(plant.hand)
-    model = elastic_model(robot, actuation, hand=hand, gravity=plant.gravity, accurate=plant.accurate)
+    model = elastic_model(
+        robot, actuation, hand=hand, gravity=plant.gravity, accurate=plant.accurate, world=plant.world
+    )
     data: Any = mujoco.MjData(model)
     data.qpos[:n] = start
     mujoco.mj_forward(model, data)
     load = data.qfrc_bias[:n].copy()
-    data.qpos[n:] = (start + load / actuation.stiffness)[elastic]
-    inertia = joint_inertia(model, data)
-    steps = max(
-        steps_per_tick(inertia, robot, actuation, plant.accurate),
-        steps_per_touch(plant.obstacles, model, data, n),
-    )
+    own = n + int(elastic.sum())  # coordinates of links and rotors; those of the world come after
+    data.qpos[n:own] = (start + load / actuation.stiffness)[elastic]
+    inertia = joint_inertia(model, data)[:own, :own]
+    steps = steps_per_tick(inertia, robot, actuation, plant.accurate)
     model.opt.timestep = TICK / steps
     mujoco.mj_forward(model, data)
     moved = np.diag(inertia)[:n] + np.where(elastic, actuation.rotor_inertia, 0.0)
@@ -104,14 +103,14 @@ def assemble(plant: CompliantPlant, robot: Robot, q0: ArrayLike, dt: float) -> A
                 f"plant.payload_compensation: needs a mode with a model of gravity, {', '.join(WITH_GRAVITY)}; "
                 f"got {plant.mode}"
             )
-        period = ticks * TICK
-        scale = PayloadScale(plant.payload_compensation, robot, hand, bodies, plant.gravity, period)
+        exact = ticks * TICK
+        scale = PayloadScale(plant.payload_compensation, robot, hand, bodies, plant.gravity, exact)
     return Arm(robot, file, model, data, constants, state, bodies, rotors, scale, ticks, exchange, steps)
 
 
-def _ticks(field: str, dt: float) -> int:
+def _ticks(field: str, period: float) -> int:
     """Return how many ticks of the joint controllers a period has."""
-    period = as_positive(field, dt)
+    period = as_positive(field, period)
     ticks = round(period / TICK)
     if ticks < 1 or abs(ticks * TICK - period) > 1e-9 * period:
         raise ValueRangeError(

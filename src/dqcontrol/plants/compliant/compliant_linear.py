@@ -40,7 +40,7 @@ _WITHOUT: dict[str, Any] = {
     "pushes": [],
     "payload": None,
     "payload_compensation": None,
-    "obstacles": [],
+    "world": None,
     "encoder_losses": [],
     "dry_friction": 0.0,
     "base_shaking": 0.0,
@@ -49,8 +49,8 @@ _WITHOUT: dict[str, Any] = {
 _LIMITS = [column.SLEW, column.MAX_TORQUE, column.MAX_CURRENT, column.UPPER]
 
 
-def linearised(plant: CompliantPlant, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
-    """Return all joints together: what a period makes of small changes of state and commands about rest at q0.
+def linearised(plant: CompliantPlant, robot: Robot, start: Array, period: float) -> LinearModel | None:
+    """Return all joints together: what a period makes of small changes of state and commands about rest at start.
 
     None if commands do not move the joints, as without stiffness, or if an exchange does not begin each period: then
     one period is not like the next.
@@ -59,7 +59,7 @@ def linearised(plant: CompliantPlant, robot: Robot, q0: Array, dt: float) -> Lin
     integrals, which bear their share of gravity at their limits.
     """
     still = changed(plant, gravity=(0.0, 0.0, 0.0), encoder_noise=0.0, **_WITHOUT)
-    arm = assemble(still, robot, q0, dt)
+    arm = assemble(still, robot, start, period)
     if arm.ticks % arm.exchange:
         return None
     at_once = arm.exchange == 1
@@ -68,14 +68,14 @@ def linearised(plant: CompliantPlant, robot: Robot, q0: Array, dt: float) -> Lin
     arm.constants[:, _LIMITS] = np.inf
     arm.constants[:, column.LOWER] = -np.inf
     arm.model.jnt_limited[:] = 0
-    n, mode = len(q0), column.MODES[plant.mode]
+    n, mode = len(start), column.MODES[plant.mode]
     rest = static_state(robot, arm.constants, mode, arm.data.qpos[:n].copy(), np.zeros(n), 1.0)
     live = LiveCompliant(still, replace(arm, state=rest), 0)
     state, qpos, qvel = arm_state = live.memory.state, live.data.qpos, live.data.qvel
-    start = [part.copy() for part in arm_state]
+    rest = [part.copy() for part in arm_state]
 
-    def period(change: Array, command: Array) -> Array:
-        for part, before in zip(arm_state, start, strict=True):
+    def after_a_period(change: Array, command: Array) -> Array:
+        for part, before in zip(arm_state, rest, strict=True):
             part[:] = before
         known, angles, rates = np.split(change, [n * len(remembered), -len(qvel)])
         state[:, remembered] += known.reshape(-1, n).T
@@ -89,9 +89,9 @@ def linearised(plant: CompliantPlant, robot: Robot, q0: Array, dt: float) -> Lin
     size = n * len(remembered) + len(qpos) + len(qvel)
     zero_state, idle = np.zeros(size), np.zeros(n)
     return LinearModel(
-        _slopes(lambda change: period(change, idle), size),
-        _slopes(lambda command: period(zero_state, command), n),
-    ).reduced(round(_HORIZON / dt))
+        _slopes(lambda change: after_a_period(change, idle), size),
+        _slopes(lambda command: after_a_period(zero_state, command), n),
+    ).reduced(round(_HORIZON / period))
 
 
 def _slopes(function: Callable[[Array], Array], size: int) -> Array:

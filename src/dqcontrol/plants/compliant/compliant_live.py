@@ -18,9 +18,9 @@ from dqcontrol.plants.compliant.compliant_step import advance, physics_step, set
 from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.filters import MEMORY, butterworth
 from dqcontrol.plants.compliant.loads_and_faults import loss_table, payload_table, push_table
-from dqcontrol.plants.compliant.obstacle import obstacle_table
 from dqcontrol.plants.compliant.wrist import LiveWrist
 from dqcontrol.plants.live_plant import ControllerSettings, LivePlant
+from dqcontrol.plants.mujoco.world_model import WorldContacts
 from dqcontrol.plants.plant import as_command
 from dqcontrol.robots.kinematics.gravity import WORK
 
@@ -78,8 +78,10 @@ class LiveCompliant(LivePlant):
             plant.base_shaking / math.sqrt(arm.ticks * TICK),
             np.random.default_rng([seed, _SHAKING]),
         )
-        self._moves, self._pushed, self._touches = np.zeros(n), bool(plant.pushes), bool(plant.obstacles)
+        self._moves, self._pushed, self._idle = np.zeros(n), bool(plant.pushes), np.zeros(n)
         self._plan, self._numbers, self.memory = _memory(plant, arm)
+        self._holding = self._plan.copy()  # of ticks without a new command
+        self._holding[arm_plan.place("from_measured")] = 0
         self._physics = physics_arrays(
             positions=data.qpos,
             velocities=data.qvel,
@@ -92,11 +94,19 @@ class LiveCompliant(LivePlant):
         self._wrist = LiveWrist(arm.file.wrist_sensor, self.memory.wrench, plant.wrist_fault)
         self._draw()
         settle(self._plan, self._numbers, self._physics, self._noise[0])
-        self._touched = model.body("contact").id
-        self.channels: tuple[Channel, ...] = _channels(arm.robot.joint_names, self._touches, bool(arm.scale))
-        self.readings: Array = np.zeros(sum(channel.size for channel in self.channels))
+        world, period = plant.world, arm.ticks * TICK
+        self._world = WorldContacts(world, arm.robot, model, data, period, seed) if world else None
+        own = _channels(arm.robot.joint_names, bool(arm.scale))
+        self._own_size = sum(channel.size for channel in own)
+        self.channels: tuple[Channel, ...] = own
+        self.readings: Array = np.zeros(self._own_size)
+        if self._world is not None:
+            self._world.check_start()
+            self.seen = self._world.bodies.seen
+            self.channels = (*own, *self._world.channels)
+            self.readings = np.zeros(self._own_size + len(self._world.readings))
         self._joint_readings = self.readings[: len(_JOINT_CHANNELS) * n].reshape(-1, n)
-        self._other_readings = self.readings[len(_JOINT_CHANNELS) * n :]
+        self._other_readings = self.readings[len(_JOINT_CHANNELS) * n : self._own_size]
         self.effort: Array = self._joint_readings[list(_JOINT_CHANNELS).index("spring_torque")]
         self.wrench: Array = self._other_readings[0:6]
         self._rotors = arm.rotors.astype(np.intp)
@@ -192,17 +202,18 @@ class LiveCompliant(LivePlant):
             s.
         """
         self._moves[:] = 0.0
-        still = self._plan.copy()
-        still[arm_plan.place("from_measured")] = 0
         ticks = round(as_positive("duration", duration, zero_allowed=True) / TICK)
         while ticks > 0:
-            self._advance(still, min(ticks, self._arm.ticks))
+            self._advance(self._holding, min(ticks, self._arm.ticks))
             ticks -= self._arm.ticks
 
     def _advance(self, plan: NDArray[np.intp], ticks: int) -> None:
         self._draw()
-        self.memory.contact[:] = 0.0
-        if advance(plan, self._numbers, self._physics, ticks, self._moves, self._noise):
+        if self._world is None or not self._world.bodies.moves:
+            failed = advance(plan, self._numbers, self._physics, ticks, self._moves, self._noise)
+        else:
+            failed = self._advance_among_moving(plan, ticks)
+        if failed:
             raise DivergedError(f"plant: the arm diverged before {self.time:g} s, q = {self.q}")
         self._measure()
         if self.memory.shared[column.FAULT] and not self.fault:
@@ -210,6 +221,17 @@ class LiveCompliant(LivePlant):
             warnings.warn(
                 f"{self.fault}: the motors are off since before {self.time:g} s", SafetyWarning, stacklevel=3
             )
+
+    def _advance_among_moving(self, plan: NDArray[np.intp], ticks: int) -> bool:
+        """Take ticks one by one, at each of which bodies that move as they say are elsewhere."""
+        assert self._world is not None
+        moves = self._moves
+        for k in range(ticks):
+            self._world.bodies.place(self.time + TICK)
+            if advance(plan, self._numbers, self._physics, 1, moves, self._noise[k : k + 1]):
+                return True
+            plan, moves = self._holding, self._idle
+        return False
 
     def _draw(self) -> None:
         if self._noise_scale:
@@ -226,14 +248,14 @@ class LiveCompliant(LivePlant):
         self._joint_readings[1:] = memory.state.T[_JOINT_COLUMNS]
         self._wrist.read(self.time, self._rng, other[0:6])
         if self._pushed:
-            forces = self.data.xfrc_applied[:, :3]
-            np.subtract(forces.sum(axis=0), forces[self._touched], out=other[6:9])
+            other[6:9] = self.data.xfrc_applied[:, :3].sum(axis=0)
         other[9], other[10] = memory.shared[column.PAYLOAD], memory.shared[column.MODE]
-        if self._touches:
-            other[11:14] = memory.contact[:3]
         if scale := self._arm.scale:
             scale.weigh(self.measured, other[0:6], memory.bodies)
             other[-1] = scale.mass
+        if self._world is not None:
+            self._world.read()
+            self.readings[self._own_size :] = self._world.readings
 
 
 def _memory(plant: CompliantPlant, arm: Arm) -> tuple[NDArray[np.intp], Array, ArmMemory]:
@@ -243,7 +265,6 @@ def _memory(plant: CompliantPlant, arm: Arm) -> tuple[NDArray[np.intp], Array, A
     payload = model.body("payload").id
     losses, payloads = loss_table(plant.encoder_losses, n), payload_table(plant.payload)
     pushes = push_table(plant.pushes, {"hand": payload, **links})
-    obstacles = obstacle_table(plant.obstacles, model.body("contact").id)
     shared = np.zeros(column.SHARED)
     shared[[column.MODE, column.ASKED_MODE]] = column.MODES[plant.mode]
     shared[column.RAMP], shared[column.RAMP_STEP] = 1.0, TICK / arm.file.ramp_time
@@ -260,7 +281,6 @@ def _memory(plant: CompliantPlant, arm: Arm) -> tuple[NDArray[np.intp], Array, A
         losses=len(losses),
         pushes=len(pushes),
         payloads=len(payloads),
-        obstacles=len(obstacles),
     )
     numbers = arm_memory.pack(
         gravity=plant.gravity,
@@ -274,9 +294,7 @@ def _memory(plant: CompliantPlant, arm: Arm) -> tuple[NDArray[np.intp], Array, A
         losses=losses,
         pushes=pushes,
         payloads=payloads,
-        obstacles=obstacles,
         carriers=[payload, model.body("hand").id, *links.values(), 0],  # 0: the world
-        contact=np.zeros(4),
         wrist_filter=butterworth(arm.file.wrist_sensor.cutoff, TICK),
         wrist_memory=np.zeros((6, MEMORY)),
         wrench=np.zeros(6),
@@ -289,7 +307,7 @@ def _memory(plant: CompliantPlant, arm: Arm) -> tuple[NDArray[np.intp], Array, A
     return np.array(plan, dtype=np.intp), numbers, arm_memory(numbers, *plan[5:])
 
 
-def _channels(joints: tuple[str, ...], contact: bool, weighed: bool) -> tuple[Channel, ...]:
+def _channels(joints: tuple[str, ...], weighed: bool) -> tuple[Channel, ...]:
     """Return what is read, in the order of `LiveCompliant.readings`."""
     axes = ("x", "y", "z")
     return (
@@ -299,6 +317,5 @@ def _channels(joints: tuple[str, ...], contact: bool, weighed: bool) -> tuple[Ch
         Channel("push", axes, "N"),
         Channel("payload", (), "kg"),
         Channel("mode", (), ""),
-        *([Channel("contact", axes, "N")] if contact else []),
         *([Channel("payload_estimate", (), "kg")] if weighed else []),
     )

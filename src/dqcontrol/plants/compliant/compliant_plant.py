@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from msgspec import Meta
+from msgspec.structs import replace
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each, unknown_name
@@ -15,13 +16,13 @@ from dqcontrol.plants.compliant.controller_file import SOFTEST, STIFFEST, Stiffn
 from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.joint_columns import MODES
 from dqcontrol.plants.compliant.loads_and_faults import EncoderLoss, Payload, Push, WristFault
-from dqcontrol.plants.compliant.obstacle import Obstacle
 from dqcontrol.plants.compliant.payload_compensation import PayloadCompensation
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.live_plant import ControllerSettings
 from dqcontrol.plants.plant import EncoderErrors, Plant
 from dqcontrol.plants.servo.servo_file import encoders_and_mode, load_servo, say_what_is_left_out
 from dqcontrol.robots.command_mode import COMMAND_MODES, CommandMode
+from dqcontrol.world import World
 
 if TYPE_CHECKING:
     from dqcontrol.plants.compliant.compliant_live import LiveCompliant
@@ -90,14 +91,14 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         Masses at the hand that the controllers do not know.
     payload_compensation
         That they weigh it with the wrist sensor, and carry it.
-    obstacles
-        Padded balls in the hand's way.
     encoder_losses
         When which encoder is silent.
     wrist_fault
         When the wrist sensor reads something else than what it bears.
     gravity
         m/s², base frame.
+    world
+        What links touch, each other included; nothing if omitted. A spec gives its own.
 
     Raises
     ------
@@ -108,7 +109,7 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
     --------
     >>> import numpy as np, dqcontrol as dqc
     >>> arm, q = dqc.load_robot("meka-a2"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
-    >>> live = CompliantPlant(mode="THETA_GC", hand=True).start(arm, q, dt=0.008, steps=1, seed=0)
+    >>> live = CompliantPlant(mode="THETA_GC", hand=True).start(arm, q, period=0.008, steps=1, seed=0)
     >>> live.step(np.zeros(7))
     >>> bool(abs(live.q - q).max() < 1e-3)
     True
@@ -137,10 +138,15 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
     pushes: Annotated[list[Push], Meta(max_length=1000)] = []
     payload: Payload | list[Payload] | None = None
     payload_compensation: PayloadCompensation | None = None
-    obstacles: Annotated[list[Obstacle], Meta(max_length=100)] = []
     encoder_losses: Annotated[list[EncoderLoss], Meta(max_length=1000)] = []
     wrist_fault: WristFault | None = None
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.809)
+    world: World | None = None
+    touches_world: ClassVar[bool] = True
+
+    def in_world(self, world: World) -> Self:
+        """Return it with what its links touch."""
+        return replace(self, world=world)
 
     @classmethod
     def complete(cls, data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
@@ -177,23 +183,22 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         _of_kind("payload_compensation", self.payload_compensation, PayloadCompensation, type(None))
         _of_kind("wrist_fault", self.wrist_fault, WristFault, type(None))
         _list_of("pushes", self.pushes, Push)
-        _list_of("obstacles", self.obstacles, Obstacle)
         _list_of("encoder_losses", self.encoder_losses, EncoderLoss)
         if not isinstance(self.payload, Payload | None):
             _list_of("payload", self.payload, Payload)
         if not isinstance(self.springs, str):
             _within("springs", [k for k in self.springs if k is not None] or None, SOFTEST, STIFFEST)
 
-    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> LiveCompliant:
-        """Return the arm at rest at q0.
+    def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> LiveCompliant:
+        """Return the arm at rest at start.
 
         Parameters
         ----------
         robot
             An arm of revolute joints with inertias, and with controllers of its own or those of a file.
-        q0
+        start
             First configuration, shape (n,), rad, within the position limits.
-        dt
+        period
             Control period T, s, a multiple of 1 ms.
         steps
             Number of periods; a live arm can be stepped further, as its noise is drawn step by step.
@@ -205,11 +210,11 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         MissingExtraError
             If mujoco is not installed.
         Error
-            If something does not fit the robot, or its motors cannot hold it at q0.
+            If something does not fit the robot, or its motors cannot hold it at start.
         """
         from dqcontrol.plants.compliant.compliant_live import LiveCompliant
 
-        return LiveCompliant(self, assemble(self, robot, q0, dt), seed)
+        return LiveCompliant(self, assemble(self, robot, start, period), seed)
 
     def target_mode(self) -> CommandMode:
         """Return its command mode."""
@@ -232,11 +237,7 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         """Return roughly how long a step takes; most of it are the ticks of the joint controllers."""
         return _STEP + _TICK[self.accurate] * period / TICK
 
-    def balls(self, times: Array) -> list[tuple[Array, float]]:
-        """Return its obstacles; see `Plant.balls`."""
-        return [(obstacle.centers(times), obstacle.radius) for obstacle in self.obstacles]
-
-    def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
+    def linear_model(self, robot: Robot, start: Array, period: float) -> LinearModel | None:
         """Return all joints together, without gravity, limits and integrals; None where they do not follow angles.
 
         So it is in some modes, and without stiffness. Modes of minimum jerk plan anew at each command: not linear.
@@ -244,7 +245,9 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         from dqcontrol.plants.compliant import compliant_linear
 
         return (
-            compliant_linear.linearised(self, robot, q0, dt) if self.mode in compliant_linear.MODES else None
+            compliant_linear.linearised(self, robot, start, period)
+            if self.mode in compliant_linear.MODES
+            else None
         )
 
 

@@ -14,7 +14,6 @@ from dqcontrol.plants.compliant.arm_memory import ARM_PLAN, arm_memory, arm_plan
 from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.filters import COEFFICIENTS, MEMORY, filtered, rest
 from dqcontrol.plants.compliant.joint_controller import control, sense
-from dqcontrol.plants.compliant.obstacle import touch
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 
 FASTEST = 1e4  # rad/s; a joint beyond it has diverged
@@ -124,18 +123,7 @@ def advance(plan, memory, physics, ticks, moves, noise):
         for i in range(n):
             physics.motors[i] = state[i, column.MOTOR_TORQUE]
         load(arm, physics, time)
-        for step in range(numbers.steps):
-            if numbers.obstacles > 0:
-                now = (shared[column.TICKS] + step / numbers.steps) * TICK
-                touch(
-                    arm.obstacles,
-                    now,
-                    arm.chain,
-                    physics.positions,
-                    physics.velocities,
-                    physics.forces,
-                    arm.contact,
-                )
+        for _ in range(numbers.steps):
             _call_step(numbers.step, numbers.model, numbers.data)
         shared[column.TICKS] += 1.0
         total = 0.0

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.plants.mujoco.mujoco_model import add_inertias, compiled, import_mujoco, skeleton
+from dqcontrol.plants.mujoco.world_model import add_links, add_world
 from dqcontrol.robots.robot import Robot
+from dqcontrol.world import World
 
 _ROTOR_MASS = 1e-14  # kg; a rotor is nothing but a moment of inertia, and its mass is in the links' data
 TICK = 1e-3  # s, of the joint controllers
@@ -70,6 +72,7 @@ def elastic_model(
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.809),
     accurate: bool = False,
     stops: bool = True,
+    world: World | None = None,
 ) -> Any:
     """Return the ``mjModel`` of an arm whose links hang on springs.
 
@@ -95,6 +98,9 @@ def elastic_model(
         True: Runge-Kutta of fourth order, which keeps the energy; False: Euler's, implicit in the velocities.
     stops
         Whether position limits stop the links.
+    world
+        What the links touch, each other included; None: nothing. The last one's shape is the hand's, so that the
+        sensors feel it; coordinates of bodies come after those of the rotors.
 
     Raises
     ------
@@ -126,15 +132,20 @@ def elastic_model(
     option.gravity = gravity
     option.timestep = TICK
     option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{INTEGRATORS[accurate]}")
-    # A reset after a divergence would hide it; nothing here touches anything.
-    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET | mujoco.mjtDisableBit.mjDSBL_CONTACT
+    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # a reset would hide that it diverged
+    if world is None:
+        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT  # nothing here touches anything
+    else:
+        add_links(spec, robot, TICK, hand="hand")
+        add_world(spec, world.bodies, TICK)
     model = compiled(spec)
     n, elastic = len(robot.joint_names), actuation.elastic
-    model.dof_damping[:n] = np.where(elastic, 0.0, actuation.friction)
-    model.dof_damping[n:] = actuation.friction[elastic]
-    model.dof_frictionloss[:n] = np.where(elastic, 0.0, actuation.dry_friction)
-    model.dof_frictionloss[n:] = actuation.dry_friction[elastic]
     springs = len(actuation.stiffness[elastic])
+    rotors = slice(n, n + springs)
+    model.dof_damping[:n] = np.where(elastic, 0.0, actuation.friction)
+    model.dof_damping[rotors] = actuation.friction[elastic]
+    model.dof_frictionloss[:n] = np.where(elastic, 0.0, actuation.dry_friction)
+    model.dof_frictionloss[rotors] = actuation.dry_friction[elastic]
     if springs:
         model.tendon_stiffness[:] = actuation.stiffness[elastic]
         model.tendon_damping[:] = actuation.damping[elastic]
@@ -169,8 +180,6 @@ def _add_hand(spec: Any, mujoco: Any, robot: Robot, hand: Hand | None) -> None:
     # Of no mass before a payload is taken; pushes act on it, at the tool's point.
     payload = body.add_body(name="payload")
     payload.explicitinertial, payload.mass, payload.inertia = True, 0.0, np.zeros(3)
-    contact = body.add_body(name="contact")  # takes the forces of obstacles, apart from the pushes
-    contact.explicitinertial, contact.mass, contact.inertia = True, 0.0, np.zeros(3)
     body.add_site(name="wrist")
     for kind in ("force", "torque"):
         spec.add_sensor(

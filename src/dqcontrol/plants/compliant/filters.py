@@ -15,7 +15,7 @@ COEFFICIENTS, MEMORY = (
 )  # numbers a filter: gain and pole of its first section, gain and poles of its second
 
 
-def butterworth(cutoff: float, dt: float) -> NDArray[np.float64]:
+def butterworth(cutoff: float, period: float) -> NDArray[np.float64]:
     """Return the coefficients of a third-order Butterworth filter, shape (5,).
 
     A first-order section g₁ (1 + z⁻¹) / (1 + a z⁻¹) and a second-order one g₂ (1 + z⁻¹)² / (1 + b z⁻¹ + c z⁻²), by
@@ -25,7 +25,7 @@ def butterworth(cutoff: float, dt: float) -> NDArray[np.float64]:
     ----------
     cutoff
         Hz, where the gain is √½; below half the sampling rate.
-    dt
+    period
         Sampling time, s.
 
     Examples
@@ -33,7 +33,7 @@ def butterworth(cutoff: float, dt: float) -> NDArray[np.float64]:
     >>> bool(abs(butterworth(250.0, 1e-3)[1]) < 1e-12)  # a quarter of the sampling rate
     True
     """
-    w = math.tan(math.pi * cutoff * dt)
+    w = math.tan(math.pi * cutoff * period)
     second = 1 + w + w * w  # poles of s² + s + 1
     return np.array(
         [w / (1 + w), (w - 1) / (1 + w), w * w / second, 2 * (w * w - 1) / second, (1 - w + w * w) / second]

@@ -133,7 +133,7 @@ def static_state(
             desired = _held_by_torque_loop(row, number, g)
             if abs(desired) > number[column.MAX_TORQUE]:
                 raise ValueRangeError(
-                    f"q0: joint '{name}' would need a desired torque of {desired:.3g} N·m to hold {g:.3g} N·m; "
+                    f"start: joint '{name}' would need a desired torque of {desired:.3g} N·m to hold {g:.3g} N·m; "
                     f"its limit is {number[column.MAX_TORQUE]:g}"
                 )
             _held_by_position_loop(row, number, desired - gravity_factor * g)
@@ -143,7 +143,7 @@ def static_state(
             and abs(g) > number[column.TORQUE_CONSTANT] * number[column.MAX_CURRENT]
         ):
             raise ValueRangeError(
-                f"q0: joint '{name}' needs {g / number[column.TORQUE_CONSTANT]:.3g} A to hold {g:.3g} N·m; "
+                f"start: joint '{name}' needs {g / number[column.TORQUE_CONSTANT]:.3g} A to hold {g:.3g} N·m; "
                 f"its limit is {number[column.MAX_CURRENT]:g} A"
             )
     state[:, column.REFERENCE] = state[:, column.GOAL] = state[:, column.TARGET]

@@ -23,8 +23,8 @@ class Sight:
         Its estimate of x, y and φ, shape (3,), m and rad, updated in place.
     """
 
-    def __init__(self, camera: Camera, start: Array, dt: float, steps: int, seed: int) -> None:
-        self._plan = camera.schedule(dt, steps, 1, seed)
+    def __init__(self, camera: Camera, start: Array, period: float, steps: int, seed: int) -> None:
+        self._plan = camera.schedule(period, steps, 1, seed)
         self.pose: Array = start.copy()
         self._shown = deque([start.copy()] * (self._plan.delay + 1), maxlen=self._plan.delay + 1)
         self._k = 0
@@ -62,16 +62,16 @@ class FusedSight(Sight):
 
     Parameters
     ----------
-    camera, start, dt, steps, seed
+    camera, start, period, steps, seed
         As of `Sight`.
     odometry
         Of the same base, already up to date when it looks.
     """
 
     def __init__(
-        self, camera: Camera, start: Array, dt: float, steps: int, seed: int, odometry: Odometry
+        self, camera: Camera, start: Array, period: float, steps: int, seed: int, odometry: Odometry
     ) -> None:
-        super().__init__(camera, start, dt, steps, seed)
+        super().__init__(camera, start, period, steps, seed)
         self._odometry = odometry
         self._counted = deque([odometry.pose.copy()] * (self._plan.delay + 1), maxlen=self._plan.delay + 1)
         self._displacement = np.zeros(3)  # T

@@ -14,9 +14,9 @@ from dqcontrol.errors import DivergedError, FallenError, ValueRangeError
 from dqcontrol.plants.camera import CAMERA_CHANNELS
 from dqcontrol.plants.channels import BASE_POSITION, BASE_QUATERNION, Channel
 from dqcontrol.plants.live_plant import LivePlant
-from dqcontrol.plants.mobile.gripper import FINGERS
 from dqcontrol.plants.mobile.live_camera import SEEN, FusedSight, Sight
 from dqcontrol.plants.mobile.wheeled_base import yaw_of
+from dqcontrol.plants.mujoco.gripper import GRIPPER_OPENING, LiveGripper
 from dqcontrol.plants.mujoco.mujoco_live import LOST, JointEncoders, check_rate
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.plants.mujoco.world_model import WorldBodies
@@ -71,8 +71,9 @@ class LiveMobile(LivePlant):
         self._joints = coordinates_of(model, joints)
         self.dofs: NDArray[np.intp] = dofs_of(model, joints)
         self._wheels, self._wheel_dofs = coordinates_of(model, gear.joints), dofs_of(model, gear.joints)
-        self._fingers = coordinates_of(model, FINGERS if plant.gripper is not None else ())
-        self._bodies = WorldBodies(plant.bodies, model, self.data)
+        self._gripper = LiveGripper(plant.gripper, model, self.data) if plant.gripper is not None else None
+        self._bodies = WorldBodies(plant.bodies, model, self.data, run[0], run[2])
+        self.seen = self._bodies.seen
         self._encoders = JointEncoders(plant, len(joints), run[2])
         self._slid = 0.0  # s
         inputs = robot.in_form("constrained").acceleration_limits("plant")
@@ -103,7 +104,7 @@ class LiveMobile(LivePlant):
 
     def settle(self, start: Array, steps: int) -> None:
         """Let the robot come to rest on its contacts, and start the clock there."""
-        dt, count, seed = self._run
+        period, count, seed = self._run
         data = self.data
         self._command_gripper(0.0)
         self._compensate(start)
@@ -120,9 +121,9 @@ class LiveMobile(LivePlant):
         self._odometry = self._gear.odometry(start[:3])
         self._sight: Sight | None = None
         if self._plant.location == "camera":
-            self._sight = Sight(camera, start[:3], dt, count, seed)
+            self._sight = Sight(camera, start[:3], period, count, seed)
         elif self._plant.location == "fused":
-            self._sight = FusedSight(camera, start[:3], dt, count, seed, self._odometry)
+            self._sight = FusedSight(camera, start[:3], period, count, seed, self._odometry)
         self._measure()
 
     def step(self, command: ArrayLike) -> None:
@@ -198,9 +199,8 @@ class LiveMobile(LivePlant):
         )
 
     def _command_gripper(self, time: float) -> None:
-        gripper = self._plant.gripper
-        if gripper is not None:
-            self.data.ctrl[len(self._joints) + len(self._wheels) :] = 1.0 if gripper.is_closed(time) else -1.0
+        if self._gripper is not None:
+            self._gripper.drive(time)
 
     def _compensate(self, q: Array) -> None:
         """Let the servos carry their share of gravity."""
@@ -233,8 +233,8 @@ class LiveMobile(LivePlant):
         out[tilt] = math.acos(min(1.0, 1 - 2 * (x * x + y * y)))
         out[tilt + 1 : tilt + 8] = data.qpos[:7]
         at = tilt + 8
-        if (gripper := self._plant.gripper) is not None:
-            out[at] = gripper.opening - data.qpos[self._fingers].sum()
+        if self._gripper is not None:
+            self._gripper.read(out[at : at + 1])
             at += 1
         self._bodies.read(out[at : at + self._bodies.size])
         at += self._bodies.size
@@ -277,7 +277,7 @@ def _channels(plant: MobilePlant, gear: RunningGear, bodies: tuple[Channel, ...]
         Channel("tilt", (), "rad"),
         Channel(BASE_POSITION, ("x", "y", "z"), "m"),
         Channel(BASE_QUATERNION, ("w", "x", "y", "z"), ""),
-        *([Channel("gripper_opening", (), "m")] if plant.gripper is not None else []),
+        *([Channel(GRIPPER_OPENING, (), "m")] if plant.gripper is not None else []),
         *bodies,
         *(CAMERA_CHANNELS if plant.location in SEEN else ()),
     )

@@ -10,8 +10,8 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
 from dqcontrol.plants.channels import BASE_POSITION, BASE_QUATERNION
-from dqcontrol.plants.mobile.gripper import FINGERS, Gripper
 from dqcontrol.plants.mobile.mobile_live import coordinates_of
+from dqcontrol.plants.mujoco.gripper import GRIPPER_OPENING, Gripper, fingers
 from dqcontrol.plants.mujoco.world_model import body_channels, write_coordinates
 from dqcontrol.world import Body
 
@@ -50,7 +50,7 @@ def recorded_coordinates(
     ShapeError
         If the recording is not of this robot and plant.
     """
-    needed = ["wheel_angle", *(["gripper_opening"] if gripper else [])]
+    needed = ["wheel_angle", *([GRIPPER_OPENING] if gripper else [])]
     needed += [channel.name for channel in body_channels(bodies)]
     missing = [name for name in needed if name not in readings]
     if missing or q.shape[1] != robot.configuration_size:
@@ -68,7 +68,7 @@ def recorded_coordinates(
     out[:, coordinates_of(model, wheels)] = readings["wheel_angle"]
     out[:, coordinates_of(model, robot.joint_names[3:])] = q[:, 3:]
     if gripper:
-        closed = 0.5 * (gripper.opening - readings["gripper_opening"])
-        out[:, coordinates_of(model, FINGERS)] = closed
+        closed = 0.5 * (gripper.opening - readings[GRIPPER_OPENING])
+        out[:, coordinates_of(model, fingers())] = closed
     write_coordinates(bodies, model, readings, out)
     return out

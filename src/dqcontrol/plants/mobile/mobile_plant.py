@@ -12,7 +12,6 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each, unknown_name
 from dqcontrol.geometry import Plane
 from dqcontrol.plants.camera import Camera
-from dqcontrol.plants.mobile.gripper import FINGERS, Gripper, add_gripper
 from dqcontrol.plants.mobile.live_camera import SEEN
 from dqcontrol.plants.mobile.mobile_live import LiveMobile, dofs_of
 from dqcontrol.plants.mobile.mobile_picture import recorded_coordinates
@@ -24,6 +23,7 @@ from dqcontrol.plants.mobile.wheeled_base import (
     add_wheel_motors,
     with_assumed_inertia,
 )
+from dqcontrol.plants.mujoco.gripper import Gripper, add_gripper
 from dqcontrol.plants.mujoco.mujoco_model import add_arm, add_inertias, compiled, import_mujoco
 from dqcontrol.plants.mujoco.mujoco_servos import JointServos
 from dqcontrol.plants.mujoco.world_model import add_world
@@ -85,7 +85,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
     --------
     >>> import numpy as np, dqcontrol as dqc
     >>> body = dqc.load_robot("little-john")
-    >>> plant = MobilePlant().start(body, np.zeros(8), dt=0.02, steps=50, seed=0)
+    >>> plant = MobilePlant().start(body, np.zeros(8), period=0.02, steps=50, seed=0)
     >>> for _ in range(50):
     ...     plant.step(np.array([0.3, 0, 0, 0, 0, 0, 0]))
     >>> bool(0.25 < plant.q[0] < 0.3)  # it takes a moment until it drives
@@ -128,17 +128,17 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         camera = self.camera if self.location in SEEN else None
         return (camera.position_noise, camera.angle_noise) if camera else (0.0, 0.0)
 
-    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> LiveMobile:
-        """Return the robot at rest at q0, standing on its wheels.
+    def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> LiveMobile:
+        """Return the robot at rest at start, standing on its wheels.
 
         Parameters
         ----------
         robot
             A whole body: a differential drive or a base on wheels with rollers first, then arms and fixed poses; or two
             arms on one.
-        q0
+        start
             First configuration, shape (n,), rad or m, joints within their limits.
-        dt
+        period
             Control period T, s.
         steps
             Number of periods.
@@ -156,10 +156,10 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         gear, arm = self._parts_of(robot)
         if arm is not None:
             check_standing(robot.name, gear, arm)
-        start = start_within_limits(robot, q0)
-        substeps = self.substeps(dt)
+        start = start_within_limits(robot, start)
+        substeps = self.substeps(period)
         model = self._mobile_model(robot, gear, arm)
-        live = LiveMobile(self, robot, gear, arm, model, substeps, (dt, steps, seed))
+        live = LiveMobile(self, robot, gear, arm, model, substeps, (period, steps, seed))
         live.place(start)
         mujoco = import_mujoco()
         mujoco.mj_forward(model, live.data)
@@ -266,8 +266,6 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         damping = model.dof_damping.reshape(model.nv, -1)[:, 0]
         names = robot.joint_names[3:]
         damping[dofs_of(model, names)] = as_each("plant.viscous_friction", self.viscous_friction, len(names))
-        if self.gripper is not None:
-            damping[dofs_of(model, FINGERS)] = self.gripper.force / self.gripper.speed
         return model
 
 

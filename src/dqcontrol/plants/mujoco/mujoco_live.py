@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import DivergedError, as_each
+from dqcontrol.errors import DivergedError, ValueRangeError, as_each
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.live_plant import LivePlant
-from dqcontrol.plants.mujoco.carried_box import CHANNELS, BoxSensors
+from dqcontrol.plants.mujoco.gripper import LiveGripper
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.plants.mujoco.world_model import WorldContacts
 from dqcontrol.plants.plant import as_command
@@ -41,24 +41,28 @@ class LiveMujoco(LivePlant):
     def __init__(
         self, plant: MujocoPlant, robot: Robot, model: Any, data: Any, substeps: int, seed: int
     ) -> None:
-        n = model.nu
+        n = robot.configuration_size
         self.model, self.data = model, data
         self.q: Array = data.qpos[:n]
         self.measured: Array = np.empty(n)
-        self._box = BoxSensors(model, data) if plant.box else None
-        if self._box is not None:
-            self.channels: tuple[Channel, ...] = CHANNELS
-            self.readings: Array = self._box.readings
-            self._box.read()
-        self._world = WorldContacts(plant.world, robot, model, data) if plant.world else None
+        hands = len(robot.ends)
+        self._gripper = LiveGripper(plant.gripper, model, data, hands) if plant.gripper else None
+        period = substeps * plant.timestep
+        world, self.seen = plant.world, {}
+        self._world = WorldContacts(world, robot, model, data, period, seed) if world else None
         if self._world is not None:
             self._world.check_start()
-            self._world.read()
-            self.channels, self.readings = self._world.channels, self._world.readings
-        self._rate, self._target = data.ctrl, data.act
+            self.seen = self._world.bodies.seen
+            self.channels: tuple[Channel, ...] = self._world.channels
+            self.readings: Array = self._world.readings
+        if self._gripper is not None:
+            self.channels = (*self.channels, self._gripper.channel)
+            self.readings = np.concatenate([self.readings, np.zeros(hands)])
+        self._read()
+        self._rate, self._target = data.ctrl[:n], data.act
         self._advance = import_mujoco().mj_step
         self._substeps = substeps
-        self._period = substeps * plant.timestep
+        self._period = period
         self._from_measured = plant.command_mode == "measured"
         self._encoders = JointEncoders(plant, n, seed)
         self._encoders.read(self.q, self.measured)
@@ -86,12 +90,12 @@ class LiveMujoco(LivePlant):
     @property
     def stiffness(self) -> Array:
         """The servos' k_p, shape (n,), N·m/rad or N/m."""
-        return self.model.actuator_gainprm[:, 0].copy()
+        return self.model.actuator_gainprm[: len(self.q), 0].copy()
 
     @property
     def damping(self) -> Array:
         """The servos' k_d, shape (n,), N·m·s/rad or N·s/m."""
-        return -self.model.actuator_biasprm[:, 2]
+        return -self.model.actuator_biasprm[: len(self.q), 2]
 
     def step(self, command: ArrayLike) -> None:
         """Move the arm for one control period; see `LivePlant.step`."""
@@ -100,6 +104,8 @@ class LiveMujoco(LivePlant):
         if self._from_measured:  # the rate that ends at measured + T u
             rate += (self.measured - self._target) / self._period
         check_rate(rate)
+        if self._gripper is not None:
+            self._gripper.drive(self.data.time)
         if self._world is None:
             self._advance(self.model, self.data, self._substeps)
         else:
@@ -110,10 +116,27 @@ class LiveMujoco(LivePlant):
                 "try a smaller timestep, less bandwidth or stiffness, or more damping"
             )
         self._encoders.read(self.q, self.measured)
-        if self._box is not None:
-            self._box.read()
+        self._read()
+
+    def close_gripper(self, closed: bool | None = True) -> None:
+        """Tell the gripper to close or to open, from the next step on, whatever its schedule says; None: as that says.
+
+        Raises
+        ------
+        ValueRangeError
+            If the plant has no gripper.
+        """
+        if self._gripper is None:
+            raise ValueRangeError("close_gripper: the plant has no gripper; give it 'gripper'")
+        self._gripper.told = closed
+
+    def _read(self) -> None:
+        """Read what is felt, and how far the gripper is open."""
         if self._world is not None:
             self._world.read()
+            self.readings[: len(self._world.readings)] = self._world.readings
+        if self._gripper is not None:
+            self._gripper.read(self.readings[-self._gripper.channel.size :])
 
 
 def check_rate(rate: Array) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -11,12 +10,13 @@ from msgspec.structs import replace
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_each
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.mujoco.carried_box import BOX_POSITION, BOX_QUATERNION, CarriedBox
+from dqcontrol.plants.mujoco.gripper import Gripper, add_gripper, fingers
 from dqcontrol.plants.mujoco.mujoco_live import LiveMujoco
 from dqcontrol.plants.mujoco.mujoco_model import add_inertias, compiled, import_mujoco, skeleton
 from dqcontrol.plants.mujoco.mujoco_servos import JointServos, mass_matrix
+from dqcontrol.plants.mujoco.pads import Pads
 from dqcontrol.plants.mujoco.world_model import add_links, add_world
-from dqcontrol.plants.plant import MovingBox, plants_that_drive, start_within_limits
+from dqcontrol.plants.plant import plants_that_drive, start_within_limits
 from dqcontrol.robots.robot import base_coordinates
 from dqcontrol.world import World
 
@@ -31,7 +31,7 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
     becomes servo targets once a period T; the target q* moves linearly from where it is to its new value over
     the period, as the interpolators of real arms do: a target that jumped would kick the joints by k_p T u.
 
-    The arm starts at rest and in balance: the first target is q0 + τ_g / k_p, with τ_g the part of the
+    The arm starts at rest and in balance: the first target is start + τ_g / k_p, with τ_g the part of the
     gravity torque that is not compensated. As that part changes with the configuration, the joints sag.
     Position limits are mechanical stops, where a joint has both.
 
@@ -60,8 +60,10 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         Rotor inertia seen at the joint, kg m² (kg for sliding joints): one number, or one a joint.
     viscous_friction, dry_friction
         N·m·s/rad and N·m (N·s/m and N): one number, or one a joint.
-    box
-        What two hands carry between them; nothing if omitted.
+    gripper
+        At each hand; none if omitted.
+    pads
+        On both of two hands, to carry something between them; none if omitted.
     world
         What links touch, each other included; nothing if omitted. A spec gives its own.
     position_limit
@@ -80,13 +82,14 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
     --------
     >>> import numpy as np, dqcontrol as dqc
     >>> arm = dqc.load_robot("iiwa7")
-    >>> plant = MujocoPlant(bandwidth=10).start(arm, np.full(7, 0.3), dt=0.01, steps=1, seed=0)
+    >>> plant = MujocoPlant(bandwidth=10).start(arm, np.full(7, 0.3), period=0.01, steps=1, seed=0)
     >>> plant.step(np.zeros(7))
     >>> bool(abs(plant.q - 0.3).max() < 1e-6)
     True
     """
 
-    box: CarriedBox | None = None
+    gripper: Gripper | None = None
+    pads: Pads | None = None
     world: World | None = None
     touches_world: ClassVar[bool] = True
 
@@ -94,16 +97,16 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         """Return it with what its links touch."""
         return replace(self, world=world)
 
-    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> LiveMujoco:
-        """Return the arm at rest at q0.
+    def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> LiveMujoco:
+        """Return the arm at rest at start.
 
         Parameters
         ----------
         robot
             An arm with inertias.
-        q0
+        start
             First configuration, shape (n,), rad or m, within the position limits.
-        dt
+        period
             Control period T, s.
         steps
             Number of periods; a live arm can be stepped further, as its noise is drawn step by step.
@@ -115,8 +118,8 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         MissingExtraError
             If mujoco is not installed.
         ShapeError, ValueRangeError
-            If q0, dt or a parameter does not fit the robot, its inertias do not allow physics, or its effort
-            limits cannot hold it at q0.
+            If start, period or a parameter does not fit the robot, its inertias do not allow physics, or its effort
+            limits cannot hold it at start.
         """
         if base_coordinates(robot).any():
             raise ValueRangeError(
@@ -127,27 +130,16 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
                 f"plant.kind: in physics of {robot.name} {robot.follows[0]} would have to follow another joint "
                 "(mimic), which no servo of it does; take the ideal or the servo plant"
             )
-        if self.box is not None and self.world is not None:
-            raise ValueRangeError("plant.box: is carried in an empty room; take it or the world away")
-        start = start_within_limits(robot, q0)
-        substeps = self.substeps(dt)
+        if self.pads is not None and (self.world is None or self.gripper is not None):
+            others = "'world'" if self.world is None else "pads or a gripper, not both"
+            raise ValueRangeError(f"plant.pads: press a body of the world between them; give {others}")
+        start = start_within_limits(robot, start)
+        substeps = self.substeps(period)
         model = self._model(robot, start)
         data = self._balance(robot, model, start)
-        if self.box is not None:
-            data.act[:] += self.box.squeezed(robot, start)
+        if self.pads is not None:
+            data.act[:] += self.pads.squeezed(robot, start)
         return LiveMujoco(self, robot, model, data, substeps, seed)
-
-    def boxes(self, robot: Robot, q: Array, readings: Mapping[str, Array]) -> list[MovingBox]:
-        """Return the box that is carried, and those that are free in the world; see `Plant.boxes`."""
-        if self.box is None or BOX_POSITION not in readings:
-            bodies = {} if self.world is None else self.world.bodies
-            return [
-                MovingBox(readings[f"{name}_position"], readings[f"{name}_quaternion"], 0.5 * body.size)
-                for name, body in bodies.items()
-                if body.role == "free" and body.box is not None and f"{name}_position" in readings
-            ]
-        size = self.box.half_sizes(robot, q[0])
-        return [MovingBox(readings[BOX_POSITION], readings[BOX_QUATERNION], size)]
 
     def _model(self, robot: Robot, start: Array) -> Any:
         """Build the model; gains are set later, at the start configuration."""
@@ -156,15 +148,24 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         spec = skeleton(robot)
         add_inertias(spec, robot)
         self.add_servos(spec, robot)
-        if self.box is None and self.world is None:
+        if self.world is None:
             spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT  # nothing here touches anything
         if self.world is not None:
-            add_links(spec, robot, self.timestep)
+            add_links(spec, robot, self.timestep, padded=self.pads is not None)
             add_world(spec, self.world.bodies, self.timestep)
             spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC  # with friction as stiff as pressure allows:
             spec.option.impratio = 50.0  # no creeping
-        if self.box is not None:
-            self.box.add(spec, robot, start, self.timestep)
+            spec.option.enableflags |= getattr(
+                mujoco.mjtEnableBit, "mjENBL_SLEEP", 0
+            )  # what lies costs nothing
+        if self.pads is not None:
+            self.pads.add(spec, robot, start, self.timestep)
+        if self.gripper is not None:
+            for k, row in enumerate(robot.ends):
+                link = spec.body(f"link_{int(robot.parents[row]) + 1}")
+                add_gripper(spec, self.gripper, link, robot.chain[row], self.timestep, k)
+                for name in fingers(k):
+                    spec.body(name).gravcomp = self.gravity_compensation
         for i, name in enumerate(robot.joint_names):
             spec.body(f"link_{i + 1}").gravcomp = self.gravity_compensation
             spec.joint(name).actgravcomp = True
@@ -184,15 +185,15 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         mujoco.mj_forward(model, data)
         return data
 
-    def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel:
-        """Return all joints together, coupled by their inertia at q0, in MuJoCo's own time steps.
+    def linear_model(self, robot: Robot, start: Array, period: float) -> LinearModel:
+        """Return all joints together, coupled by their inertia at start, in MuJoCo's own time steps.
 
         A step h takes v⁺ = (M + hD)⁻¹ (M v + h k_p (q* − q)) with D of servos and viscous friction, then
         q⁺ = q + h v⁺. What changes with the configuration (gravity, inertia), dry friction, effort limits and
         encoders are left out.
         """
-        h, steps, n = self.timestep, self.substeps(dt), robot.configuration_size
-        live = self.start(robot, q0, dt, 1, 0)
+        h, steps, n = self.timestep, self.substeps(period), robot.configuration_size
+        live = self.start(robot, start, period, 1, 0)
         mass, unit, zero = mass_matrix(live.model, live.data)[:n, :n], np.eye(n), np.zeros((n, n))
         damping = np.diag(live.damping + live.model.dof_damping.reshape(live.model.nv, -1)[:n, 0])
         pull = h * np.linalg.solve(mass + h * damping, np.diag(live.stiffness))
@@ -205,5 +206,5 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
             transition, inputs = step @ transition, step @ inputs
             inputs[2 * n :] += h * unit
         if self.command_mode == "measured":  # the target moves at the rate that ends at measured + T u
-            transition += inputs @ np.hstack([unit, zero, -unit]) / dt
+            transition += inputs @ np.hstack([unit, zero, -unit]) / period
         return LinearModel(transition, inputs)

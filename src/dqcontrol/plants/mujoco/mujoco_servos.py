@@ -107,9 +107,9 @@ class JointServos(Plant, frozen=True, kw_only=True):
         """Return noise and resolution of its encoders."""
         return EncoderErrors(self.encoder_noise, self.encoder_resolution)
 
-    def substeps(self, dt: float) -> int:
+    def substeps(self, period: float) -> int:
         """Return how many time steps a control period has."""
-        period = as_positive("dt", dt)
+        period = as_positive("period", period)
         count = round(period / self.timestep)
         if count < 1 or abs(count * self.timestep - period) > 1e-9 * period:
             near = period / max(1, math.ceil(period / self.timestep))
@@ -170,7 +170,7 @@ class JointServos(Plant, frozen=True, kw_only=True):
         for i, name in enumerate(robot.joint_names):
             if abs(load[i]) > robot.limits.effort[i]:
                 raise ValueRangeError(
-                    f"q0: joint {i + 1} '{name}' needs {abs(load[i]):.4g} N·m to hold gravity; "
+                    f"start: joint {i + 1} '{name}' needs {abs(load[i]):.4g} N·m to hold gravity; "
                     f"its effort limit is {robot.limits.effort[i]:g}"
                 )
         data.act[:] = start + (1 - self.gravity_compensation) * load / stiffness

@@ -15,6 +15,9 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
 from dqcontrol.plants.channels import Channel
+from dqcontrol.plants.mujoco.gripper import fingers
+from dqcontrol.plants.mujoco.pads import GRIP_FORCE, PADS
+from dqcontrol.plants.mujoco.watched_bodies import WatchedBodies, seen_channels
 from dqcontrol.robots.files.mujoco_package import import_mujoco
 from dqcontrol.world import Body, World
 from dqcontrol.world.mesh import convex_parts
@@ -41,8 +44,19 @@ _COLOURS = {
 }
 
 
-def add_links(spec: Any, robot: Robot, timestep: float) -> None:
+def add_links(spec: Any, robot: Robot, timestep: float, hand: str = "", *, padded: bool = False) -> None:
     """Give the links of a `skeleton` their collision shapes, and let those touch that the robot's file keeps apart.
+
+    Parameters
+    ----------
+    spec, robot
+        ``mjSpec`` and whose it is.
+    timestep
+        s; contacts are as stiff as it allows.
+    hand
+        Body at the tool's pose that has the last link's shapes in the link's place; none if empty.
+    padded
+        Whether hands touch bodies with their pads instead of the shapes of their links.
 
     Raises
     ------
@@ -53,12 +67,17 @@ def add_links(spec: Any, robot: Robot, timestep: float) -> None:
         raise ValueRangeError(
             f"world: {robot.name} has no shapes to touch it with; give it some ('dqcontrol robots shapes' fits them)"
         )
-    shapes = robot.shapes.shapes
+    shapes, last = robot.shapes.shapes, robot.configuration_size
+    ends = {int(robot.parents[row]) + 1 for row in robot.ends}
     for each in shapes:
-        body = spec.body(f"link_{each.frame}") if each.frame else spec.worldbody
-        geom = _add_geom(body, each.shape)
+        body, shape = spec.body(f"link_{each.frame}") if each.frame else spec.worldbody, each.shape
+        if hand and each.frame == last:
+            tool = algebra.pose(robot.chain[-1, :4], robot.chain[-1, 4:7])
+            body, shape = spec.body(hand), each.shape.moved(algebra.conjugate(tool))
+        geom = _add_geom(body, shape)
         geom.name, geom.mass, geom.group = _link_name(each.name), 0.0, 3  # drawn where links have no meshes
-        geom.contype, geom.conaffinity, geom.friction = _LINKS, 0, [0.0, 0.0, 0.0]
+        bare = padded and each.frame in ends
+        geom.contype, geom.conaffinity, geom.friction = 0 if bare else _LINKS, 0, [0.0, 0.0, 0.0]
         geom.solref[:2] = _SOLREF * timestep, 1.0
     for a, b in robot.shapes.pairs:
         pair = spec.add_pair(geomname1=_link_name(shapes[a].name), geomname2=_link_name(shapes[b].name))
@@ -79,7 +98,7 @@ def add_world(spec: Any, bodies: Mapping[str, Body], timestep: float) -> None:
         place = spec.worldbody.add_body(
             name=_body_name(name), pos=body.position, quat=algebra.rotation(body.pose)
         )
-        place.mocap = role == "moving"
+        place.mocap = body.moves is not None
         joint = body.hinge or body.slide
         if role == "free":
             place.add_freejoint(name=_body_name(name))
@@ -96,7 +115,12 @@ def add_world(spec: Any, bodies: Mapping[str, Body], timestep: float) -> None:
                 added.range, added.limited = joint.range, mujoco.mjtLimited.mjLIMITED_TRUE
                 added.solref_limit = (_SOLREF * timestep, 1.0)
         elif body.stiffness is not None:
+            if body.moves is not None:  # what moves as it says carries what gives way
+                place = place.add_body(name=_geoms_of(name, body))
             _hang(mujoco, place, name, body, timestep)
+        is_still = role in ("fixed", "moving", "free") or body.moves is not None
+        if not is_still and hasattr(mujoco, "mjtSleepPolicy"):  # what is on its way, however slowly, moves on
+            place.sleep = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
         geoms = list(_solid_geoms(spec, place, body, meshes))
         mass = body.mass or (_PLATE if role == "springy" else 1.0)
         volume = sum(each for _, each in geoms) or 1.0
@@ -195,6 +219,11 @@ def _body_name(name: str) -> str:
     return f"world: {name}"
 
 
+def _geoms_of(name: str, body: Body) -> str:
+    """Return which body in MuJoCo has its geoms."""
+    return f"{_body_name(name)} pad" if body.moves and body.role == "springy" else _body_name(name)
+
+
 class WorldBodies:
     """The bodies of a world at work in MuJoCo: those that move as they say, and where physics moves the others.
 
@@ -204,13 +233,19 @@ class WorldBodies:
         What is recorded of them.
     moves
         Whether a body moves as it says.
+    seen
+        By name where watched bodies are measured, poses (8,), updated in place at each sample.
     """
 
-    def __init__(self, bodies: Mapping[str, Body], model: Any, data: Any) -> None:
+    def __init__(self, bodies: Mapping[str, Body], model: Any, data: Any, period: float, seed: int) -> None:
         self._data = data
-        self.channels: tuple[Channel, ...] = tuple(body_channels(bodies))
+        watched = {name: body for name, body in bodies.items() if body.watch is not None}
+        places = {name: data.body(_body_name(name)) for name in watched}
+        self._watched = WatchedBodies(watched, places, period, seed)
+        self.seen: dict[str, Array] = self._watched.seen
+        self.channels: tuple[Channel, ...] = (*body_channels(bodies), *seen_channels(watched))
         self.size: int = sum(channel.size for channel in self.channels)
-        moving = {name: body for name, body in bodies.items() if body.role == "moving"}
+        moving = {name: body for name, body in bodies.items() if body.moves is not None}
         self._moving = [(int(model.body(_body_name(name)).mocapid[0]), body) for name, body in moving.items()]
         self.moves: bool = bool(self._moving)
         self._at = _coordinates_at(bodies, model)
@@ -232,7 +267,10 @@ class WorldBodies:
 
     def read(self, out: Array) -> None:
         """Write the readings, shape (size,)."""
-        out[:] = self._data.qpos[self._at]
+        moved = len(self._at)
+        out[:moved] = self._data.qpos[self._at]
+        if self.seen:
+            self._watched.look(out[moved:])
 
 
 def body_channels(bodies: Mapping[str, Body]) -> Iterator[Channel]:
@@ -282,16 +320,25 @@ class WorldContacts:
         Of contacts and bodies.
     """
 
-    def __init__(self, world: World, robot: Robot, model: Any, data: Any) -> None:
+    def __init__(self, world: World, robot: Robot, model: Any, data: Any, period: float, seed: int) -> None:
         mujoco = import_mujoco()
         assert robot.shapes is not None
-        self.bodies: WorldBodies = WorldBodies(world.bodies, model, data)
+        self.bodies: WorldBodies = WorldBodies(world.bodies, model, data, period, seed)
         self._model, self._data, self._force = model, data, mujoco.mj_contactForce
         self._names, self._links = list(world.bodies), robot.shapes.names
-        number = {model.body(_body_name(name)).id: i for i, name in enumerate(self._names)}
+        number = {
+            model.body(_geoms_of(name, body)).id: i for i, (name, body) in enumerate(world.bodies.items())
+        }
         # of each geom
         self._body_of: NDArray[np.intp] = np.array([number.get(int(each), -1) for each in model.geom_bodyid])
         links = {model.geom(_link_name(name)).id: i for i, name in enumerate(self._links)}
+        names = [model.geom(i).name for i in range(model.ngeom)]
+        self._pads = [names.index(name) for name in PADS if name in names]
+        for k, row in enumerate(robot.ends):  # what a hand has counts as the link that carries it
+            carrier = int(robot.parents[row]) + 1
+            last = max((i for i, each in enumerate(robot.shapes.shapes) if each.frame == carrier), default=0)
+            held = {names.index(name): last for name in (*fingers(k), *PADS[k : k + 1]) if name in names}
+            links.update(held)
         self._link_of: NDArray[np.intp] = np.array([links.get(i, -1) for i in range(model.ngeom)])
         self._wrench = np.zeros(6)
         parts = (*self._names, ITSELF)
@@ -300,8 +347,9 @@ class WorldContacts:
             Channel(DEPTH, parts, "m"),
             Channel(LINK, parts, ""),
             *self.bodies.channels,
+            *([Channel(GRIP_FORCE, ("first", "second"), "N")] if self._pads else []),
         )
-        self.readings: Array = np.zeros(3 * len(parts) + self.bodies.size)
+        self.readings: Array = np.zeros(sum(channel.size for channel in self.channels))
 
     def read(self) -> None:
         """Update the readings."""
@@ -309,15 +357,19 @@ class WorldContacts:
         force, depth, link = out[:parts], out[parts : 2 * parts], out[2 * parts : 3 * parts]
         force[:], depth[:], link[:] = 0.0, 0.0, -1.0
         hardest = np.full(parts, -1.0)
-        for thing, which, deep, pressed in self.contacts():
+        grip = out[3 * parts + self.bodies.size :]
+        grip[:] = 0.0
+        for thing, which, deep, pressed, geom in self.contacts():
+            if geom in self._pads:
+                grip[self._pads.index(geom)] += pressed
             force[thing] += pressed
             depth[thing] = max(depth[thing], deep)
             if pressed > hardest[thing]:
                 hardest[thing], link[thing] = pressed, which
-        self.bodies.read(out[3 * parts :])
+        self.bodies.read(out[3 * parts : 3 * parts + self.bodies.size])
 
-    def contacts(self) -> list[tuple[int, int, float, float]]:
-        """Return of each contact of a link the number of the body, of the link, depth (m) and normal force (N)."""
+    def contacts(self) -> list[tuple[int, int, float, float, int]]:
+        """Return of each contact of a link the body, the link, depth (m), normal force (N) and the geom of the link."""
         if not self._data.ncon:
             return []
         pairs, apart, found = self._data.contact.geom, self._data.contact.dist, []
@@ -325,7 +377,8 @@ class WorldContacts:
             a, b = pairs[i] if self._link_of[pairs[i, 0]] >= 0 else pairs[i, ::-1]
             thing = len(self._names) if self._link_of[b] >= 0 else int(self._body_of[b])
             self._force(self._model, self._data, int(i), self._wrench)
-            found.append((thing, int(self._link_of[a]), max(-float(apart[i]), 0.0), float(self._wrench[0])))
+            deep, force = max(-float(apart[i]), 0.0), float(self._wrench[0])
+            found.append((thing, int(self._link_of[a]), deep, force, int(a)))
         return found
 
     def check_start(self) -> None:
@@ -336,7 +389,7 @@ class WorldContacts:
         ValueRangeError
             With the worst: which link, how deep, in what.
         """
-        deep = sorted(((depth, thing, link) for thing, link, depth, _ in self.contacts()), reverse=True)
+        deep = sorted(((depth, thing, link) for thing, link, depth, *_ in self.contacts()), reverse=True)
         if deep and deep[0][0] > _DEEP:
             depth, thing, link = deep[0]
             what = (*self._names, "another link")[thing]

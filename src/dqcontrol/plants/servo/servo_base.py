@@ -155,8 +155,10 @@ def servo_on_base(command, parameters, noise, state, q, measured):
     return OK
 
 
-def start_on_base(plant: Servo, body: Robot, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
-    """Return the plant of a body with mobile bases at rest at q0.
+def start_on_base(
+    plant: Servo, body: Robot, start: Array, period: float, steps: int, seed: int
+) -> CompiledPlant:
+    """Return the plant of a body with mobile bases at rest at start.
 
     Raises
     ------
@@ -171,38 +173,38 @@ def start_on_base(plant: Servo, body: Robot, q0: Array, dt: float, steps: int, s
     coordinate = driven.input_coordinates[moved_by]
     arm = _joints(driven, coordinate, moved_by)
     alone = replace(plant, base_time_constant=0.0, camera=None)
-    servos = alone.start(arm, q0[coordinate], dt, steps, seed)
+    servos = alone.start(arm, start[coordinate], period, steps, seed)
     velocity = driven.limits.velocity if plant.rate_limit else np.full(p, np.inf)
     tau = as_positive("plant.base_time_constant", plant.base_time_constant, zero_allowed=True)
-    delay, oldest = begun_periods("plant.delay", plant.delay, dt)
-    noise, late, weight, foreseen = _sight(plant.camera, dt, steps, len(place), seed)
+    delay, oldest = begun_periods("plant.delay", plant.delay, period)
+    noise, late, weight, foreseen = _sight(plant.camera, period, steps, len(place), seed)
 
     head = np.zeros(_HEAD)
-    head[: _DRIVES + 1] = dt, body.input_size, p, len(coordinate), len(place), len(body.drives)
-    head[_DECAY] = math.exp(-dt / tau) if tau else 0.0
-    head[_MEAN] = -math.expm1(-dt / tau) * tau / dt if tau else 0.0
+    head[: _DRIVES + 1] = period, body.input_size, p, len(coordinate), len(place), len(body.drives)
+    head[_DECAY] = math.exp(-period / tau) if tau else 0.0
+    head[_MEAN] = -math.expm1(-period / tau) * tau / period if tau else 0.0
     head[_DELAY], head[_CAMERA_DELAY], head[_WEIGHT], head[_OLDEST] = delay, late, weight, oldest
     rollers = driven.rollers if plant.rate_limit else driven.rollers[:0]
     head[_ROLLERS] = len(rollers)
     indices = np.concatenate([coordinate, moved_by, place]).astype(np.float64)
-    change = dt * driven.acceleration_limits("plant")
-    steering = _steering(body, dt)
+    change = period * driven.acceleration_limits("plant")
+    steering = _steering(body, period)
     parameters = np.concatenate(
         [head, indices, velocity, body.drives.ravel(), change, steering, rollers.ravel(), servos.parameters]
     )
     scratch, queue = np.zeros(2 * p + 3 * len(coordinate) + len(place)), np.zeros(p * (delay + 1))
-    frames = np.tile(q0[place], late + 1)
-    state = np.concatenate([scratch, q0[place], queue, frames, np.zeros(len(body.drives)), servos.state])
-    return CompiledPlant(servo_on_base, parameters, state, q0, np.hstack([servos.noise, noise]), foreseen)
+    frames = np.tile(start[place], late + 1)
+    state = np.concatenate([scratch, start[place], queue, frames, np.zeros(len(body.drives)), servos.state])
+    return CompiledPlant(servo_on_base, parameters, state, start, np.hstack([servos.noise, noise]), foreseen)
 
 
-def _steering(body: Robot, dt: float) -> Array:
+def _steering(body: Robot, period: float) -> Array:
     """Return how each drive steers, 4 numbers a drive: see `turn_front_wheels`."""
     rows = np.zeros((len(body.drives), 4))
     for row, part in zip(rows, body.driven_bases, strict=True):
         if not isinstance(part, DifferentialDrive) and part.steering_rate < math.inf:
             driven = isinstance(part, SteeredTricycle)
-            row[:] = part.wheelbase, part.steering_rate * dt, part.steering_limit, driven
+            row[:] = part.wheelbase, part.steering_rate * period, part.steering_limit, driven
     return rows.ravel()
 
 
@@ -218,14 +220,14 @@ def _joints(body: Robot, coordinate: NDArray[np.intp], moved_by: NDArray[np.intp
 
 
 def _sight(
-    camera: Camera | None, dt: float, steps: int, places: int, seed: int
+    camera: Camera | None, period: float, steps: int, places: int, seed: int
 ) -> tuple[Array, int, float, list[tuple[Channel, Array]]]:
     """Return the camera's noise (steps, 2 + places), its delay in periods, the weight of a frame, and its signals."""
     noise = np.zeros((steps, 2 + places))
     noise[:, :2] = 1.0
     if camera is None:
         return noise, 0, 1.0, []
-    found = camera.schedule(dt, steps, places // 3, seed)
+    found = camera.schedule(period, steps, places // 3, seed)
     noise[:, 0], noise[:, 1], noise[:, 2:] = found.share, found.arrives[1:], found.errors[1:]
     values = found.age[:, None], found.share[:, None]
     return noise, found.delay, found.weight, list(zip(CAMERA_CHANNELS, values, strict=True))

@@ -39,7 +39,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
     Each period the target of joint i moves by T uᵢ, starting from where it was (``integrated``) or from the measured
     position (``measured``: what a velocity command through a position interface becomes; gravity then drags the arm
     down at every sample until the law holds it). The joint follows q̇ = (target − s(q) − q)/τ, integrated exactly with
-    s held, with the sag s(q) = α K⁻¹ τ_g(q). The arm starts at rest, its target above q0 by s(q0). Joints with a
+    s held, with the sag s(q) = α K⁻¹ τ_g(q). The arm starts at rest, its target above start by s(start). Joints with a
     ``bandwidth`` ω are of second order instead: q̈ = ω² (target − s(q) − q) − 2ζω q̇. Those with ``friction`` stay behind
     what drives them by as much, to the side that they come from (play).
 
@@ -133,8 +133,8 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         """Return the camera's standard deviations, m and rad."""
         return (self.camera.position_noise, self.camera.angle_noise) if self.camera else (0.0, 0.0)
 
-    def start(self, robot: Robot, q0: Array, dt: float, steps: int, seed: int) -> CompiledPlant:
-        """Return the plant at rest at q0.
+    def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> CompiledPlant:
+        """Return the plant at rest at start.
 
         Raises
         ------
@@ -142,24 +142,28 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
             If a parameter is out of range, the robot has no inertia and there is sag, or it has no mobile base for
             what is said of one.
         """
-        q0, dt, n = start_configuration(robot, q0), as_positive("dt", dt), robot.configuration_size
+        start, period, n = (
+            start_configuration(robot, start),
+            as_positive("period", period),
+            robot.configuration_size,
+        )
         if base_coordinates(robot).any():
             if self.wrist is not None:
                 raise ValueRangeError(
                     f"plant.wrist: is at the hand of an arm, and {robot.name} has a mobile base"
                 )
-            return start_on_base(self, robot, q0, dt, steps, seed)
+            return start_on_base(self, robot, start, period, steps, seed)
         for field in ("base_time_constant", "camera"):
             if getattr(self, field):
                 raise ValueRangeError(f"plant.{field}: {robot.name} has no mobile base")
         if self.command_mode not in COMMAND_MODES:
             raise unknown_name("plant.command_mode", str(self.command_mode), COMMAND_MODES)
-        answers = self._answers(n, dt)
+        answers = self._answers(n, period)
         gain, stiffness = (self._each(field, n, zero_allowed=False) for field in ("gain", "stiffness"))
         sag = self.sag
         compliance = sag / stiffness
-        sag0 = compliance * robot.gravity_forces(q0, self.gravity) if sag else np.zeros(n)
-        target = q0 + sag0
+        sag0 = compliance * robot.gravity_forces(start, self.gravity) if sag else np.zeros(n)
+        target = start + sag0
         ends = robot.limits if self.position_limit else Limits.none(n)
         oldest = max((each.delay for each in answers), default=0)
         head = np.zeros(layout.HEAD)
@@ -167,7 +171,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         head[layout.OLDEST_TARGET], head[layout.SAG] = oldest, sag
         head[layout.GRAVITY : layout.GRAVITY + 3] = as_array("plant.gravity", self.gravity, (3,))
         joint = np.zeros((n, layout.COLUMNS))
-        joint[:, layout.STEP] = gain * dt
+        joint[:, layout.STEP] = gain * period
         joint[:, layout.RATE] = robot.limits.velocity if self.rate_limit else np.inf
         joint[:, layout.LOWER], joint[:, layout.UPPER] = ends.lower, ends.upper
         joint[:, layout.COMPLIANCE] = compliance
@@ -182,20 +186,20 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         joint[:, layout.NOISE] = self._each("encoder_noise", n)
         bodies, table = np.zeros((0, 4)), np.zeros((1, 8))
         if sag and robot.inertia:
-            bodies, table = robot.inertia.table, robot.weighed_table
+            bodies, table = robot.inertia.table, robot.inertia_chain
         head[layout.BODIES], head[layout.TABLE_COLUMNS] = len(bodies), table.shape[1]
         parameters = np.concatenate([head, joint.ravel(), bodies.ravel(), table.ravel()])
         scratch = np.zeros(WORK * len(bodies) + n)
-        state = np.concatenate([target, np.zeros(n), *[target] * (oldest + 1), scratch, q0])
+        state = np.concatenate([target, np.zeros(n), *[target] * (oldest + 1), scratch, start])
         noise = (
             np.random.default_rng(seed).standard_normal(out=long_array(steps, n))
             if joint[:, layout.NOISE].any()
             else np.zeros((steps, n))
         )
-        plant = CompiledPlant(servo, parameters, state, q0, noise)
+        plant = CompiledPlant(servo, parameters, state, start, noise)
         if self.wrist is None:
             return plant
-        return touching(plant, self.wrist, self.world, robot, self.gravity, dt, seed)
+        return touching(plant, self.wrist, self.world, robot, self.gravity, period, seed)
 
     def target_mode(self) -> CommandMode:
         """Return its command mode."""
@@ -216,7 +220,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         """Return noise and resolution of its encoders."""
         return EncoderErrors(self.encoder_noise, self.encoder_resolution)
 
-    def linear_model(self, robot: Robot, q0: Array, dt: float) -> LinearModel | None:
+    def linear_model(self, robot: Robot, start: Array, period: float) -> LinearModel | None:
         """Return the joints without sag, play, encoder and rate limit: positions, then their targets, newest first.
 
         One joint stands for all if all are alike. None for mobile bases, which move otherwise than joints.
@@ -229,25 +233,25 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
             return None
         n = robot.configuration_size
         gain = self._each("gain", n, zero_allowed=False)
-        answers = list(zip(self._answers(n, dt), gain.tolist(), strict=True))
+        answers = list(zip(self._answers(n, period), gain.tolist(), strict=True))
         if all(each == answers[0] for each in answers):
-            return self._joint_model(*answers[0], dt)
+            return self._joint_model(*answers[0], period)
         from scipy.linalg import block_diag
 
-        models = [self._joint_model(*each, dt) for each in answers]
+        models = [self._joint_model(*each, period) for each in answers]
         sizes = [len(model.transition) for model in models]
         begins = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(int)
         order = np.concatenate([begins, np.setdiff1d(np.arange(sum(sizes)), begins)])
         transition = np.asarray(block_diag(*(model.transition for model in models)))[np.ix_(order, order)]
         inputs = np.asarray(block_diag(*(model.inputs for model in models)))[order]
-        return LinearModel(transition, inputs).reduced(round(_HORIZON / dt))
+        return LinearModel(transition, inputs).reduced(round(_HORIZON / period))
 
-    def _joint_model(self, answer: _Answer, gain: float, dt: float) -> LinearModel:
+    def _joint_model(self, answer: _Answer, gain: float, period: float) -> LinearModel:
         delay, oldest, decay, second = answer
         size = delay + 2 + (second is not None)
         transition, inputs = np.zeros((size, size)), np.zeros((size, 1))
         transition[1, 0 if self.command_mode == "measured" else 1] = 1.0
-        inputs[1] = gain * dt
+        inputs[1] = gain * period
         for late in range(2, delay + 2):
             transition[late, late - 1] = 1.0
         if second is not None:
@@ -282,7 +286,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         """Return a parameter of each of n joints, checked."""
         return as_each_positive(f"plant.{field}", getattr(self, field), n, zero_allowed=zero_allowed)
 
-    def _answers(self, n: int, dt: float) -> list[_Answer]:
+    def _answers(self, n: int, period: float) -> list[_Answer]:
         """Return how each of n joints follows its targets."""
         delay, bandwidth, tau = (
             self._each(field, n).tolist() for field in ("delay", "bandwidth", "time_constant")
@@ -290,16 +294,16 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         is_second = any(bandwidth)
         damping = self._each("damping_ratio", n, zero_allowed=False).tolist() if is_second else [1.0] * n
         joints = list(zip(delay, bandwidth, damping, tau, strict=True))
-        found = {joint: _answer(*joint, dt) for joint in set(joints)}  # most arms have one kind
+        found = {joint: _answer(*joint, period) for joint in set(joints)}  # most arms have one kind
         return [found[joint] for joint in joints]
 
 
-def _answer(delay: float, bandwidth: float, damping: float, tau: float, dt: float) -> _Answer:
+def _answer(delay: float, bandwidth: float, damping: float, tau: float, period: float) -> _Answer:
     """Return how a joint follows its targets."""
-    late, share = begun_periods("plant.delay", delay, dt)
+    late, share = begun_periods("plant.delay", delay, period)
     if bandwidth:
-        return _Answer(late, share, 0.0, _second_order(bandwidth, damping, (1 - share) * dt, dt))
-    return _Answer(late, *lag_weights(share, tau, dt))
+        return _Answer(late, share, 0.0, _second_order(bandwidth, damping, (1 - share) * period, period))
+    return _Answer(late, *lag_weights(share, tau, period))
 
 
 class _SecondOrder(NamedTuple):
@@ -322,9 +326,9 @@ class _Answer(NamedTuple):
     second: _SecondOrder | None = None
 
 
-def _second_order(bandwidth: float, damping: float, newer: float, dt: float) -> _SecondOrder:
+def _second_order(bandwidth: float, damping: float, newer: float, period: float) -> _SecondOrder:
     """Return the exact step, the newer target being in force for the last ``newer`` seconds of a period."""
-    first, second = free_response(dt, bandwidth, damping)
+    first, second = free_response(period, bandwidth, damping)
     late, late_second = free_response(newer, bandwidth, damping)
     return _SecondOrder(
         kept=first,

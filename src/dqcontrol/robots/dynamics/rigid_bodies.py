@@ -77,7 +77,7 @@ _MOVED, _INERTIA, _RATES, _WRENCH = (
 
 def rigid_bodies(robot: Robot) -> Array:
     """Return the table of a robot with inertias, a row `Body` a joint."""
-    bodies, table = robot.inertia, robot.weighed_table
+    bodies, table = robot.inertia, robot.inertia_chain
     assert bodies is not None
     count = len(bodies.mass)
     if table.shape[1] == COLUMNS:

@@ -88,7 +88,7 @@ class InverseKinematics(Dexterity):
     def solve(
         self,
         pose: ArrayLike,
-        q0: ArrayLike | None = None,
+        start: ArrayLike | None = None,
         *,
         position_tolerance: float = 1e-6,
         orientation_tolerance: float = 1e-6,
@@ -97,14 +97,14 @@ class InverseKinematics(Dexterity):
     ) -> Solution:
         """Find a configuration within the joint limits that gives the hand a pose.
 
-        Damped Newton steps start from ``q0``, then from random configurations, until one reaches the pose. The
-        result is the same each time; with ``q0`` near a solution it is that solution.
+        Damped Newton steps start from ``start``, then from random configurations, until one reaches the pose. The
+        result is the same each time; with ``start`` near a solution it is that solution.
 
         Parameters
         ----------
         pose
             Desired unit dual quaternions, shape (…, 8), base frame; x and −x are the same.
-        q0
+        start
             First start, shape (…, n), rad or m, clamped to the limits; the middle of the limits if omitted.
         position_tolerance, orientation_tolerance
             m and rad; ``inf`` where the position or the orientation does not matter.
@@ -137,8 +137,10 @@ class InverseKinematics(Dexterity):
             as_whole_number("seed", seed),
         )
         n, poses, guess = self.configuration_size, unit_poses("pose", pose), problem.middle
-        if q0 is not None:
-            guess = np.minimum(np.maximum(as_array("q0", q0, (n,)), problem.limits[0]), problem.limits[1])
+        if start is not None:
+            guess = np.minimum(
+                np.maximum(as_array("start", start, (n,)), problem.limits[0]), problem.limits[1]
+            )
         if poses.ndim == guess.ndim == 1:
             q = guess.reshape(1, n).copy()
             reports = self._newton(problem, poses.reshape(1, 8), q)
@@ -289,7 +291,7 @@ def _common_lead(poses: Array, guess: Array) -> tuple[int, ...]:
         return np.broadcast_shapes(poses.shape[:-1], guess.shape[:-1])
     except ValueError:
         raise ShapeError(
-            f"q0: leading axes {guess.shape[:-1]} do not fit those of pose, {poses.shape[:-1]}"
+            f"start: leading axes {guess.shape[:-1]} do not fit those of pose, {poses.shape[:-1]}"
         ) from None
 
 

@@ -82,11 +82,11 @@ def loop_shape(
         why = "are unknown" if gains is None else "are 0"
         raise ShapeError(f"law: its loop gains {why}; learning needs a law that corrects errors of the pose")
     slowest = min(moving, key=lambda gain: abs(gain.value))
-    shape = LoopShape(slowest, _feedforward(robot, prepared, start), prepared.dt)
+    shape = LoopShape(slowest, _feedforward(robot, prepared, start), prepared.period)
     if not isinstance(reference, Previewed):
         return shape
-    ahead = math.floor(reference.delay / prepared.dt + 1e-9)  # twists of points are constant in between
-    share = math.exp(-prepared.dt / reference.lag) if reference.lag else 0.0
+    ahead = math.floor(reference.delay / prepared.period + 1e-9)  # twists of points are constant in between
+    share = math.exp(-prepared.period / reference.lag) if reference.lag else 0.0
     return replace(shape, ahead=ahead, share=share)
 
 

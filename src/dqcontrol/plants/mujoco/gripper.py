@@ -1,4 +1,4 @@
-"""A gripper with two fingers, opened and closed on schedule."""
+"""A gripper with two fingers, opened and closed on schedule, or when it is told."""
 
 from __future__ import annotations
 
@@ -8,16 +8,19 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from msgspec import Meta
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.named_fields import NamedFields
-from dqcontrol.plants.mobile.wheeled_base import THINGS
-from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
+from dqcontrol.plants.channels import Channel
+from dqcontrol.robots.files.mujoco_package import import_mujoco
 
-FINGERS = ("finger_1", "finger_2")
+GRIPPER_OPENING = "gripper_opening"
 
+_HANDS = ("first", "second", "third", "fourth")
 _AXES: dict[str, tuple[int, int, int]] = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
 _METAL = (0.35, 0.37, 0.40, 1.0)
 _PAD = (0.95, 0.45, 0.10, 1.0)
+_BODIES = 2  # bit of MuJoCo's contacts that bodies of the world have
 _PAST = 0.012  # m; the fingers reach so far beyond the hand's point
 
 
@@ -38,7 +41,7 @@ class GripperEvent(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
 
 
 class Gripper(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Two fingers that slide towards each other, geared together, open at the start.
+    """Two fingers that slide towards each other, geared together, open at the start; one at each hand of a robot.
 
     The hand's point lies between the finger tips. A motor pushes with a constant force, to close or to open; without an
     object the fingers move at ``speed``. What they grip is held by friction alone.
@@ -95,7 +98,12 @@ class Gripper(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True
         return closed
 
 
-def add_gripper(spec: Any, gripper: Gripper, link: Any, tool: Any, timestep: float) -> None:
+def fingers(hand: int = 0) -> tuple[str, str]:
+    """Return what both fingers of a hand are called in MuJoCo: bodies, joints, shapes and motors."""
+    return (f"finger_{2 * hand + 1}", f"finger_{2 * hand + 2}")
+
+
+def add_gripper(spec: Any, gripper: Gripper, link: Any, tool: Any, timestep: float, hand: int = 0) -> None:
     """Add palm, fingers and their motors to the body that carries the hand.
 
     Parameters
@@ -106,6 +114,8 @@ def add_gripper(spec: Any, gripper: Gripper, link: Any, tool: Any, timestep: flo
         Orientation and position of the hand in the body, shape (7,), as in a robot's chain.
     timestep
         s; the gear between the fingers is as stiff as it allows.
+    hand
+        Number of the hand.
     """
     mujoco = import_mujoco()
     points, closes = np.array(_AXES[gripper.points], float), np.array(_AXES[gripper.closes], float)
@@ -114,10 +124,10 @@ def add_gripper(spec: Any, gripper: Gripper, link: Any, tool: Any, timestep: flo
     mujoco.mju_mat2Quat(turn, np.ascontiguousarray(rotation).reshape(9))
     mujoco.mju_mulQuat(quaternion, np.ascontiguousarray(tool[:4]), turn)
     half, thick, wide = 0.5 * gripper.opening, 0.006, 0.012
-    palm = link.add_body(name="palm", pos=tool[4:7], quat=quaternion)
+    palm = link.add_body(name=f"palm_{hand + 1}", pos=tool[4:7], quat=quaternion)
     bar = palm.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[half + thick, wide, 0.01], rgba=_METAL, mass=0)
     bar.pos, bar.contype, bar.conaffinity = [0, 0, _PAST - gripper.length], 0, 0
-    for name, side in zip(FINGERS, (-1, 1), strict=True):
+    for name, side in zip(fingers(hand), (-1, 1), strict=True):
         finger = palm.add_body(name=name, pos=[side * half, 0, 0])
         finger.mass, finger.ipos, finger.explicitinertial = (
             gripper.mass / 2,
@@ -139,9 +149,43 @@ def add_gripper(spec: Any, gripper: Gripper, link: Any, tool: Any, timestep: flo
             rgba=_PAD,
             mass=0,
         )
-        bar.contype, bar.conaffinity, bar.condim, bar.friction = 0, THINGS, 4, [0, 0, 0]
+        bar.contype, bar.conaffinity, bar.condim, bar.friction = 0, _BODIES, 4, [0, 0, 0]
         motor = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         motor.gainprm[0] = gripper.force
-    gear = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1=FINGERS[0], name2=FINGERS[1])
+    first, second = fingers(hand)
+    gear = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1=first, name2=second)
     gear.objtype = mujoco.mjtObj.mjOBJ_JOINT
     gear.data[:5], gear.solref = [0, 1, 0, 0, 0], (4 * timestep, 1)
+
+
+class LiveGripper:
+    """The grippers of a robot at work in MuJoCo: all of them are open, or all of them closed.
+
+    Attributes
+    ----------
+    channel
+        How far the fingers are open, of each hand.
+    told
+        Whether they are to close, whatever the schedule says; None: as that says.
+    """
+
+    def __init__(self, gripper: Gripper, model: Any, data: Any, hands: int = 1) -> None:
+        self.gripper, self._data, self.told = gripper, data, None
+        self.channel: Channel = Channel(GRIPPER_OPENING, _HANDS[:hands] if hands > 1 else (), "m")
+        names = [fingers(hand) for hand in range(hands)]
+        joints = [[model.joint(name) for name in pair] for pair in names]
+        self._at = np.array([[int(joint.qposadr[0]) for joint in pair] for pair in joints], dtype=np.intp)
+        self._motors = np.array([model.actuator(name).id for pair in names for name in pair], dtype=np.intp)
+        damping = model.dof_damping.reshape(model.nv, -1)[:, 0]  # so that they move at their speed
+        damping[[int(joint.dofadr[0]) for pair in joints for joint in pair]] = gripper.force / gripper.speed
+
+    told: bool | None
+
+    def drive(self, time: float) -> None:
+        """Push the fingers as they are told, or as the schedule says at a time, s."""
+        closed = self.gripper.is_closed(time) if self.told is None else self.told
+        self._data.ctrl[self._motors] = 1.0 if closed else -1.0
+
+    def read(self, out: Array) -> None:
+        """Write how far the fingers of each hand are apart, m."""
+        out[:] = self.gripper.opening - self._data.qpos[self._at].sum(axis=1)

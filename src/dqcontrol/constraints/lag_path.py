@@ -52,7 +52,7 @@ class WayToTargets(NamedTuple):
     late: float
 
 
-def way_to_targets(lag: Lag, n: int, period: float) -> WayToTargets:
+def lag_path(lag: Lag, n: int, period: float) -> WayToTargets:
     """Return the points of the way of n joints with a lag."""
     times, delays = np.array(lag.times or np.zeros(n)), np.array(lag.delays or np.zeros(n))
     slowest, delay = float(times.max(initial=0.0)), float(delays.max(initial=0.0))

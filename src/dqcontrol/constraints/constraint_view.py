@@ -11,7 +11,7 @@ from dqcontrol.constraints.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.geometry import Shape, distance
 from dqcontrol.robots.robot import Robot
-from dqcontrol.world import Motion
+from dqcontrol.world import Body, Motion
 
 NEAR = 0.02  # m beyond what is asked: a pair that has less room is near
 
@@ -48,7 +48,7 @@ class NearestPair(NamedTuple):
     link
         The robot's shape; None of the hand's point.
     thing
-        Number of the other shape among `KeptScene.things`; −1 where it is the robot's own.
+        Number of the other shape among `ConstraintView.things`; −1 where it is the robot's own.
     """
 
     label: str
@@ -71,9 +71,12 @@ class Surroundings:
     ----------
     things
         What is kept clear of, in its order, then zones, then what else stands around.
+    free
+        The bodies of the world, by name, of which only a recording says where they are; they are no things.
     """
 
     def __init__(self, given: Constraints) -> None:
+        given = given.unwatched
         walls = [Thing(name, wall, True) for name, zone in given.zones.items() for wall in zone.shapes]
         named = list(given.obstacles.items())
         self._obstacles = [each.moves for _, each in named for _ in each.shapes]
@@ -83,6 +86,8 @@ class Surroundings:
             if name not in given.obstacles and not body.is_moved_by_physics
         ]
         self._others = [body.moves or Motion() for _, body in others for _ in body.shapes]
+        bodies = given.world.bodies if given.world else {}
+        self.free: dict[str, Body] = {name: body for name, body in bodies.items() if body.is_moved_by_physics}
         further = [Thing(name, shape, False) for name, body in others for shape in body.shapes]
         solids = [Thing(name, shape, False) for name, each in named for shape in each.shapes]
         self.things: list[Thing] = [*solids, *walls, *further]
@@ -97,7 +102,7 @@ class Surroundings:
         return found
 
 
-class KeptScene(Surroundings):
+class ConstraintView(Surroundings):
     """What constraints have around a robot, and which pair is nearest.
 
     Parameters
@@ -113,7 +118,7 @@ class KeptScene(Surroundings):
     def __init__(self, given: Constraints, robot: Robot, period: float) -> None:
         super().__init__(given)
         self._robot = robot
-        self._prepared = PreparedConstraints(given, robot, period, "measured")
+        self._prepared = PreparedConstraints(given.unwatched, robot, period, "measured")
 
     def nearest(self, q: Array, time: float) -> NearestPair | None:
         """Return the nearest pair at a configuration (n,), rad or m; None if only angles are kept."""

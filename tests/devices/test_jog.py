@@ -5,13 +5,15 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol import algebra
+from dqcontrol.devices.jog import HELP, MOVES, Jog
 from dqcontrol.errors import Error, ExistsError, FallenError, ShapeError
-from dqcontrol.experiments.jogging import most_dexterous, prepare_jog
-from dqcontrol.loop.jog import HELP, MOVES, Jog
+from dqcontrol.experiments.driven import prepare_live
+from dqcontrol.loop import Live
 from dqcontrol.loop.targets import Speeds
 from dqcontrol.recording import RecordStream, load_record
 from dqcontrol.references import load_points
 from dqcontrol.references.points_writer import PointsWriter
+from dqcontrol.robots import most_dexterous
 from dqcontrol.supervisor import list_interventions
 
 T, Q0 = 0.01, np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
@@ -19,23 +21,32 @@ T, Q0 = 0.01, np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
 
 @pytest.fixture
 def jog(tmp_path):
-    arm = dqc.load_robot("iiwa7")
-    law = dqc.laws.ProportionalFeedforward(gain=10.0).prepare(arm, None, T)
-    supervisor = dqc.supervisor.Supervisor(acceleration=5.0).prepare(arm, T)
-    plant = dqc.plants.Servo(time_constant=0.02).start(arm, Q0, T, 50, 0)
-    return Jog(law, supervisor, plant, PointsWriter(tmp_path / "poses.csv"), Speeds(0.1, 0.5), steps=50)
+    live = Live(
+        dqc.load_robot("iiwa7"),
+        dqc.laws.ProportionalFeedforward(gain=10.0),
+        dqc.plants.Servo(time_constant=0.02),
+        T,
+        start=Q0,
+        supervisor=dqc.supervisor.Supervisor(acceleration=5.0),
+        speeds=Speeds(0.1, 0.5),
+    )
+    return Jog(live, PointsWriter(tmp_path / "poses.csv"))
+
+
+def hand(jog):
+    return jog.live.state.pose
 
 
 def hold(jog, key, seconds):
     """Press a key as a terminal repeats it, then let go and wait until all rests; return how the hand moved."""
-    before = jog.pose.copy()
+    before = hand(jog)
     for k in range(round(seconds / T)):
         if k % 4 == 0:
             assert jog.press(key) == ""
-        jog.step()
+        jog.live.step()
     for _ in range(120):
-        jog.step()
-    after = jog.pose
+        jog.live.step()
+    after = hand(jog)
     turn = algebra.multiply(after, algebra.conjugate(before))[:4]
     return algebra.translation(after) - algebra.translation(before), 2 * turn[1:] * np.sign(turn[0])
 
@@ -73,18 +84,18 @@ def test_faster_slower_and_the_axes_of_the_hand(jog):
     assert jog.share == 1
     jog.press("h")
     assert "hand axes" in jog.status
-    axis = algebra.matrix_from_rotation(algebra.rotation(jog.pose))[:, 2]
+    axis = algebra.matrix_from_rotation(algebra.rotation(hand(jog)))[:, 2]
     moved, _ = hold(jog, "f", 0.4)
     assert moved / np.linalg.norm(moved) == pytest.approx(-axis, abs=0.01)
 
 
 def test_kept_poses_are_a_reference(jog, tmp_path):
-    poses = [jog.pose.copy()]
+    poses = [hand(jog)]
     assert jog.press("p").startswith("pose 1 kept in ")
     assert "move the hand first" in jog.press("p")
     for key in ("r", "u"):
         hold(jog, key, 0.5)
-        poses.append(jog.pose.copy())
+        poses.append(hand(jog))
         jog.press("p")
     reference = load_points(tmp_path / "poses.csv")
 
@@ -105,14 +116,14 @@ def test_kept_poses_are_a_reference(jog, tmp_path):
 def test_an_emergency_stop_holds_until_it_is_told_to_go_on(jog):
     for _ in range(40):
         jog.press("w")
-        jog.step()
+        jog.live.step()
     jog.press(" ")
     for _ in range(60):
         jog.press("w")
-        jog.step()
-    assert jog.condition == "stopped: emergency stop"
+        jog.live.step()
+    assert jog.live.condition == "stopped: emergency stop"
     assert np.concatenate(hold(jog, "w", 0.3)) == pytest.approx(0, abs=1e-6)
-    assert not jog.ended
+    assert not jog.live.ended
     assert jog.press("g") == "resumed"
     assert "is active, not stopped" in jog.press("g")
     moved, _ = hold(jog, "a", 0.4)
@@ -120,7 +131,7 @@ def test_an_emergency_stop_holds_until_it_is_told_to_go_on(jog):
 
 
 def test_a_recording_has_all_that_happened_also_after_a_stop(jog, tmp_path):
-    with RecordStream(tmp_path / "record.mcap", dqc.load_robot("iiwa7")) as jog.recording:
+    with RecordStream(tmp_path / "record.mcap", dqc.load_robot("iiwa7")) as jog.live.recording:
         hold(jog, "w", 0.3)
         jog.press(" ")
         hold(jog, "w", 0.3)
@@ -137,11 +148,11 @@ def test_a_recording_has_all_that_happened_also_after_a_stop(jog, tmp_path):
 
 def test_a_recording_that_cannot_be_written_stops_the_robot(jog, tmp_path):
     recording = RecordStream(tmp_path / "record.mcap", dqc.load_robot("iiwa7"))
-    jog.recording = recording
+    jog.live.recording = recording
     hold(jog, "w", 0.1)
     recording.failure = "the recording cannot be written: No space left on device"
     hold(jog, "w", 0.3)
-    assert jog.condition == (
+    assert jog.live.condition == (
         "stopped: emergency stop: the recording cannot be written: No space left on device"
     )
     with pytest.raises(Error, match="No space left"):
@@ -153,25 +164,25 @@ def test_a_robot_that_falls_over_is_stopped_and_says_so(jog):
         raise FallenError("toppled at 1 s")
 
     hold(jog, "w", 0.1)
-    jog._plant.step = fall
+    jog.live.plant.step = fall
     for _ in range(50):
-        jog.step()
-    assert jog.is_stopped
-    assert jog.condition == "stopped: emergency stop: toppled at 1 s"
+        jog.live.step()
+    assert jog.live.is_stopped
+    assert jog.live.condition == "stopped: emergency stop: toppled at 1 s"
 
 
 @pytest.mark.parametrize("first", ["c", " "])
 def test_the_end_is_soft_and_comes_after_stops_too(jog, first):
     for _ in range(40):
         jog.press("w")
-        jog.step()
+        jog.live.step()
     jog.press(first)
     jog.press("c")
     commands, count = [], 0
-    while not jog.ended:
-        jog.step()
+    while not jog.live.ended:
+        jog.live.step()
         count += 1
-        commands.append(jog._control.command.copy())
+        commands.append(jog.live.control.command.copy())
         assert count < 200
     assert np.abs(np.diff(commands, axis=0)).max() <= 5.0 * T * (1 + 1e-9)
     assert not commands[-1].any()
@@ -184,19 +195,19 @@ def test_from_a_robot_from_a_spec_and_from_neither(tmp_path):
     assert (q < arm.limits.upper).all()
     assert arm.manipulability(q) > 0.05
     for name in ("panda", "little-john"):
-        jog = prepare_jog(name)
+        jog = Jog(prepare_live(name))
         moved, _ = hold(jog, "w", 0.4)
         assert moved[0] == pytest.approx(0.05 * 0.5, rel=0.3)
     with pytest.raises(dqc.errors.UnknownNameError, match="did you mean 'panda'"):
-        prepare_jog("pandah")
+        prepare_live("pandah")
     spec = tmp_path / "spec.yaml"
     spec.write_text(
         "{name: a, robot: iiwa7, start: [0, 0.6, 0, 1.6, 0, 0.6, 0], period: 0.005, duration: 1.0, supervisor: false,"
         " reference: {kind: set-point}, law: {kind: proportional, gain: 5}, plant: {kind: integrator}}"
     )
-    jog = prepare_jog(str(spec))
-    assert jog.period == 0.005
-    assert jog.pose == pytest.approx(dqc.load_robot("iiwa7").fkm(Q0))
+    jog = Jog(prepare_live(str(spec)))
+    assert jog.live.period == 0.005
+    assert hand(jog) == pytest.approx(dqc.load_robot("iiwa7").fkm(Q0))
     spec.write_text(spec.read_text().replace("}}", "}, repeats: 2}"))
-    with pytest.raises(ShapeError, match=r"spec.yaml: describes several runs \(2 repeats\); keys drive one"):
-        prepare_jog(str(spec))
+    with pytest.raises(ShapeError, match=r"spec.yaml: describes several runs \(2 repeats\); one is driven"):
+        Jog(prepare_live(str(spec)))

@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from contextlib import suppress
 from types import TracebackType
 
+from dqcontrol.devices.jog import END
 from dqcontrol.errors import Error
-from dqcontrol.loop.jog import END
 
 _ESCAPES = re.compile(r"\x1b(\[[0-9;?]*[ -/]*[@-~]|O.|)")  # what arrows and the like send
 

@@ -1,0 +1,6 @@
+from .play_page import PlayPage as PlayPage
+from .scenes import (
+    SCENES as SCENES,
+    Scene as Scene,
+)
+from .session import PlaySession as PlaySession

@@ -1,0 +1,270 @@
+"""The page: a scene to drag in, and a dock with five tabs."""
+
+from __future__ import annotations
+
+import html
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dqcontrol import algebra
+from dqcontrol.arrays import Array
+from dqcontrol.browser.drawn_robot import DrawnRobot
+from dqcontrol.browser.layout import Extent, viewpoint
+from dqcontrol.browser.play.charts import Charts
+from dqcontrol.browser.play.law_tab import LawTab
+from dqcontrol.browser.play.record_tab import RecordTab
+from dqcontrol.browser.play.robot_tab import RobotTab
+from dqcontrol.browser.play.scenes import SCENES, Scene
+from dqcontrol.browser.play.session import PlaySession
+from dqcontrol.browser.play.world_tab import WorldTab
+from dqcontrol.browser.served_page import ServedPage
+from dqcontrol.figures.style import LIMIT
+from dqcontrol.robots import describe
+from dqcontrol.robots.poses import pose7
+
+_GHOST, _GHOST_TINT = 0.35, (230, 159, 0)
+_ROOM = 0.15  # of the reach, around the robot where it begins
+_NUDGE = 0.02  # m, of an arrow key
+_CHARTS_EVERY = 0.2  # s
+_ALONE = 5.0  # s
+_OWN = "Free"
+
+
+class PlayPage(ServedPage):
+    """A browser page that drives a robot; ``serve`` keeps it going.
+
+    Parameters
+    ----------
+    session
+        The robot; started by the caller.
+    folder
+        Where recordings are saved.
+    port
+        Of this machine; the next free one if it is taken.
+
+    Attributes
+    ----------
+    alone
+        Time without any viewer after which the robot rests, s: longer than a page takes to load again.
+
+    Raises
+    ------
+    MissingExtraError
+        If viser is not installed.
+    """
+
+    session: PlaySession
+    alone: float
+
+    def __init__(self, session: PlaySession, folder: Path | None = None, port: int = 8080) -> None:
+        super().__init__(port, "dqcontrol play")
+        self.session, self.alone = session, _ALONE
+        self._nodes: list[Any] = []
+        self._drawn: DrawnRobot
+        self._shown_live: object = None
+        self._shown_ghost: object = None
+        self._ghost: DrawnRobot | None = None
+        self._charted = self._seen_at = 0.0
+        self._stage()
+        gui = self.server.gui
+        self._words = gui.add_html("")
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Target"):
+            self._add_target()
+        with tabs.add_tab("Law"):
+            self._law = LawTab(gui, session)
+        with tabs.add_tab("Robot"):
+            self._robot = RobotTab(gui, session)
+        with tabs.add_tab("World"):
+            self._world = WorldTab(self.server, session)
+        with tabs.add_tab("Record"):
+            RecordTab(self.server, session, folder or Path.cwd())
+        with gui.add_folder("The last 10 s"):
+            self._charts = Charts(gui)
+        self._add_keys()
+        self.tick()
+
+    def tick(self) -> None:
+        """Draw what has changed."""
+        session = self.session
+        with session.lock:
+            live, ghost = session.live, session.ghost
+            q, target, desired = live.plant.q.copy(), live.target, live.state.desired
+            ghost_q = ghost.plant.q.copy() if ghost else None
+        if live.robot is not self._drawn.robot:
+            self._stage()
+        if live is not self._shown_live:
+            self._shown_live = live
+            self._law.refresh()
+            self._robot.refresh()
+            self._world.refresh()
+            self._gizmo_at(desired if target is None else target)
+        self._drawn.show(q)
+        if target is None:  # who drags sees the gizmo go on from where it is
+            self._gizmo_at(self.session.live.state.pose)
+        self._draw_ghost(ghost, ghost_q)
+        node = pose7("desired", desired)
+        self._desired.wxyz, self._desired.position = node[:4], node[4:]
+        now = time.monotonic()
+        self._look_after(now)
+        if now - self._charted > _CHARTS_EVERY:
+            self._charted = now
+            self._charts.show(list(session.history))
+            self._words.content = self._told()
+
+    def play(self, scene: Scene | None) -> None:
+        """Begin with a scene, or with the robot that the page was opened for."""
+        if scene is None:
+            self.session.play(self._first)
+        else:
+            self.session.play(dict(scene.spec), scene.ghost)
+
+    # The scene
+
+    def _stage(self) -> None:
+        """Draw a robot that was not there before, its floor and its gizmo."""
+        robot = self.session.robot
+        for node in self._nodes:
+            node.remove()
+        q = np.array(self.session.spec["start"])
+        joints = algebra.translation(robot.frames(q))
+        reach = describe(robot).reach
+        reach = float(reach) if np.isfinite(reach) and reach else 1.0
+        foot, hand = joints[0], algebra.translation(robot.fkm(q))
+        low, high = (end(np.vstack([joints, hand]), axis=0) for end in (np.min, np.max))
+        low, high = low - _ROOM * reach, high + _ROOM * reach
+        low[2] = min(0.0, float(joints[:, 2].min()))
+        box = Extent(low, high)
+        position, looked_at = viewpoint(foot, [hand[None]], box)
+        self._set_scene(position, looked_at, float(np.ceil(4 * reach)), float(low[2]), shadows=0.2)
+        if not self._nodes:
+            self._first = dict(self.session.spec)
+        self._drawn = DrawnRobot(self.server, robot, "/robot", axes=0.1 * reach)
+        size = 0.12 * reach
+        self._desired = self.server.scene.add_frame(
+            "/desired", axes_length=0.5 * size, axes_radius=0.015 * size, origin_radius=0.0
+        )
+        self._gizmo = self.server.scene.add_transform_controls("/target", scale=1.6 * size, depth_test=False)
+        self._gizmo.on_update(self._dragged)
+        root = self.server.scene.get_handle_by_name("/robot")
+        self._nodes = [root, self._desired, self._gizmo]
+
+    async def _dragged(self, event: Any) -> None:
+        """Take the target along, at once and in order: callbacks of threads may overtake each other."""
+        self.session.drag(_pose(event.target))
+
+    def _gizmo_at(self, pose: Array) -> None:
+        node = pose7("target", pose)
+        self._gizmo.wxyz, self._gizmo.position = node[:4], node[4:]
+
+    def _draw_ghost(self, ghost: Any, q: Array | None) -> None:
+        if ghost is not self._shown_ghost:
+            if self._ghost is not None:
+                self.server.scene.remove_by_name("/ghost")
+            self._ghost = (
+                DrawnRobot(self.server, ghost.robot, "/ghost", tint=_GHOST_TINT, opacity=_GHOST, axes=0.05)
+                if ghost is not None
+                else None
+            )
+            self._shown_ghost = ghost
+        if self._ghost is not None and q is not None:
+            self._ghost.show(q)
+
+    # The dock
+
+    def _add_target(self) -> None:
+        gui = self.server.gui
+        gui.add_markdown("Drag the arrows and rings in the scene.")
+        titles = (_OWN, *(f"{i}. {scene.title}" for i, scene in enumerate(SCENES, 1)))
+        self._scene = gui.add_dropdown("Scene", titles)
+        self._look_for = gui.add_markdown("")
+        self._scene.on_update(lambda _: self._chosen())
+        for label, does in (
+            ("Hold here", self.session.hold),
+            ("Circle", lambda: self._circle("circle")),
+            ("Square", lambda: self._circle("square")),
+            ("Reset (R)", self._reset),
+        ):
+            gui.add_button(label).on_click(_called(does))
+
+    def _chosen(self) -> None:
+        at = self._scene.options.index(self._scene.value)
+        scene = SCENES[at - 1] if at else None
+        self._look_for.content = scene.look_for if scene else ""
+        self.play(scene)
+
+    def _circle(self, kind: str) -> None:
+        reach = float(describe(self.session.robot).reach)
+        size = round(0.1 * reach, 3) if np.isfinite(reach) else 0.1
+        shapes = {
+            "circle": {"radius": size, "duration": 60.0, "turns": 12.0, "plane": "yz"},
+            "square": {"side": size, "duration": 12.0, "plane": "yz"},
+        }
+        self.session.follow({"kind": kind, **shapes[kind]})
+
+    def _reset(self) -> None:
+        self.session.reset()
+
+    def _add_keys(self) -> None:
+        session, add = self.session, self.server.gui.add_command
+        axes = {"left": (1, 1), "right": (1, -1), "up": (2, 1), "down": (2, -1)}
+        keys: dict[str, tuple[str, Callable[[], object]]] = {
+            "space": ("Pause, go on", lambda: setattr(session, "is_paused", not session.is_paused)),
+            "R": ("Reset", session.reset),
+            "H": ("Hold here", session.hold),
+        }
+        for name, (axis, sign) in axes.items():
+            keys[f"arrow{name}"] = (f"Target 2 cm {name}", lambda a=axis, s=sign: self._nudge(a, s))
+        for i in range(1, 10):
+            keys[str(i)] = (f"Scene {i}", lambda i=i: setattr(self._scene, "value", self._scene.options[i]))
+        for key, (label, does) in keys.items():
+            add(label, hotkey=key).on_trigger(_called(does))
+
+    def _nudge(self, axis: int, sign: int) -> None:
+        with self.session.lock:
+            target = self.session.live.target
+            pose = self.session.live.state.desired if target is None else target
+        shift = np.zeros(3)
+        shift[axis] = sign * _NUDGE
+        moved = algebra.multiply(algebra.pose([1, 0, 0, 0], shift), pose)
+        self.session.drag(moved)
+        self._gizmo_at(moved)
+
+    def _look_after(self, now: float) -> None:
+        """Let the robot rest when nobody has looked for a while."""
+        if self.server.get_clients():
+            self._seen_at = now
+        elif self._seen_at and now - self._seen_at > self.alone:
+            self._seen_at = 0.0
+            self.session.hold()
+
+    def _told(self) -> str:
+        session = self.session
+        bad = session.live.is_stopped or "not done" in (session.told[-1] if session.told else "")
+        last = session.told[-1] if session.told else ""
+        style = f"color:{LIMIT};font-weight:bold" if bad else ""
+        return (
+            f"<div style='margin:4px 12px;font-size:0.9em'><b>{html.escape(session.robot.name)}</b>: "
+            f"<span style='{style}'>{html.escape(session.words)}</span><br>"
+            f"<span style='opacity:0.7'>{html.escape(last)}</span></div>"
+        )
+
+
+def _called(does: Callable[[], object]) -> Callable[[Any], None]:
+    def call(_: Any) -> None:
+        does()
+
+    return call
+
+
+def _pose(node: Any) -> Array:
+    """Return the pose of a node of the scene; NaN if it is none."""
+    quaternion, position = np.asarray(node.wxyz, np.float64), np.asarray(node.position, np.float64)
+    norm = float(np.linalg.norm(quaternion))
+    if not (np.isfinite(position).all() and np.isfinite(norm) and norm > 0.1):
+        return np.full(8, np.nan)
+    return algebra.pose(quaternion / norm, position)

@@ -1,0 +1,458 @@
+"""A live robot in a thread, its ghost, what they did, and how that becomes a run again. Nothing here draws."""
+
+from __future__ import annotations
+
+import copy
+import threading
+import time
+import warnings
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple, Self
+
+import msgspec
+import numpy as np
+
+from dqcontrol import algebra
+from dqcontrol.arrays import Array
+from dqcontrol.browser.play.recorded_rows import RecordedRows
+from dqcontrol.constraints import Constraints
+from dqcontrol.constraints.constraint_view import ConstraintView, NearestPair
+from dqcontrol.errors import Error, ExistsError, NoteWarning, StabilityWarning, writing
+from dqcontrol.experiments.check import LoopCheck, loop_checks
+from dqcontrol.experiments.driven import live_of
+from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare_spec
+from dqcontrol.experiments.run import run
+from dqcontrol.experiments.spec import read_spec
+from dqcontrol.experiments.spec.spec import part_of_spec, readable_again
+from dqcontrol.files.plain_data import yaml_text
+from dqcontrol.laws import Law
+from dqcontrol.loop.live import Live, Pace
+from dqcontrol.loop.record import Record
+from dqcontrol.loop.targets import Speeds
+from dqcontrol.references.points_file import DUAL_QUATERNION
+from dqcontrol.references.sample import POSE, TIME
+from dqcontrol.robots import Robot
+
+SPEEDS = Speeds(linear=0.5, angular=2.0, acceleration=3.0)  # brisk for a hand that drags, m/s, rad/s, m/s²
+SHOWN = 10.0  # s of charts
+_CHARTED = 0.05  # s between points of charts
+_MOST_ROWS = 60_000  # of a recording: ten minutes at 100 Hz, 20 MB
+_REST = {"kind": "set-point", "duration": 1.0}
+_SLOW, _RESTS = 1e-4, 0.3  # rad/s or m/s, and s for which nothing is faster: the robot rests
+
+
+class Moment(NamedTuple):
+    """A point of the charts.
+
+    Attributes
+    ----------
+    time
+        Since the session began, s.
+    error, share, clearance
+        Of the hand to its target, m; largest speed of a joint as a share of its limit; least distance beyond what is
+        asked, m, NaN without anything around.
+    ghost_error
+        Of the second robot, m; NaN without one.
+    missed
+        Periods that passed without a step since the moment before.
+    """
+
+    time: float
+    error: float
+    share: float
+    clearance: float
+    ghost_error: float
+    missed: int
+
+
+class PlaySession:
+    """A robot that is driven, in a thread of its own at its own period; `with` starts and ends it.
+
+    Parameters
+    ----------
+    spec
+        Plain data of a spec of one run, as `experiments.driven.spec_of_robot` gives it.
+    folder
+        That its file names start from.
+
+    Attributes
+    ----------
+    spec
+        What the present robot was made from; its ``start`` is where the recording begins.
+    live, ghost
+        The robot, and a second one with another law, if there is one.
+    told
+        What happened, in words, the last last.
+    missed
+        How many periods passed without a step, as the machine was busy.
+    is_paused
+        Whether time stands still.
+    driver
+        Called before each step with the robot: what a device tells it.
+
+    Raises
+    ------
+    Error
+        If the spec is wrong.
+    """
+
+    spec: dict[str, Any]
+    live: Live
+    ghost: Live | None
+    driver: Callable[[Live], None] | None = None
+
+    def __init__(self, spec: dict[str, Any], folder: Path | None = None) -> None:
+        self._folder, self._known = folder or Path.cwd(), dict[bytes, Any]()
+        self.lock = threading.RLock()
+        self.told: deque[str] = deque(maxlen=50)
+        self.history: deque[Moment] = deque(maxlen=round(SHOWN / _CHARTED))
+        self.missed, self.is_paused = 0, False
+        self._noted = 0
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._work, name="play", daemon=True)
+        self._ghost_law: Law | None = None
+        self._home: list[float] = []
+        self._take(spec)
+        self._home = list(self.spec["start"])
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._closed.set()
+        self._thread.join()
+        self.live.brake()
+
+    # What it is made from
+
+    def _take(self, spec: dict[str, Any]) -> None:
+        """Begin anew, at rest, from a spec; raise an error and go on as before if it is wrong."""
+        setting = self._prepared(spec)
+        live = live_of(setting, SPEEDS)
+        ghost = self._made_ghost(setting, self._ghost_law) if self._ghost_law else None
+        (case,) = setting.cases
+        world, kept = setting.spec.surroundings, case.variant.law.constraints
+        around = kept or (Constraints(world=world, self_collision=False) if world else None)
+        scene = ConstraintView(around, live.robot, live.period) if around else None
+        spec = spec | {"start": case.scene.start.tolist()}
+        with self.lock:
+            self.spec, self.setting, self.live, self.ghost = spec, setting, live, ghost
+            self.around: ConstraintView | None = scene
+            self._record(exact=True)
+            for each in (live, ghost) if ghost else (live,):
+                if self._follows:
+                    each.follow(case.scene.reference)
+                else:
+                    each.target = case.scene.samples[0, POSE]
+
+    def _prepared(self, spec: dict[str, Any]) -> PreparedExperiment:
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("ignore")
+            for kind in (NoteWarning, StabilityWarning):
+                warnings.simplefilter("always", kind)
+            read, _ = read_spec(copy.deepcopy(spec))
+            setting = prepare_spec(read, self._folder, self._known)
+        for warning in said:
+            self.tell(str(warning.message))
+        return setting
+
+    def _made_ghost(self, setting: PreparedExperiment, law: Law) -> Live:
+        ghost = live_of(setting, SPEEDS)
+        ghost.set_law(law)
+        return ghost
+
+    def _record(self, *, exact: bool) -> None:
+        """Begin the recording anew."""
+        self.rows = self.live.recording = RecordedRows(self.live.robot, _MOST_ROWS)
+        self._exact, self._still = exact, 0.0
+
+    def change(self, **keys: Any) -> bool:
+        """Begin anew where the robot is now, at rest, with other keys of the spec; say why not if that cannot be."""
+        with self.lock:
+            here = self._here()
+        return self._try({**self.spec, "start": here, "reference": _REST, **keys})
+
+    def follow(self, reference: dict[str, Any]) -> bool:
+        """Follow a reference, as a spec says it, from where the hand is now."""
+        return self.change(reference=reference)
+
+    def reset(self) -> None:
+        """Put the robot back to where it began, at rest."""
+        self._try({**self.spec, "start": self._home})
+
+    def play(self, spec: dict[str, Any], ghost: dict[str, Any] | None = None) -> bool:
+        """Begin with another spec altogether, and a second robot's law, as a spec says it."""
+        self._ghost_law = law_from(ghost) if ghost else None
+        if done := self._try(spec):
+            self._home = list(self.spec["start"])
+            self.history.clear()
+        return done
+
+    def _try(self, spec: dict[str, Any]) -> bool:
+        try:
+            self._take(spec)
+        except Error as error:
+            self.tell(f"not done: {error}")
+            return False
+        return True
+
+    def _here(self) -> list[float]:
+        """Return where the robot is, within its limits."""
+        limits = self.live.robot.limits
+        return np.clip(self.live.plant.q, limits.lower, limits.upper).tolist()
+
+    @property
+    def _follows(self) -> bool:
+        """Whether the spec's reference moves."""
+        return self.spec["reference"].get("kind") != "set-point"
+
+    # What is done to it
+
+    def drag(self, pose: Array) -> None:
+        """Take the hand to a pose, shape (8,); NaN: it stays."""
+        with self.lock:
+            self.live.target = pose
+            if self.ghost:
+                self.ghost.target = pose
+            if self._follows:
+                self.spec = {**self.spec, "reference": _REST}
+                self._disturbed()
+
+    def hold(self) -> None:
+        """Let the hand stay where it is: also what happens when nobody looks any more."""
+        self.drag(np.full(8, np.nan))
+
+    def set_law(self, law: Law) -> bool:
+        """Go on with another law, without a stop; it keeps what the present one keeps, unless it says so itself."""
+        present = self.live.law
+        kept = {key: getattr(law, key) or getattr(present, key) for key in ("constraints", "null_space")}
+        with self.lock:
+            try:
+                self.live.set_law(msgspec.structs.replace(law, **kept))
+            except Error as error:
+                self.tell(f"not done: {error}")
+                return False
+            self.spec = {**self.spec, "law": law_data(law)}
+            self._disturbed()
+        return True
+
+    def set_ghost(self, data: dict[str, Any] | None) -> bool:
+        """Let a second robot run another law, as a spec says it, under the same target; None: no second one."""
+        before = self._ghost_law
+        try:
+            law = self._ghost_law = law_from(data) if data else None
+            ghost = (
+                self._made_ghost(self._prepared({**self.spec, "start": self._here()}), law) if law else None
+            )
+        except Error as error:
+            self._ghost_law = before
+            self.tell(f"not done: {error}")
+            return False
+        del ghost
+        return self.change(reference=self.spec["reference"])
+
+    def resume(self) -> None:
+        """Go on after a stop, from where the robot is."""
+        self.change()
+
+    def tell(self, words: str) -> None:
+        """Note what happened."""
+        if not self.told or self.told[-1] != words:
+            self.told.append(words)
+
+    def _disturbed(self) -> None:
+        """Note that the recording is no longer all that made the robot be where it is; it begins anew."""
+        self.spec = {**self.spec, "start": self._here()}
+        self._record(exact=False)
+
+    # What is known of it
+
+    @property
+    def robot(self) -> Robot:
+        """Which is driven."""
+        return self.live.robot
+
+    def check(self) -> LoopCheck:
+        """Return what is to be expected of its loops; see `experiments.check`."""
+        (row,) = loop_checks(self.setting)
+        return row
+
+    def nearest(self) -> NearestPair | None:
+        """Return the pair of shapes with least room; None if nothing is around."""
+        return self.around.nearest(self.live.plant.q, self.live.state.time) if self.around else None
+
+    @property
+    def words(self) -> str:
+        """What the robot does, what limits it, and what is missing, in words."""
+        state, words = self.live.state, []
+        if self.is_paused:
+            words.append("paused (space goes on)")
+        if self.live.is_stopped:
+            words.append(f"{state.condition}; reset (R) brings it back")
+        elif self.live.reason:
+            words.append(self.live.reason)
+        if np.isfinite(state.missing) and state.missing > 5e-3:
+            rests = np.abs(state.command).max(initial=0.0) < 0.02
+            words.append(f"{1e3 * state.missing:.0f} mm {'out of reach' if rests else 'to go'}")
+        if late := sum(moment.missed for moment in self.history):
+            words.append(f"{late} periods late in the last 10 s: this machine is busy")
+        return "; ".join(words) or "at its target"
+
+    # The thread
+
+    def _work(self) -> None:
+        pace = Pace(self.live.period)
+        while not self._closed.is_set():
+            with self.lock:
+                if pace.period != self.live.period:
+                    pace = Pace(self.live.period)
+                if not self.is_paused:
+                    self.step()
+                self.missed += pace.missed
+                pace.missed = 0
+            if (wait := pace.done()) > 0:
+                time.sleep(wait)
+
+    def step(self) -> None:
+        """Move for one period."""
+        live = self.live
+        try:
+            if self.driver is not None:
+                self.driver(live)
+            live.step()
+            if self.ghost:
+                self.ghost.step()
+        except Error as error:  # a plant that has no state any more
+            self.tell(str(error))
+            self.reset()
+            return
+        if live.is_stopped:
+            self.tell(live.condition)
+        every = max(round(_CHARTED / live.period), 1)
+        if len(self.rows) % every == 0 or self.rows.is_full:
+            self._note()
+        fastest = float(np.abs(live.control.command).max(initial=0.0))
+        self._still = self._still + live.period if fastest < _SLOW else 0.0
+        if self._still >= _RESTS and (not self._exact or self.rows.is_full) and self.ghost is None:
+            self._settle()
+
+    def _note(self) -> None:
+        state, nearest = self.live.state, self.nearest()
+        clearance = nearest.room if nearest is not None else np.nan
+        ghost = self.ghost.state.position_error if self.ghost else np.nan
+        now = self.history[-1].time + _CHARTED if self.history else 0.0
+        missed, self._noted = self.missed - self._noted, self.missed
+        self.history.append(Moment(now, state.position_error, state.share, clearance, ghost, missed))
+
+    def _settle(self) -> None:
+        """Begin a recording at rest from which everything follows, once the robot rests after another law began."""
+        if self.live.plant.compiled() is None:  # physics takes long to begin
+            return
+        goal = self.live.target
+        with suppress(Error):
+            self._take({**self.spec, "start": self._here(), "reference": _REST})
+            if goal is not None:
+                self.live.target = goal
+
+    # What comes of it
+
+    def record(self) -> Record:
+        """Return what happened since the recording began."""
+        with self.lock:
+            return self.rows.record()
+
+    def run_spec(self, points: str) -> dict[str, Any]:
+        """Return the spec that gives the recording again, with its target in a points file of that name if need be."""
+        with self.lock:
+            spec, periods = dict(self.spec), len(self.rows)
+        spec["duration"] = (periods - 1) * self.live.period
+        spec["supervisor"] = spec.get("supervisor") or True
+        if spec["reference"].get("kind") == "set-point":
+            spec["reference"] = {"kind": "points", "file": points, "streamed": True}
+        return spec
+
+    def save(self, path: Path) -> str:
+        """Write a spec that gives the recording again, and the target as a points file beside it; say how exactly.
+
+        Raises
+        ------
+        Error
+            If there is nothing to save, a file exists, or cannot be written.
+        """
+        record, exact = self.record(), self._exact
+        if len(record) < 2:
+            raise Error("record: nothing has happened yet; move the target first")
+        points = path.with_suffix(".csv")
+        spec = self.run_spec(points.name)
+        for file in (path, points):
+            if file.exists():
+                raise ExistsError(f"{file}: exists already; choose another name")
+        spec = {key: readable_again(key, each) for key, each in spec.items()} | {"name": path.stem}
+        with writing(path):
+            path.write_text(yaml_text(spec), encoding="utf-8")
+            if spec["reference"].get("streamed"):
+                points.write_text(_points(record), encoding="utf-8")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            again = run(path).record
+        count = min(len(again), len(record))
+        apart = float(np.abs(again.q[:count] - record.q[:count]).max())
+        since = (
+            ""
+            if exact
+            else "; it began in motion, as the law was changed then: let the robot rest for an exact one"
+        )
+        return f"{path}: {record.time[-1]:.1f} s; run again, joints differ by at most {apart:.2g} rad or m{since}"
+
+    def python(self) -> str:
+        """Return a Python program that drives the same robot with the same law to the present target."""
+        spec, target = self.spec, self.live.target
+        pose = self.live.state.desired if target is None else target
+        position = [round(float(x), 4) for x in algebra.translation(pose)]
+        rotation = [round(float(x), 6) for x in algebra.rotation(pose)]
+        return (
+            "import dqcontrol as dqc\n"
+            "from dqcontrol.experiments.driven import live_of, prepare_driven\n\n"
+            f"spec = {_plain(spec)!r}\n"
+            "live = live_of(prepare_driven(spec))\n"
+            f"live.target = dqc.algebra.pose({rotation}, {position})\n"
+            "for _ in range(500):\n"
+            "    live.step()\n"
+            "print(live.state.missing)\n"
+        )
+
+
+def law_from(data: dict[str, Any]) -> Law:
+    """Return a law from what a spec says of it."""
+    return part_of_spec("law", yaml_text(data), "law")
+
+
+def law_data(law: Law) -> dict[str, Any]:
+    """Return what a spec says of a law, without what says nothing."""
+    config = type(law).__struct_config__
+    said = {
+        each.encode_name: value
+        for each in msgspec.structs.fields(law)
+        if (value := getattr(law, each.name)) != each.default
+        and not (each.default_factory is not msgspec.NODEFAULT and value == each.default_factory())
+    }
+    return {"kind": config.tag, **msgspec.to_builtins(said)}
+
+
+def _plain(spec: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in spec.items() if value is not None}
+
+
+def _points(record: Record) -> str:
+    """Return the desired poses as a points file, to the last bit."""
+    heading = ", ".join(("time", *DUAL_QUATERNION))
+    rows = np.column_stack([record.time, record.desired[:, POSE]])
+    assert record.desired[0, TIME] == record.time[0]
+    return heading + "\n" + "".join(", ".join(map(repr, row)) + "\n" for row in rows.tolist())

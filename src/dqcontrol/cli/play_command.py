@@ -1,0 +1,82 @@
+"""Take a robot's target in the hand."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from dqcontrol.cli.options import BaseLink, Port, TipLink
+
+if TYPE_CHECKING:
+    from dqcontrol.loop import Live
+
+_ROBOT = "panda"
+
+
+def play(
+    source: str = _ROBOT,
+    /,
+    *,
+    base_link: BaseLink = None,
+    tip_link: TipLink = None,
+    device: Literal["gamepad", "space-mouse"] | None = None,
+    out: Path = Path(),
+    port: Port = 8080,
+) -> None:
+    """Drag the target of a simulated robot in a browser, and change its law, joints and surroundings meanwhile.
+
+    Parameters
+    ----------
+    source
+        A robot's name or file; a spec of one run; or the folder of a run, which begins where that began.
+    device
+        What drives the hand beside the mouse.
+    out
+        Folder where recordings are saved.
+    port
+        Of this machine, where only its own users reach it; the next free one if it is taken.
+    """
+    from dqcontrol.browser.play import PlayPage, PlaySession
+    from dqcontrol.browser.served_page import import_viser
+    from dqcontrol.cli.view_command import announce
+
+    import_viser()  # before the work: it may be missing
+    spec, folder = _spec_of(source, base_link, tip_link)
+    driver = _driver(device) if device else None
+    with PlaySession(spec, folder) as session:
+        session.driver = driver
+        page = PlayPage(session, out, port)
+        announce("play", page)
+        page.serve()
+
+
+def _driver(device: str) -> Callable[[Live], None]:
+    """Return what a device makes of a robot in each period."""
+    from dqcontrol.devices import Gamepad, SpaceMouse, Teleoperation
+
+    held = Gamepad() if device == "gamepad" else SpaceMouse()
+    driven: list[Teleoperation] = []
+
+    def drive(live: Live) -> None:
+        if not driven or driven[0].live is not live:  # another robot, or the same one put elsewhere
+            driven[:] = [Teleoperation(live)]
+        driven[0].take(held.read(), time.monotonic())
+
+    return drive
+
+
+def _spec_of(source: str, base_link: str | None, tip_link: str | None) -> tuple[dict[str, object], Path]:
+    """Return the spec to begin with, and the folder of its file names."""
+    from dqcontrol.experiments.driven import is_spec, spec_of_robot
+    from dqcontrol.experiments.results_folder import SPEC_FILE
+    from dqcontrol.experiments.spec import read_data
+
+    path = Path(source)
+    if (path / SPEC_FILE).is_file():
+        path = path / SPEC_FILE
+    if is_spec(str(path)):
+        _, data, folder = read_data(path)
+        return data, folder
+    return spec_of_robot(source, (base_link, tip_link)), Path.cwd()

@@ -1,0 +1,9 @@
+from .gamepad import Gamepad as Gamepad
+from .jog import Jog as Jog
+from .keyboard import Keyboard as Keyboard
+from .space_mouse import SpaceMouse as SpaceMouse
+from .teleoperation import (
+    Input as Input,
+    Teleoperation as Teleoperation,
+    Told as Told,
+)

@@ -1,0 +1,127 @@
+"""What all devices tell, and how that drives a robot: a clutch, scaling, and rest when nothing is told any more."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from dqcontrol import algebra
+from dqcontrol.arrays import Array
+from dqcontrol.loop.live import Live
+from dqcontrol.loop.targets import Clutch
+
+_NOTHING: Array = np.zeros(3)
+_UNIT = 1e-3  # of a quaternion's norm from 1: trackers round
+
+
+class Told(NamedTuple):
+    """What a device tells at a moment.
+
+    Attributes
+    ----------
+    stamp
+        When, s, of the clock of who asks.
+    clutch
+        Whether the dead man's button is held: without it nothing moves.
+    linear, angular
+        Twist as a share of the fastest, −1 … 1, shape (3,): forward, left, up, and about these.
+    pose
+        Of a device that is moved itself, shape (8,), m; None of one that is pushed.
+    gripper
+        0 open … 1 closed; NaN if it has none.
+    """
+
+    stamp: float
+    clutch: bool
+    linear: Array = _NOTHING
+    angular: Array = _NOTHING
+    pose: Array | None = None
+    gripper: float = float("nan")
+
+
+class Input(Protocol):
+    """A device: keys, a gamepad, a knob, a tracker."""
+
+    def read(self) -> Told | None:
+        """Return the newest that it tells, without waiting; None if there is nothing."""
+        ...
+
+    def close(self) -> None:
+        """Let go of it."""
+        ...
+
+
+class Teleoperation:
+    """Drives a robot by what a device tells.
+
+    A device that is moved itself counts from where it is when the clutch is taken: that moves nothing. When it is let
+    go, what is told is too old or no number, the hand stays where it is.
+
+    Parameters
+    ----------
+    live
+        The robot.
+    scale
+        Metres of the hand for a metre of the device.
+    stale
+        Age from which what is told no longer counts, s.
+    of_hand
+        Whether twists are in the axes of the hand, or of the base.
+
+    Attributes
+    ----------
+    is_engaged
+        Whether the device drives.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> arm, start = dqc.load_robot("iiwa7"), [0, 0.6, 0, 1.6, 0, 0.6, 0]
+    >>> live = dqc.loop.Live(arm, dqc.laws.Proportional(gain=5.0), dqc.plants.Integrator(), 0.01, start=start)
+    >>> driven = Teleoperation(live)
+    >>> for k in range(100):
+    ...     driven.take(Told(0.01 * k, True, linear=np.array([0, 0, 0.5])), now=0.01 * k)
+    ...     live.step()
+    >>> bool(live.state.pose[7] != arm.fkm(start)[7]), driven.is_engaged
+    (True, True)
+    """
+
+    live: Live
+    is_engaged: bool
+
+    def __init__(self, live: Live, scale: float = 1.0, stale: float = 0.2, *, of_hand: bool = False) -> None:
+        self.live, self._scale, self._stale, self._of_hand = live, scale, stale, of_hand
+        self._clutch: Clutch | None = None
+        self.is_engaged = False
+
+    def take(self, told: Told | None, now: float) -> None:
+        """Do what is told at a time, s; None: nothing is."""
+        if told is None or not told.clutch or not now - told.stamp <= self._stale or not _is_sound(told):
+            self._let_go()
+            return
+        if told.pose is None:
+            speeds = self.live.speeds
+            linear, angular = (np.clip(each, -1.0, 1.0) for each in (told.linear, told.angular))
+            self.live.move(speeds.linear * linear, speeds.angular * angular, of_hand=self._of_hand)
+        else:
+            device = self._scaled(told.pose)
+            if self._clutch is None:
+                self._clutch = Clutch(self.live.state.pose, device)
+            self.live.target = algebra.renormalise(self._clutch.goal(device))
+        self.is_engaged = True
+
+    def _let_go(self) -> None:
+        if self.is_engaged:
+            self.live.hold()
+        self.is_engaged, self._clutch = False, None
+
+    def _scaled(self, pose: Array) -> Array:
+        rotation = pose[:4] / np.linalg.norm(pose[:4])
+        return algebra.pose(rotation, self._scale * algebra.translation(algebra.renormalise(pose)))
+
+
+def _is_sound(told: Told) -> bool:
+    if told.pose is None:
+        return bool(np.isfinite(told.linear).all() and np.isfinite(told.angular).all())
+    return bool(np.isfinite(told.pose).all() and abs(np.linalg.norm(told.pose[:4]) - 1.0) < _UNIT)

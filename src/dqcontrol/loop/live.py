@@ -1,0 +1,429 @@
+"""A robot that follows what it is told now: by a program, a page in a browser, keys, or any other device."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dqcontrol import algebra
+from dqcontrol.arrays import Array
+from dqcontrol.controller import Controller, PreparedTasks
+from dqcontrol.errors import FallenError, ShapeError, as_array, as_positive
+from dqcontrol.laws.law import Law
+from dqcontrol.limits import CommandLimits
+from dqcontrol.loop.black_box import BlackBox
+from dqcontrol.loop.control import Control, Phase, warm_up
+from dqcontrol.loop.interrupts import first_interrupt
+from dqcontrol.loop.sample_sink import SampleSink
+from dqcontrol.loop.supervision import Senses
+from dqcontrol.loop.targets import PoseTarget, SampledTarget, Speeds, Target, TwistTarget
+from dqcontrol.plants.live_plant import LivePlant, PlantProtocol, live_plant
+from dqcontrol.plants.plant import Plant, command_mode, lagging_mode, limits_before
+from dqcontrol.references.previewed import Previewed
+from dqcontrol.references.reference import Reference
+from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME
+from dqcontrol.robots import Robot, most_dexterous
+from dqcontrol.robots.command_mode import AT_ONCE, CommandMode
+from dqcontrol.supervisor import Supervisor
+
+AnyTarget = TypeVar("AnyTarget", bound=Target)
+
+NOISE = 100_000  # steps for which a plant's noise is drawn; then it repeats
+TWIST_HELD = 0.15  # s that a twist lasts: keys held down repeat sooner
+_MOST_BRAKING_STEPS = 100_000
+
+
+@dataclass(frozen=True, eq=False)
+class LiveState:
+    """What a robot does at a moment; arrays are copies.
+
+    Attributes
+    ----------
+    time
+        Of that period since the robot was last activated, s.
+    q, measured
+        True and measured configuration, shape (n,), rad or m.
+    command
+        The inputs that left last, shape (m,), rad/s or m/s.
+    share
+        The largest of them as a share of its velocity limit.
+    pose, desired
+        Of the hand, and where the moving target is, shape (8,), inertial frame.
+    position_error, orientation_error
+        From the hand to the moving target, m and rad.
+    missing
+        From the hand to the pose asked for, m; NaN if none is.
+    condition
+        What it does, and what the supervisor does about it, in words.
+    """
+
+    time: float
+    q: Array
+    measured: Array
+    command: Array
+    share: float
+    pose: Array
+    desired: Array
+    position_error: float
+    orientation_error: float
+    missing: float
+    condition: str
+
+
+class Live:
+    """A closed loop that is stepped for as long as one likes: a law drives a plant to what it is told meanwhile.
+
+    What it is told moves a target within bounds (`Speeds`), and a supervisor stands between law and plant: whatever it
+    is told, joints keep their limits of position, velocity and acceleration. A pose that is not finite is none, and the
+    hand stays where it is then. The robot is simulated, or a real one behind a plant of one's own.
+
+    Parameters
+    ----------
+    robot
+        An arm or a whole body.
+    law
+        What commands.
+    plant
+        What moves: a kind of plant; or one at work, at rest, as `close_loop` takes it.
+    period
+        T, control period, s.
+    start
+        Configuration, shape (n,), rad or m; that of a plant at work, or the most dexterous one if omitted.
+    limits
+        What is done to commands before the supervisor; see `dqcontrol.plants.limits_before`.
+    supervisor
+        Between law and plant; one with default parameters if omitted.
+    speeds
+        How fast the target moves.
+    tasks
+        What two arms or another tree are to do beside the law's task.
+    seed
+        Of the plant's noise.
+
+    Attributes
+    ----------
+    control
+        Law, target and supervisor, and the phase they are in.
+    plant
+        At work.
+    speeds
+        As given; may be changed.
+    recording
+        Gets every step, if there is one; when it cannot be written the robot stops.
+    spec
+        Text of the experiment that it was made from, kept with its black box.
+
+    Raises
+    ------
+    Error
+        If something does not fit, or a joint is beyond its limits.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> arm = dqc.load_robot("iiwa7")
+    >>> law, plant = dqc.laws.ProportionalFeedforward(gain=5.0), dqc.plants.Servo()
+    >>> live = dqc.loop.Live(arm, law, plant, period=0.01, start=[0, 0.6, 0, 1.6, 0, 0.6, 0])
+    >>> live.target = dqc.algebra.multiply(dqc.algebra.pose([1, 0, 0, 0], [0, 0, 0.05]), live.state.pose)  # 5 cm up
+    >>> for _ in range(300):
+    ...     live.step()
+    >>> bool(live.state.missing < 1e-4)
+    True
+    >>> live.target = np.full(8, np.nan)  # a device that sees nothing: the hand stays
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        law: Law,
+        plant: Plant | PlantProtocol,
+        period: float,
+        *,
+        start: ArrayLike | None = None,
+        limits: CommandLimits | None = None,
+        supervisor: Supervisor | None = None,
+        speeds: Speeds | None = None,
+        tasks: PreparedTasks | None = None,
+        seed: int = 0,
+    ) -> None:
+        dt = as_positive("period", period)
+        at_work = None if isinstance(plant, Plant) else live_plant(plant)
+        if start is None:
+            start = most_dexterous(robot) if at_work is None else at_work.measured
+        q0 = as_array("start", start, (robot.configuration_size,)).copy()
+        kind = plant if isinstance(plant, Plant) else None
+        self._mode: CommandMode = lagging_mode(kind) if kind else "measured"
+        self._lag = kind.lag(robot) if kind else AT_ONCE
+        self._limits = limits_before(kind, limits, robot) if kind else limits or CommandLimits()
+        guard = (supervisor or Supervisor()).prepare(robot, dt, command_mode(kind) if kind else "integrated")
+        self._reference: Reference | None = None
+        self._tasks = tasks
+        controller = self._prepared(law, robot, dt)
+        sample = np.zeros(SAMPLE_SIZE)
+        sample[POSE] = robot.fkm(q0)
+        warm_up(controller, guard, q0, sample)
+        moved = at_work if kind is None else live_plant(kind.start(robot, q0, dt, NOISE, seed))
+        assert moved is not None
+        self.plant: LivePlant = moved
+        self.law: Law = law
+        self.speeds: Speeds = speeds or Speeds()
+        self.control: Control = Control(controller, PoseTarget(self.speeds), guard)
+        self.control.activate(self.plant.measured.copy())
+        self._senses = Senses(moved, guard)
+        self._q: Array = self.plant.q.copy()
+        self._time, self._done, self._begun, self._ending = 0.0, 0, 0, False
+        self.recording: SampleSink | None = None
+        self.spec = self._fallen = ""
+
+    def _prepared(self, law: Law, robot: Robot, dt: float) -> Controller:
+        if not isinstance(law, Law):
+            raise ShapeError(f"law: expected a Law, got {law!r:.80}")
+        return law.prepare(robot, self._reference, dt, self._limits, self._mode, self._tasks, self._lag)
+
+    @property
+    def robot(self) -> Robot:
+        """Which is driven."""
+        return self.control.robot
+
+    @property
+    def period(self) -> float:
+        """Control period of `step`, s."""
+        return self.control.law.period
+
+    @property
+    def target(self) -> Array | None:
+        """The pose asked for, shape (8,); None if none is. Set, the target moves there; NaN: the hand stays.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If it is set to what is no unit dual quaternion; nothing changes then.
+        """
+        target = self.control.target
+        goal = target.goal if isinstance(target, PoseTarget) else None
+        return goal.copy() if goal is not None and np.isfinite(goal).all() else None
+
+    @target.setter
+    def target(self, pose: ArrayLike) -> None:
+        goal = np.asarray(pose, dtype=np.float64)
+        if goal.shape != (8,) or np.isfinite(goal).all():
+            goal = algebra.as_unit("target", goal)
+            if goal.shape != (8,):
+                raise ShapeError(f"target: expected one pose, shape (8,), got {goal.shape}")
+        target = self.control.target
+        if not isinstance(target, PoseTarget):
+            target = self._aim(PoseTarget(self.speeds))
+        target.goal = goal
+
+    def hold(self) -> None:
+        """Stay: the hand comes to rest where it is then."""
+        self.target = np.full(8, np.nan)
+
+    def move(self, linear: Array, angular: Array, *, of_hand: bool = False) -> None:
+        """Move on with these velocities (3,), m/s and rad/s, in the axes of the base or the hand, for 0.15 s.
+
+        Velocities that are not finite are none.
+        """
+        target = self.control.target
+        if not isinstance(target, TwistTarget):
+            target = self._aim(TwistTarget(self.speeds, timeout=TWIST_HELD))
+        target.ask(self.control.time, linear, angular, of_hand=of_hand)
+
+    def follow(self, reference: Reference) -> None:
+        """Follow a reference from now on, and stay at its end. As in runs, twists lead by what the joints are late."""
+        if not np.isfinite(reference.duration):
+            self.target = reference.samples([0.0])[0, POSE]
+            return
+        times, delays = self._lag.mean
+        if self.law.lag_at and times + delays and not isinstance(reference, Previewed):
+            reference = Previewed(reference, delays + self.period / 2, times, self.period)
+        count = round(reference.duration / self.period) + 1
+        samples = reference.samples(self.period * np.arange(count, dtype=np.float64)).copy()
+        samples[:, TIME] += self.control.time
+        self._reference = reference
+        self.set_law(self.law)  # what it makes of twists depends on how they lead
+        self._aim(SampledTarget(samples, self.period))
+
+    def _aim(self, target: AnyTarget) -> AnyTarget:
+        target.start(self.control.desired[POSE].copy(), self.control.time)
+        self.control.target = target
+        return target
+
+    def set_law(self, law: Law) -> None:
+        """Go on with another law, or the same one with other parameters; its memory begins anew.
+
+        Raises
+        ------
+        Error
+            If it does not fit; the present one goes on then.
+        """
+        self.control.take_law(self._prepared(law, self.robot, self.period))
+        self.law = law
+
+    @property
+    def state(self) -> LiveState:
+        """What it did in the last period, as a row of a `Record` has it: q, pose and target are those of its begin."""
+        control = self.control
+        pose, desired = self.robot.fkm(self._q), control.desired[POSE].copy()
+        error = algebra.multiply(algebra.conjugate(pose), desired)
+        goal = self.target
+        shares = np.abs(control.command) / control.supervisor.bounds.velocity
+        return LiveState(
+            time=self._time,
+            q=self._q.copy(),
+            measured=control.measured.copy(),
+            command=control.command.copy(),
+            share=float(shares.max(initial=0.0)),
+            pose=pose,
+            desired=desired,
+            position_error=float(np.linalg.norm(algebra.translation(error))),
+            orientation_error=float(2 * np.arctan2(np.linalg.norm(error[1:4]), abs(error[0]))),
+            missing=np.nan
+            if goal is None
+            else float(np.linalg.norm(algebra.translation(goal) - algebra.translation(pose))),
+            condition=self.condition,
+        )
+
+    @property
+    def reason(self) -> str:
+        """What the supervisor does, or why the robot stopped."""
+        return self.control.reason
+
+    @property
+    def condition(self) -> str:
+        """What it does, and what the supervisor does about it."""
+        words = [self.control.phase.value, self.control.reason, self._fault]
+        return ": ".join(word for word in words if word)
+
+    @property
+    def ended(self) -> bool:
+        """Whether the robot has come to rest after `end`."""
+        return not self.control.is_commanding
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether it was stopped, and holds until `resume`."""
+        return self.control.phase is Phase.STOPPED
+
+    @property
+    def black_box(self) -> BlackBox:
+        """Its last seconds."""
+        return self.control.black_box
+
+    def stop(self) -> None:
+        """Brake as hard as the supervisor may, and hold until `resume`."""
+        self.control.emergency_stop()
+
+    def resume(self) -> None:
+        """Go on after a stop, at rest where the robot is.
+
+        Raises
+        ------
+        Error
+            If it is not stopped, or a joint is beyond its limits.
+        """
+        self.control.reset()
+        self.control.activate(self.plant.measured.copy())
+        self._time, self._begun = 0.0, self._done
+
+    def end(self) -> None:
+        """Stop softly, and be `ended` then; interrupts may call it."""
+        self._ending = True
+
+    def step(self, elapsed: float | None = None) -> None:
+        """Move for one period; ``elapsed`` s after the last step, a period if omitted.
+
+        A plant that raises is braked first, as far as it still takes commands.
+        """
+        try:
+            self._step(elapsed)
+        except BaseException:
+            with first_interrupt(self.control.emergency_stop):
+                self.brake()
+            raise
+
+    def brake(self) -> None:
+        """Stop as hard as the supervisor may, one step after the other, whatever the plant raises."""
+        self.control.emergency_stop()
+        for _ in range(_MOST_BRAKING_STEPS):
+            if self.control.phase is Phase.STOPPED or not self.control.is_commanding:
+                return
+            time.sleep(self.period)
+            with suppress(Exception):
+                self._step(None)
+
+    def _step(self, elapsed: float | None) -> None:
+        plant, control, senses = self.plant, self.control, self._senses
+        if self._ending and control.phase is Phase.ACTIVE:
+            control.deactivate()
+        elif self._ending and control.phase is Phase.STOPPED:
+            control.reset()
+        if self._fault and control.phase is Phase.ACTIVE:
+            control.emergency_stop()
+        if isinstance(control.target, SampledTarget) and control.target.is_over(control.time + self.period):
+            self._aim(PoseTarget(self.speeds))
+        self._q[:] = plant.q
+        self._time = (self._done - self._begun) * self.period  # sums of periods drift
+        control.step(self._time, plant.measured.copy(), senses.age, elapsed, senses.effort, senses.wrench)
+        if self.recording is not None:
+            control.record(self.recording, self._done * self.period, plant.q)
+        self._done += 1
+        if self._done % NOISE == 0:
+            plant.rewind()
+        try:
+            plant.step(control.command)
+        except FallenError as error:  # it lies there, and may be looked at
+            self._fallen = str(error)
+
+    @property
+    def _fault(self) -> str:
+        return self._fallen or self.plant.fault
+
+
+class Pace:
+    """When the steps of a loop without end are due: those that are late are counted, and none is caught up.
+
+    Parameters
+    ----------
+    period
+        s.
+    now
+        Time in s from any origin.
+
+    Attributes
+    ----------
+    deadline
+        Of the next step, on that clock.
+    missed
+        How many periods passed without a step.
+
+    Examples
+    --------
+    >>> clock = iter([0.0, 0.004, 0.035]).__next__
+    >>> pace = Pace(0.01, clock)
+    >>> pace.done(), pace.done()  # in time; then 15 ms after the deadline
+    (0.006, 0.0)
+    >>> pace.missed, pace.deadline
+    (1, 0.035)
+    """
+
+    def __init__(self, period: float, now: Callable[[], float] = time.monotonic) -> None:
+        self.period, self._now = period, now
+        self.deadline: float = now()
+        self.missed: int = 0
+
+    def done(self) -> float:
+        """Note that a step is done; return the time until the next one is due, s."""
+        now = self._now()
+        self.deadline += self.period
+        if now > self.deadline:
+            missed = int((now - self.deadline) / self.period)
+            self.missed += missed
+            self.deadline = now
+        return self.deadline - now

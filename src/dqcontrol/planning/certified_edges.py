@@ -1,0 +1,408 @@
+"""Edges between configurations, proved to keep constraints on all of their length, not at samples.
+
+A distance or angle of the constraints changes along a way by at most Σ lever |Δq|, with the levers that the prepared
+constraints have for each of their rows. So a row that has more room in the middle of an interval than it can change by
+on half of it is clear on all of the interval; only the rows that are left are asked again on both halves. What is
+proved is a quadratic curve (1 − t)² a + 2 t (1 − t) c + t² b, of which an edge is the one with c in its middle: blended
+corners are proved by the same function.
+"""
+
+from __future__ import annotations
+
+import math
+from copy import copy
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, inline, kernel, shared, types
+from dqcontrol.compiled.memory_layout import MemoryLayout
+from dqcontrol.constraints import Constraints
+from dqcontrol.constraints.constraint_layout import (
+    APART,
+    KeptRows,
+    Placed,
+    RobotScene,
+    given_parts,
+    head,
+    kept_of,
+    placed_parts,
+    row_of,
+    scene_parts,
+    way_of,
+    work_parts,
+)
+from dqcontrol.constraints.constraint_rows import (
+    farther_than,
+    place_bodies,
+    place_frames,
+    place_obstacles,
+    value_of,
+)
+from dqcontrol.constraints.prepared_constraints import PreparedConstraints
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+from dqcontrol.planning.standing_world import standing
+from dqcontrol.robots.robot import Robot
+
+DEPTH = 40  # halvings: 10⁻¹² of an edge, more than `_FINEST` ever asks for
+_FINEST = 1e-4  # m or rad: of half an interval; what is not decided there is told as not certified
+_TOLERANCE = 1e-4  # m: how much less than the least room found may be the least there is
+_EASED = 3e-4  # m or rad: three times what is left undecided
+_ROUNDING = 1e-9  # rad or m: a joint that a law has led to its end may be that much beyond it
+_PERIOD = 0.01  # s, of constraints that come without one; enters rates and allowances alone
+
+CERTIFIED, SHARE, ROW, ROOM = 0, 1, 2, 3  # of an answer
+ANSWER = 4
+
+
+class ProofWork(NamedTuple):
+    """Work of a proof.
+
+    Attributes
+    ----------
+    middle
+        Configuration in the middle of an interval.
+    spans
+        How much each row can change on a curve.
+    todo, centers, counts
+        By depth: intervals that are left there, the middle of the next, rows that are not decided.
+    open_rows
+        By depth those rows.
+    """
+
+    middle: Annotated[Array, "n"]
+    spans: Annotated[Array, "rows"]
+    todo: Annotated[Array, DEPTH + 1]
+    centers: Annotated[Array, DEPTH + 1]
+    counts: Annotated[Array, DEPTH + 1]
+    open_rows: Annotated[Array, DEPTH + 2, "rows"]
+
+
+proof_work: MemoryLayout[ProofWork] = MemoryLayout(ProofWork, "n", "rows")
+
+
+class Proof(NamedTuple):
+    """What functions of one proof are handed together.
+
+    Attributes
+    ----------
+    coordinate
+        The one that each input moves.
+    needs
+        What is asked of each row, m or rad.
+    work
+        See `ProofWork`.
+    """
+
+    chain: Array
+    kept: KeptRows
+    scene: RobotScene
+    placed: Placed
+    coordinate: Array
+    needs: Array
+    work: ProofWork
+
+
+@inline
+def _write_spans(proof, curve, n):
+    """Write how much rows can change on a curve: by no more than the larger of the rates at both of its ends."""
+    kept = proof.kept
+    for k in range(kept.rows.shape[0]):
+        span = 0.0
+        for j in range(kept.levers.shape[1]):
+            i = int(proof.coordinate[j])
+            rate = max(abs(curve[n + i] - curve[i]), abs(curve[2 * n + i] - curve[n + i]))
+            span += kept.levers[k, j] * (2.0 * rate)
+        proof.work.spans[k] = span
+
+
+@shared
+def certify_curve(proof, curve, tolerance, answer):
+    """Prove that a curve, its three points in a row, keeps what is asked, and write the answer; return a status.
+
+    With a tolerance ≥ 0 it finds the least room there is on the curve, to this tolerance, instead.
+    """
+    work, middle = proof.work, proof.work.middle
+    n, rows = middle.shape[0], work.spans.shape[0]
+    _write_spans(proof, curve, n)
+    todo, centers, counts, open_rows = work.todo, work.centers, work.counts, work.open_rows
+    for k in range(rows):
+        open_rows[0, k] = float(k)
+    counts[0], todo[0], centers[0] = float(rows), 1.0, 0.5
+    answer[CERTIFIED], answer[SHARE], answer[ROW], answer[ROOM] = 1.0, 0.5, -1.0, math.inf
+    depth = 0
+    while depth >= 0:
+        if todo[depth] == 0.0:
+            depth -= 1
+            continue
+        todo[depth] -= 1.0
+        half = 0.5 ** (depth + 1)
+        t = centers[depth]
+        centers[depth] = t + 2.0 * half
+        for i in range(n):
+            middle[i] = (
+                (1.0 - t) ** 2 * curve[i] + 2.0 * t * (1.0 - t) * curve[n + i] + t * t * curve[2 * n + i]
+            )
+        status = place_frames(proof.chain, middle, proof.scene, proof.placed)
+        if status != OK:
+            return status
+        place_bodies(proof.scene, proof.placed)
+        left, widest = 0, 0.0
+        for place in range(int(counts[depth])):
+            k = int(open_rows[depth, place])
+            row, need, reach = row_of(proof.kept.rows[k]), proof.needs[k], half * work.spans[k]
+            level = answer[ROOM] - tolerance if tolerance >= 0.0 else 0.0
+            if row.kind == APART and farther_than(proof.placed, row) - need >= reach + max(level, 0.0):
+                continue
+            room = value_of(proof.scene, proof.placed, row) - need
+            if room < answer[ROOM]:
+                answer[ROOM], answer[ROW], answer[SHARE] = room, float(k), t
+            if tolerance < 0.0 and room < 0.0:
+                answer[CERTIFIED] = 0.0
+                return OK
+            if tolerance >= 0.0:
+                level = answer[ROOM] - tolerance
+            if room - reach < level:
+                open_rows[depth + 1, left] = float(k)
+                left += 1
+                widest = max(widest, reach)
+        if left > 0:
+            if (tolerance < 0.0 and widest < _FINEST) or depth + 1 >= DEPTH:
+                answer[CERTIFIED] = 0.0
+                return OK
+            depth += 1
+            counts[depth], todo[depth], centers[depth] = float(left), 2.0, t - 0.5 * half
+    return OK
+
+
+# chain, curves (N, 3 n), needs, parameters, tolerance, own work, scratch of constraints, answers (N, 4)
+CERTIFY = STATUS(READ2, READ2, READ, READ, types.float64, WRITE, WRITE, WRITE2)
+
+
+@inline
+def proof_of(chain, n, needs, parameters, own, scratch):
+    """Return what a proof is handed, with all that stands around where it is at time 0."""
+    settings = head(parameters)
+    m, rows = int(settings.inputs), int(settings.rows)
+    given, memory = given_parts(parameters, settings, n, m), work_parts(scratch, settings, n, m)
+    kept = kept_of(given.kept, m, rows, int(settings.drives))
+    way = way_of(given.way, n, m, int(settings.points))
+    scene, placed = scene_parts(given, settings), placed_parts(memory, settings, m)
+    place_obstacles(scene, placed, 0.0, 0, 0.0, settings.period, settings.period)
+    return Proof(chain, kept, scene, placed, way.coordinate, needs, proof_work(own, n, rows))
+
+
+@kernel(CERTIFY)
+def certify_curves(chain, curves, needs, parameters, tolerance, own, scratch, answers):
+    """Write of each curve whether it is certified, where it was looked at last, and the row with the least room."""
+    n = curves.shape[1] // 3
+    proof = proof_of(chain, n, needs, parameters, own, scratch)
+    for e in range(curves.shape[0]):
+        status = certify_curve(proof, curves[e], tolerance, answers[e])
+        if status != OK:
+            return status
+    return OK
+
+
+class EdgeCheck(NamedTuple):
+    """What is known of edges; of a batch each field has an entry an edge.
+
+    Attributes
+    ----------
+    certified
+        Whether all of an edge is proved to keep what is asked.
+    room
+        The least room beyond what is asked, m or rad, where the edge was looked at: negative if it is crossed. A
+        certified edge has no less than 0 anywhere.
+    label
+        The pair with that room, as ``table: panda_link5``, or the joint that is beyond its limit.
+    share
+        Where on the edge that is, 0 … 1.
+    """
+
+    certified: Any
+    room: Any
+    label: Any
+    share: Any
+
+
+class Room(NamedTuple):
+    """The least room beyond what is asked, m, and which pair has it; infinite without any pair."""
+
+    least: float
+    label: str
+
+
+class CertifiedEdges:
+    """Whether a robot keeps constraints on straight edges between configurations, all of their length.
+
+    Parameters
+    ----------
+    robot
+        An arm, two arms, a tree, or one of these on a base that moves sideways.
+    constraints
+        What is kept. What moves as announced counts as the shape that it sweeps. Prepared ones, of a law, are kept
+        with what samples keep beyond them so that they hold between samples too.
+    extra
+        How much more than asked is to be kept, m or rad.
+
+    Attributes
+    ----------
+    kept
+        The constraints made ready.
+    lower, upper
+        Limits of the joints that are kept, shape (n,), infinite if the constraints do not keep them.
+    proof, work
+        For compiled code: chain, what is asked of each row, parameters; and memory.
+
+    Raises
+    ------
+    ValueRangeError
+        If the robot has a base that cannot move sideways: its ways are arcs.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> arm, start, goal = dqc.load_robot("panda"), [0, -0.8, 0, -2.4, 0, 1.6, 0.8], [1.5, -0.8, 0, -2.4, 0, 1.6, 0.8]
+    >>> post = dqc.world.Body(capsule=(0.05, 1.0), position=(0.3, 0.2, 0.5))
+    >>> keep = dqc.constraints.Constraints(world=dqc.World(bodies={"post": post}), clear_of="all")
+    >>> edges = dqc.planning.CertifiedEdges(arm, keep)
+    >>> found = edges.clear(start, goal)
+    >>> found.certified, found.label
+    (False, 'post: panda_link6')
+    >>> edges.clear(start, start).certified
+    True
+    """
+
+    def __init__(
+        self, robot: Robot, constraints: Constraints | PreparedConstraints, extra: float = 0.0
+    ) -> None:
+        if len(robot.drives):
+            raise ValueRangeError(
+                f"planning: {robot.name} has a base that cannot move sideways, whose ways are no straight edges; "
+                "drive-to plans them"
+            )
+        self.robot = robot
+        self.kept: PreparedConstraints = prepared(robot, constraints)
+        allowed = self.kept.allowances if isinstance(constraints, PreparedConstraints) else 0.0
+        self._needs: Array = np.ascontiguousarray(self.kept.asked + allowed + extra)
+        n, rows = robot.configuration_size, len(self._needs)
+        free = not self.kept.given.joint_limits
+        self.lower: Array = np.full(n, -np.inf) if free else robot.limits.lower
+        self.upper: Array = np.full(n, np.inf) if free else robot.limits.upper
+        self.proof: tuple[Array, Array, Array] = (robot.table, self._needs, self.kept.parameters)
+        self.work: tuple[Array, Array] = (np.zeros(proof_work.size(n, rows)), np.zeros(self.kept.scratch))
+        self._pair, self._answer = np.empty((1, 3 * n)), np.empty((1, ANSWER))
+
+    def clear(self, a: ArrayLike, b: ArrayLike) -> EdgeCheck:
+        """Return what is known of the edges from a to b, shapes (n,) or (N, n), rad or m.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If a size is wrong or a value not finite.
+        """
+        n = self.robot.configuration_size
+        starts, ends = as_array("a", a, (n,)), as_array("b", b, (n,))
+        lead = np.broadcast_shapes(starts.shape[:-1], ends.shape[:-1])
+        first, last = (np.broadcast_to(each, (*lead, n)).reshape(-1, n) for each in (starts, ends))
+        found = self.curves(np.hstack([first, 0.5 * (first + last), last]))
+        if lead:
+            return EdgeCheck(*(np.reshape(each, lead) for each in found))
+        return EdgeCheck(
+            bool(found.certified[0]), float(found.room[0]), found.label[0], float(found.share[0])
+        )
+
+    def curves(self, points: Array) -> EdgeCheck:
+        """Return what is known of quadratic curves by their three points, shape (N, 3 n)."""
+        n = self.robot.configuration_size
+        answers = self._proved(points, -1.0)
+        labels = self.labels_of(answers)
+        beyond = self.beyond_limits(points.reshape(-1, n)).reshape(-1, 3, n).max(axis=1)
+        worst = beyond.argmax(axis=1)
+        outside = beyond[np.arange(len(points)), worst] > _ROUNDING
+        for k in np.flatnonzero(outside):
+            labels[k] = f"{self.robot.joint_names[worst[k]]}: limit"
+        room = np.where(outside, -beyond[np.arange(len(points)), worst], answers[:, ROOM])
+        return EdgeCheck((answers[:, CERTIFIED] > 0) & ~outside, room, labels, answers[:, SHARE])
+
+    def is_clear(self, a: Array, b: Array) -> bool:
+        """Return whether one edge within the joints' limits is certified; made to be called often."""
+        pair, n = self._pair[0], len(a)
+        pair[:n], pair[2 * n :] = a, b
+        pair[n : 2 * n] = 0.5 * (a + b)
+        chain, needs, parameters = self.proof
+        certify_curves(chain, self._pair, needs, parameters, -1.0, *self.work, self._answer)
+        return bool(self._answer[0, CERTIFIED] > 0)
+
+    def least_room(self, points: Array) -> Room:
+        """Return the least room, m, of all distances on quadratic curves, shape (N, 3 n): proved, to 0.1 mm below."""
+        needs = np.where(self.kept.is_angle, -np.inf, self._needs)
+        answers = self._proved(points, _TOLERANCE, needs)
+        if not np.isfinite(answers[:, ROOM]).any():
+            return Room(math.inf, "")
+        k = int(answers[:, ROOM].argmin())
+        return Room(float(answers[k, ROOM]) - _TOLERANCE, self.labels_of(answers[k : k + 1])[0])
+
+    def room_at(self, q: Array) -> tuple[Array, NDArray[np.intp]]:
+        """Return the least room beyond what is asked at configurations, shape (N, n), m or rad, and the row with it."""
+        if not self._needs.size:
+            return np.full(len(q), np.inf), np.full(len(q), -1)
+        rooms = self.kept.values(q, np.zeros(len(q))) - self._needs
+        rows = rooms.argmin(axis=1)
+        return rooms[np.arange(len(q)), rows], rows
+
+    def said(self, q: Array, row: int | np.intp) -> str:
+        """Say what a row is at a configuration, and what of it is asked."""
+        return self.kept.text(
+            int(row), float(self.kept.values(q[None], [0.0])[0, row]), float(self._needs[row])
+        )
+
+    def with_more(self, extra: float) -> CertifiedEdges:
+        """Return the same with more room asked for, m or rad."""
+        return self._asking(self._needs + extra)
+
+    def eased_at(self, q: Array) -> CertifiedEdges:
+        """Return the same with 0.3 mm less asked of what touches at a configuration, shape (n,).
+
+        Where a distance is just what is asked, an edge that leads away is clear, and nothing proves it.
+        """
+        return self._asking(np.minimum(self._needs, self.kept.values(q[None], [0.0])[0] - _EASED))
+
+    def _asking(self, needs: Array) -> CertifiedEdges:
+        other = copy(self)
+        other._needs = np.ascontiguousarray(needs)
+        other.proof = (self.proof[0], other._needs, self.proof[2])
+        return other
+
+    def beyond_limits(self, q: Array) -> Array:
+        """Return how far each joint is beyond its limits, shape (N, n), rad or m; negative inside."""
+        return np.maximum(self.lower - q, q - self.upper)
+
+    def labels_of(self, answers: Array) -> NDArray[np.object_]:
+        """Return the labels of the rows that answers name."""
+        return np.array([self.kept.labels[int(k)] if k >= 0 else "" for k in answers[:, ROW]], dtype=object)
+
+    def _proved(self, points: Array, tolerance: float, needs: Array | None = None) -> Array:
+        if not np.isfinite(points).all():
+            raise ValueRangeError("edges: configurations must be finite")
+        curves, answers = np.ascontiguousarray(points), np.empty((len(points), ANSWER))
+        chain, own, parameters = self.proof
+        asked = own if needs is None else needs
+        status = certify_curves(chain, curves, asked, parameters, tolerance, *self.work, answers)
+        if status != OK:
+            raise ShapeError(f"edges: no poses of {self.robot.name} at these configurations")
+        return answers
+
+
+def prepared(robot: Robot, constraints: Constraints | PreparedConstraints) -> PreparedConstraints:
+    """Return constraints made ready for a plan, in which nothing moves."""
+    if not isinstance(constraints, PreparedConstraints):
+        return PreparedConstraints(standing(constraints), robot, _PERIOD, "measured")
+    still = standing(constraints.given)
+    if still is constraints.given:
+        return constraints
+    mode, lag = constraints.command_mode, constraints.lag
+    return PreparedConstraints(still, robot, constraints.period, mode, lag)

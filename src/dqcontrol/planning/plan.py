@@ -1,0 +1,249 @@
+"""Plans: ways between two configurations, or to a pose of the hand, that keep constraints all along."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dqcontrol.algebra import DualQuaternion
+from dqcontrol.arrays import Array
+from dqcontrol.constraints import Constraints
+from dqcontrol.constraints.prepared_constraints import PreparedConstraints
+from dqcontrol.errors import PlanError, ReachError, as_array, as_count, as_positive
+from dqcontrol.planning.certified_edges import CertifiedEdges
+from dqcontrol.planning.shortcuts import shortened
+from dqcontrol.planning.smooth_way import SmoothWay, smooth_way
+from dqcontrol.planning.ways_between import Search, search
+from dqcontrol.references.sample import as_pose
+from dqcontrol.robots import Robot, nearest_pose, postures
+
+EFFORT = 20_000  # edges: about a second
+_SPARE = 5e-4  # m: more than asked for while planning, so that what is proved does not hang by rounding
+_ROUNDING = 1e-9  # rad or m
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What is proved of a plan.
+
+    Attributes
+    ----------
+    room
+        The least room beyond what is asked on all of the way as it is gone, m; infinite if nothing stands around.
+    label
+        The pair that has it, as ``table: panda_link5``.
+    edges
+        How many edges were looked at.
+    seed
+        Of the random configurations.
+    """
+
+    room: float
+    label: str
+    edges: int
+    seed: int
+
+    def __str__(self) -> str:
+        """Return it in a line."""
+        least = f"least room {1000 * self.room:.3g} mm beyond what is asked ({self.label})"
+        nothing = "nothing stands around"
+        return f"certified: {least if self.label else nothing}; {self.edges} edges, seed {self.seed}"
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A way that is proved.
+
+    Attributes
+    ----------
+    robot
+        Who goes it.
+    kept
+        The constraints that it keeps, made ready.
+    configurations
+        Its points, shape (K, n), rad or m, from start to goal; edges between them are straight.
+    way
+        The same with blended corners, as it is gone.
+    certificate
+        What is proved of it; the edges between its points are certified, too.
+    took
+        What planning took, s.
+    """
+
+    robot: Robot
+    kept: PreparedConstraints = field(repr=False)
+    configurations: Array
+    way: SmoothWay = field(repr=False)
+    certificate: Certificate
+    took: float
+
+    def __str__(self) -> str:
+        """Return what is proved of it, and what it took, in a line."""
+        points = f"{len(self.configurations)} points, {self.length:.3g} rad"
+        return f"{self.certificate}; {points}, {1000 * self.took:.0f} ms"
+
+    @property
+    def length(self) -> float:
+        """Euclidean length of the way in coordinates, rad or m."""
+        return float(self.way.begins[-1])
+
+
+def plan(
+    robot: Robot,
+    constraints: Constraints | PreparedConstraints,
+    start: ArrayLike,
+    goal: ArrayLike | DualQuaternion,
+    seed: int = 0,
+    effort: int = EFFORT,
+    *,
+    clearance: float = 0.0,
+) -> Plan:
+    """Return a way that keeps constraints on all of its length, proved edge by edge; see `CertifiedEdges`.
+
+    The straight edge to the nearest of all goal configurations that it reaches; if it reaches none, RRT-Connect looks
+    for a way to any of them, which is then made shorter, and its corners are blended.
+
+    Parameters
+    ----------
+    robot, constraints
+        As of `CertifiedEdges`.
+    start
+        Configuration, shape (n,), rad or m.
+    goal
+        Configuration, shape (n,), or pose of the hand: a `DualQuaternion`, or shape (8,) if n is not 8. Of a pose all
+        configurations count that inverse kinematics finds from 60 seeded starts.
+    seed
+        Of the random configurations: the same one gives the same way.
+    effort
+        How many edges it looks at, at most.
+    clearance
+        Distance beyond what the constraints ask, m.
+
+    Raises
+    ------
+    PlanError
+        If the start violates the constraints (reason ``start``), no configuration has the hand at the goal
+        (``unreachable``), those that have it violate the constraints (``goal``), or no way is found (``effort``).
+    MissingExtraError
+        If OMPL is needed and not installed.
+    ShapeError, ValueRangeError
+        If a size or number is wrong, or the robot's ways are no straight edges.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> arm, start, goal = dqc.load_robot("panda"), [0, -0.8, 0, -2.4, 0, 1.6, 0.8], [1.5, -0.8, 0, -2.4, 0, 1.6, 0.8]
+    >>> post = dqc.world.Body(capsule=(0.05, 1.0), position=(0.3, 0.2, 0.5))
+    >>> keep = dqc.constraints.Constraints(world=dqc.World(bodies={"post": post}), clear_of="all")
+    >>> way = dqc.planning.plan(arm, keep, start, goal)
+    >>> len(way.configurations) > 2, way.certificate.room >= 0
+    (True, True)
+    """
+    begin = time.perf_counter()
+    seed, effort = as_count("seed", seed), as_count("effort", effort)
+    beyond = as_positive("clearance", clearance, zero_allowed=True)
+    exact = CertifiedEdges(robot, constraints, beyond)
+    first = _start(exact, as_array("start", start, (robot.configuration_size,)))
+    exact = exact.eased_at(first)
+    edges = exact.with_more(_SPARE).eased_at(first)
+    goals = _goals(edges, first, goal, seed)
+    corners, looked = _way(edges, first, goals, seed, effort)
+    ends = exact.clear(corners[:-1], corners[1:])
+    if not ends.certified.all() or np.abs(corners[0] - first).max() > 0:
+        raise PlanError("plan: a way was found that is not clear", "effort")
+    way = smooth_way(edges, corners)
+    if not exact.curves(way.curves).certified.all():
+        raise PlanError("plan: a way was found whose blends are not clear", "effort")
+    certificate = Certificate(*exact.least_room(way.curves), looked, seed)
+    return Plan(robot, exact.kept, corners, way, certificate, time.perf_counter() - begin)
+
+
+def _start(edges: CertifiedEdges, given: Array) -> Array:
+    """Return the start within the limits, or raise with what it violates."""
+    q = np.clip(given, edges.lower, edges.upper)
+    if (off := np.abs(q - given)).max() > _ROUNDING:
+        i = int(off.argmax())
+        name = edges.robot.joint_names[i]
+        raise PlanError(
+            f"start: {name} is {given[i]:g}, outside its limits {edges.lower[i]:g} … {edges.upper[i]:g}",
+            "start",
+            pair=name,
+        )
+    rooms, rows = edges.room_at(q[None])
+    if rooms[0] < 0:
+        pair = edges.kept.labels[rows[0]]
+        raise PlanError(f"start: {pair}: {edges.said(q, rows[0])}", "start", pair=pair)
+    return q
+
+
+def _goals(edges: CertifiedEdges, start: Array, goal: ArrayLike | DualQuaternion, seed: int) -> Array:
+    """Return all configurations at the goal that are clear, the nearest to the start first, shape (G, n)."""
+    robot, n = edges.robot, edges.robot.configuration_size
+    given = goal if isinstance(goal, DualQuaternion) else as_array("goal", goal)
+    is_pose = isinstance(given, DualQuaternion) or (given.shape == (8,) and n != 8)
+    if is_pose:
+        pose = as_pose("goal", given)
+        try:
+            found = np.array([each.q for each in postures(robot, pose, seed=seed)])
+        except ReachError as error:
+            nearest = nearest_pose(robot, pose, start)
+            raise PlanError(f"goal: {error}; {nearest}", "unreachable", nearest=nearest) from None
+    else:
+        found = as_array("goal", given, (n,))[None]
+    inside = np.clip(found, edges.lower, edges.upper)
+    beyond = np.abs(inside - found)
+    if not is_pose and beyond.max() > _ROUNDING:
+        i = int(beyond[0].argmax())
+        name = robot.joint_names[i]
+        raise PlanError(
+            f"goal: {name} is {found[0, i]:g}, outside its limits {edges.lower[i]:g} … {edges.upper[i]:g}",
+            "unreachable",
+            pair=name,
+        )
+    rooms, rows = edges.room_at(inside)
+    clear = rooms >= 0
+    if not clear.any():
+        best = int(rooms.argmax())
+        row = rows[best]
+        pair, count = edges.kept.labels[row], len(inside)
+        which = f"the best of {count} configurations there" if count > 1 else "the configuration there"
+        raise PlanError(
+            f"goal: {which} is not clear: {pair}: {edges.said(inside[best], row)}",
+            "goal",
+            pair=pair,
+            nearest=inside[best],
+        )
+    kept = inside[clear]
+    return kept[np.argsort(np.linalg.norm(kept - start, axis=1), kind="stable")]
+
+
+def _way(edges: CertifiedEdges, start: Array, goals: Array, seed: int, effort: int) -> tuple[Array, int]:
+    """Return the points of a way to one of the goals, and how many edges were looked at."""
+    straight = edges.clear(start, goals)
+    if straight.certified.any():
+        return np.vstack([start, goals[int(straight.certified.argmax())]]), len(goals)
+    found = search(edges, start, goals, seed, effort)
+    looked = len(goals) + found.edges
+    if not len(found.way):
+        pair = str(straight.label[0])
+        raise PlanError(
+            f"plan: no way within {looked} edges; {_how_near(edges.robot, found, goals)}; "
+            f"the straight way is blocked by {pair}",
+            "effort",
+            pair=pair,
+            nearest=found.nearest,
+        )
+    return shortened(edges, found.way, seed), looked
+
+
+def _how_near(robot: Robot, found: Search, goals: Array) -> str:
+    """Say how near a search came to its goals."""
+    away = np.linalg.norm(goals - found.nearest, axis=1)
+    here = DualQuaternion(robot.fkm(found.nearest)).translation
+    there = DualQuaternion(robot.fkm(goals[int(away.argmin())])).translation
+    apart = math.dist(here, there)
+    return f"it came within {away.min():.3g} rad of a goal, its hand within {1000 * apart:.3g} mm"

@@ -1,0 +1,240 @@
+"""The hand's motion along a plan, timed so that a law that keeps the same constraints lets it pass."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar
+
+import numpy as np
+from msgspec import Meta
+from numpy.typing import ArrayLike, NDArray
+
+from dqcontrol import algebra
+from dqcontrol.arrays import Array
+from dqcontrol.constraints.prepared_constraints import PreparedConstraints
+from dqcontrol.errors import NoteWarning, ShapeError, ValueRangeError, as_array, as_positive, unknown_name
+from dqcontrol.named_fields import NamedFields
+from dqcontrol.planning.kept_timing import Timing, kept_timing
+from dqcontrol.planning.plan import EFFORT, Plan, plan
+from dqcontrol.references.drive_to import PlannedWay
+from dqcontrol.references.reference import NO_CORNERS, Reference
+from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE
+from dqcontrol.references.set_point import SetPoint
+from dqcontrol.references.yaml_form import SpecStart, Vector
+from dqcontrol.robots import Robot
+from dqcontrol.world import World
+
+Share = Annotated[float, Meta(gt=0, le=1)]
+
+
+class Goal(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where a plan leads.
+
+    Parameters
+    ----------
+    configuration
+        rad or m; or
+    position, quaternion, rpy
+        the pose of the end effector, m and rad, in the inertial frame, or in the axes of
+    body
+        one of the world, where it is at the start.
+    """
+
+    spec_key: ClassVar[str] = "reference.goal"
+    configuration: Annotated[list[float], Meta(min_length=1, description="rad or m")] | None = None
+    position: Annotated[Vector, Meta(description="m")] | None = None
+    quaternion: Annotated[tuple[float, float, float, float], Meta(description="scalar first")] | None = None
+    rpy: Annotated[Vector, Meta(description="roll, pitch, yaw: Rz(y) Ry(p) Rx(r), rad")] | None = None
+    body: Annotated[str, Meta(min_length=1)] | None = None
+
+    def pose(self, start: Array) -> Array:
+        """Return the pose that it gives, shape (8,); what it leaves out is that of a start pose, of a body none."""
+        given = [
+            key for key in ("configuration", "position", "quaternion", "rpy", "body") if getattr(self, key)
+        ]
+        if not given:
+            raise ShapeError("goal: give position, quaternion or rpy, body, or configuration")
+        if given[0] == "configuration" and len(given) > 1:
+            raise ShapeError(f"goal: give either 'configuration' or '{given[1]}'")
+        if self.quaternion and self.rpy:
+            raise ShapeError("goal: has both 'quaternion' and 'rpy'; leave out one of them")
+        left = algebra.pose([1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0]) if self.body else start
+        turn = algebra.rotation(left)
+        if self.rpy:
+            turn = algebra.rotation_from_rpy(self.rpy)
+        elif self.quaternion:
+            turn = algebra.as_unit_quaternion("goal.quaternion", self.quaternion)
+        return algebra.pose(turn, algebra.translation(left) if self.position is None else self.position)
+
+    def target(self, pose: Array, world: World | None) -> Array:
+        """Return the configuration, or the pose in the inertial frame, that a plan leads to."""
+        if self.configuration is not None:
+            return np.array(self.configuration, dtype=np.float64)
+        if self.body is None:
+            return pose
+        bodies = world.bodies if world else {}
+        if self.body not in bodies:
+            raise unknown_name("goal.body", self.body, bodies)
+        return algebra.multiply(bodies[self.body].pose, pose)
+
+
+_STEP = 1e-5  # rad or m along the way: rounding and curvature each take 10⁻¹⁰ of a difference
+_RAMP = 0.5  # s: no input reaches its full speed sooner, where nothing says how fast it may
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PlanTo(PlannedWay):
+    """The hand's motion while its robot goes a planned way; `laws.GuidedProportional` follows it.
+
+    Speeds and accelerations along the way are the largest that limits allow [Pham and Pham 2018], and no distance d
+    that is kept shrinks faster than ρ η (d − kept): so a law that keeps the same constraints has nothing to brake.
+
+    Parameters
+    ----------
+    plan
+        From `plan`.
+    speed_fraction
+        The most that is used of the limits of velocities and accelerations, 0 … 1. Where constraints limit no
+        acceleration, an input takes 0.5 s to its full speed.
+    approach
+        ρ, 0 … 1.
+
+    Attributes
+    ----------
+    duration
+        s.
+
+    Raises
+    ------
+    ValueRangeError
+        If a share is no share, or an input has no velocity limit.
+    MissingExtraError
+        If TOPP-RA is not installed.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> arm, start, goal = dqc.load_robot("panda"), [0, -0.8, 0, -2.4, 0, 1.6, 0.8], [1.5, -0.8, 0, -2.4, 0, 1.6, 0.8]
+    >>> post = dqc.world.Body(capsule=(0.05, 1.0), position=(0.3, 0.2, 0.5))
+    >>> keep = dqc.constraints.Constraints(world=dqc.World(bodies={"post": post}), clear_of="all", acceleration=10)
+    >>> law = dqc.laws.GuidedProportional(gain=2.0, constraints=keep)
+    >>> way = dqc.planning.PlanTo(dqc.planning.plan(arm, keep, start, goal))
+    >>> record = dqc.simulate(arm, way, law, dqc.plants.Integrator(), start, period=0.01)
+    >>> bool(abs(record.q - way.configurations(record.time)).max() < 1e-6)
+    True
+    """
+
+    kind = "plan-to"
+    plans_around = True
+
+    plan: Plan
+    speed_fraction: float = 0.9
+    approach: float = 0.9
+    robot: Robot = field(init=False, repr=False)
+    duration: float = field(init=False)
+    corners: NDArray[np.float64] = field(init=False, repr=False)
+    timing: Timing = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        robot, kept = self.plan.robot, self.plan.kept
+        fraction, approach = _share("speed_fraction", self.speed_fraction), _share("approach", self.approach)
+        velocity = robot.limits.velocity
+        if np.isinf(velocity).any():
+            name = robot.input_names[int(np.isinf(velocity).argmax())]
+            raise ValueRangeError(f"robot: {name} of {robot.name} has no velocity limit to plan with")
+        asked = robot.acceleration_limits("constraints.acceleration", kept.given.acceleration)
+        acceleration = np.where(np.isfinite(asked), asked, velocity / _RAMP)
+        place = np.empty(robot.configuration_size, dtype=int)
+        place[robot.input_coordinates] = np.arange(robot.input_size)
+        limits = (fraction * velocity[place], fraction * acceleration[place], asked[place])
+        timing = kept_timing(self.plan.way, kept, *limits, approach)
+        values = {
+            "robot": robot,
+            "duration": float(timing.times[-1]),
+            "corners": NO_CORNERS,
+            "timing": timing,
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def from_spec(
+        cls,
+        start: SpecStart,
+        *,
+        goal: Goal,
+        clearance: Annotated[float, Meta(ge=0, description="beyond what constraints ask, m")] = 0.0,
+        effort: Annotated[int, Meta(ge=0, le=10_000_000, description="edges looked at")] = EFFORT,
+        seed: Annotated[int, Meta(ge=0, le=2**31, description="of the search")] = 0,
+        speed_fraction: Share = 0.9,
+        approach: Share = 0.9,
+    ) -> Reference:
+        """Go to a goal around what constraints keep clear of; see `dqcontrol.planning.PlanTo`.
+
+        ``goal`` is a pose, of which all configurations count; a ``configuration``; or ``body``, one of the world, in
+        whose axes the pose is then given. What is left out of a pose is the end effector's at the start.
+        """
+        if start.place != "reference":
+            raise ValueRangeError(
+                f"{start.place}: plan-to starts where the robot does, so it is no part of a sequence"
+            )
+        return SetPoint(goal.pose(start.pose))
+
+    @classmethod
+    def of_robot(
+        cls,
+        reference: Reference,
+        robot: Robot,
+        start: Array,
+        world: World | None = None,
+        kept: PreparedConstraints | None = None,
+        *,
+        goal: Goal,
+        clearance: float = 0.0,
+        effort: int = EFFORT,
+        seed: int = 0,
+        speed_fraction: float = 0.9,
+        approach: float = 0.9,
+    ) -> PlanTo:
+        """Return the way from the start configuration to the goal; see `Reference.of_robot`."""
+        if kept is None:
+            raise ValueRangeError("plan-to: is the reference of a law, and no further task's")
+        target = goal.target(reference.at(0.0).pose, world)
+        found = plan(robot, kept, start, target, seed, effort, clearance=clearance)
+        warnings.warn(f"plan: {found}", NoteWarning, stacklevel=2)
+        return cls(found, speed_fraction, approach)
+
+    def configurations(self, times: ArrayLike) -> Array:
+        """Return the robot's configurations at times (N,), s: shape (N, n)."""
+        return self.plan.way.at(self.timing.at(as_array("times", times))[0])[0]
+
+    def mean_inputs(self, times: ArrayLike, period: float) -> Array:
+        """Return the means of the robot's inputs from times (N,), s, to a period later: shape (N, m)."""
+        begins = as_array("times", times)
+        moved = self.configurations(begins + period) - self.configurations(begins)
+        return moved[:, self.robot.input_coordinates] / period
+
+    def motion(self, times: Array) -> Array:
+        """Return samples (N, 21); see `Reference.motion`."""
+        length, speed, rate = self.timing.at(times)
+        q, along, bend = self.plan.way.at(length)
+        inputs = self.robot.input_coordinates
+        u = (along * speed[:, None])[:, inputs]
+        change = (bend * speed[:, None] ** 2 + along * rate[:, None])[:, inputs]
+        jacobian = self.robot.twist_jacobian(q)
+        step = _STEP * (along * np.sign(speed)[:, None])  # by differences: of trees no formula of it is known
+        ahead, behind = self.robot.twist_jacobian(q + step), self.robot.twist_jacobian(q - step)
+        turns = (ahead - behind) * (np.abs(speed) / (2.0 * _STEP))[:, None, None]
+        out = np.zeros((len(times), SAMPLE_SIZE))
+        out[:, POSE] = self.robot.fkm(q)
+        out[:, TWIST] = np.einsum("kij,kj->ki", jacobian, u)
+        out[:, TWIST_RATE] = np.einsum("kij,kj->ki", jacobian, change) + np.einsum("kij,kj->ki", turns, u)
+        return out
+
+
+def _share(field_name: str, value: float) -> float:
+    share = as_positive(field_name, value)
+    if share > 1:
+        raise ValueRangeError(f"{field_name}: must be ≤ 1, got {share:g}")
+    return share

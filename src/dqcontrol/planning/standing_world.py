@@ -1,0 +1,114 @@
+"""Constraints as a plan sees them: what moves as announced stands as the shape that it sweeps."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from dqcontrol import algebra
+from dqcontrol.arrays import Array
+from dqcontrol.constraints import Constraints
+from dqcontrol.constraints.constraints import ClearOf, KeptBody
+from dqcontrol.constraints.prepared_constraints import ball_around
+from dqcontrol.errors import ValueRangeError
+from dqcontrol.geometry import Plane
+from dqcontrol.world import Motion, World
+from dqcontrol.world.body import Body, Solid
+
+_FAR = 20.0  # m: what moves on without end sweeps a line of this length, beyond any robot's reach
+_MOST_PARTS = 100  # of a body
+_SAME = 1e-9  # m between places that are one
+
+
+def standing(constraints: Constraints) -> Constraints:
+    """Return constraints in which nothing moves.
+
+    Of a shape that moves, the ball around it is swept along its path: exact for balls, more than enough for others.
+
+    Raises
+    ------
+    ValueRangeError
+        If a plane moves, or a line of sight has a target that does.
+    """
+    moving = {
+        name: kept
+        for name, kept in constraints.obstacles.items()
+        if kept.moves.velocity is not None or kept.moves.path is not None
+    }
+    if not moving:
+        return constraints
+    for name, sight in constraints.sights.items():
+        if sight.target in moving:
+            raise ValueRangeError(
+                f"constraints.sights.{name}.target: '{sight.target}' moves; a plan needs one that stands"
+            )
+    assert constraints.world is not None
+    bodies, clear_of = {}, {}
+    for name, kept in constraints.obstacles.items():
+        bodies[name] = _swept(name, kept) if name in moving else constraints.world.bodies[name]
+        clear_of[name] = kept.clear if isinstance(constraints.clear_of, dict) else ClearOf()
+    return msgspec.structs.replace(constraints, world=World(bodies=bodies), clear_of=clear_of)
+
+
+class _Piece(NamedTuple):
+    """What a ball sweeps from one place to another, (3,), m."""
+
+    begin: Array
+    end: Array
+    radius: float
+
+    def seen_from(self, place: Array, turn: Array) -> _Piece:
+        """Return the same in a frame at a place, turned by a rotation matrix."""
+        return _Piece((self.begin - place) @ turn, (self.end - place) @ turn, self.radius)
+
+    def solid(self) -> Solid:
+        """Return it as a shape."""
+        way = self.end - self.begin
+        length = float(np.linalg.norm(way))
+        middle = tuple((0.5 * (self.begin + self.end)).tolist())
+        if length < _SAME:
+            return Solid(sphere=self.radius, position=middle)
+        x, y, z = way / length
+        rpy = (0.0, math.acos(min(max(float(z), -1.0), 1.0)), math.atan2(y, x))
+        return Solid(capsule=(self.radius, length), position=middle, rpy=rpy)
+
+
+def _swept(name: str, kept: KeptBody) -> Body:
+    points, most = _points(kept.moves), max(_MOST_PARTS // len(kept.shapes), 1)
+    pieces: list[_Piece] = []
+    for shape in kept.shapes:
+        if isinstance(shape, Plane):
+            raise ValueRangeError(f"world.{name}.moves: a plane that moves leaves nothing to plan in")
+        ball = ball_around(shape)
+        pieces += _pieces(ball[:3] + points, float(ball[3]), most)
+    first = pieces[0].solid()
+    matrix = algebra.matrix_from_pose(first.pose)
+    parts = [each.seen_from(matrix[:3, 3], matrix[:3, :3]).solid() for each in pieces[1:]]
+    return Body(**msgspec.structs.asdict(first), parts=parts)
+
+
+def _points(moves: Motion) -> Array:
+    """Return where the pieces of a motion begin and end, as shifts, shape (N, 3), m."""
+    if moves.path is not None:
+        return np.asarray(moves.path, np.float64)[:, 1:]
+    velocity = np.asarray(moves.velocity, np.float64)
+    speed = float(np.linalg.norm(velocity))
+    return np.array([np.zeros(3), velocity * (_FAR / speed if speed > 0 else 0.0)])
+
+
+def _pieces(points: Array, radius: float, most: int) -> list[_Piece]:
+    """Return what a ball sweeps from point to point; of more than ``most`` pieces several in one that is wider."""
+    stride = max(1, math.ceil((len(points) - 1) / most))
+    corners = [*range(0, len(points) - 1, stride), len(points) - 1]
+    found = []
+    for begin, end in pairwise(corners):
+        a, way = points[begin], points[end] - points[begin]
+        passed = points[begin : end + 1] - a
+        along = np.clip(passed @ way / max(float(way @ way), _SAME**2), 0.0, 1.0)
+        beside = float(np.linalg.norm(passed - np.outer(along, way), axis=1).max())
+        found.append(_Piece(a, points[end], radius + beside))
+    return found
