@@ -305,7 +305,7 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             mass=rows[:, 0],
             damping=rows[:, 1],
             stiffness=rows[:, 2],
-            transition=[exact_step(*row, period) for row in rows],
+            transition=[exact_step(m, d, k, period) for m, d, k in rows],
             forced=[each is not None for each in wanted],
             ramp=round(self.ramp / period),
             dead_band=self.dead_band,
