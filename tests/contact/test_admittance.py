@@ -1,6 +1,6 @@
 """The admittance stage against matrix exponentials, finite differences, transforms of wrenches and energy."""
 
-import itertools
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -119,7 +119,7 @@ def test_the_spring_makes_no_energy_where_stiffnesses_differ():
         [1 + np.cos(angles), 0.5 + 0.8 * np.sin(angles), 0.6 * np.sin(2 * angles + 0.7)]
     )
     plain = 0.0
-    for here, there in itertools.pairwise(way):
+    for here, there in pairwise(way):
         phi, step = 0.5 * (here + there), Rotation.from_rotvec(there) * Rotation.from_rotvec(here).inv()
         # in balance, Jₗᵀ m = K φ: find m by the stage's own generalised force
         transposed = np.column_stack([_generalised(phi, each) for each in np.eye(3)])
@@ -162,8 +162,7 @@ def test_wrenches_go_to_the_hand_and_lose_weight_and_bias():
 def test_rigid_axes_pass_and_the_free_hand_moves_at_force_over_damping():
     stage = Admittance(translation=PUSH, force=WantedWrench(z=2.0), ramp=0.0).start(0.004)
     first = stage.step(HERE, at_rest(), np.array([50.0, 60, 0, 1, 2, 3]))
-    for _ in range(9):
-        shaped = stage.step(HERE, at_rest(), np.array([50.0, 60, 0, 1, 2, 3]))
+    shaped = [stage.step(HERE, at_rest(), np.array([50.0, 60, 0, 1, 2, 3])) for _ in range(9)][-1]
     assert np.abs(first[:8] - HERE).max() < 1e-15  # no sample is lost, and none jumps
     moved = turn_of(HERE).inv().apply(place_of(shaped) - place_of(HERE))
     assert np.abs(moved - [0, 0, -9 * 0.004 * 0.01]).max() < 1e-15

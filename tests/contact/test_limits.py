@@ -99,10 +99,13 @@ def check(seed):
     return loop.grows(0.95 * limit, seconds), loop.grows(1.05 * limit, seconds)
 
 
-@pytest.mark.parametrize("seeds", [range(6), pytest.param(range(6, 120), marks=pytest.mark.slow)])
-def test_predicted_limit_against_the_onset_in_simulation(seeds):
+@pytest.mark.parametrize(
+    ("seeds", "least"),
+    [((3, 4, 8, 10, 12, 22), 6), pytest.param(range(120), 50, marks=pytest.mark.slow)],
+)
+def test_predicted_limit_against_the_onset_in_simulation(seeds, least):
     """Quiet 5 % below, growing 5 % above: lags alike and not, filters, masses, walls and loose parts."""
     found = {seed: check(seed) for seed in seeds}
     judged = {seed: each for seed, each in found.items() if each is not None}
-    assert len(judged) >= 0.4 * len(found)
+    assert len(judged) >= least
     assert all(each == (False, True) for each in judged.values()), judged

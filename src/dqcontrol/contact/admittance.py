@@ -192,7 +192,9 @@ class LostContact(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
 
 
 class SilentSensor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What happens when the sensor says nothing: three samples the last value stands, then force axes rest.
+    """What happens when the sensor says nothing, or no number.
+
+    For three samples the last value stands, then force axes rest.
 
     Parameters
     ----------
@@ -303,7 +305,7 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             mass=rows[:, 0],
             damping=rows[:, 1],
             stiffness=rows[:, 2],
-            transition=[exact_step(*row, period) for row in rows],
+            transition=[exact_step(m, d, k, period) for m, d, k in rows],
             forced=[each is not None for each in wanted],
             ramp=round(self.ramp / period),
             dead_band=self.dead_band,
@@ -324,7 +326,7 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         ends = [each.times[-1] for each in wanted if isinstance(each, ForceReference)]
         times = period * np.arange(math.ceil(max(ends, default=0.0) / period) + 1)
         columns = [
-            np.interp(times, each.times, each.values)
+            np.interp(times, np.array(each.times), np.array(each.values))
             if isinstance(each, ForceReference)
             else np.full(len(times), each or 0.0)
             for each in wanted
@@ -357,4 +359,4 @@ def exact_step(mass: float, damping: float, stiffness: float, period: float) -> 
     from scipy.linalg import expm
 
     rates = np.array([[0, 1, 0], [-stiffness / mass, -damping / mass, 1 / mass], [0, 0, 0]])
-    return np.asarray(expm(rates * period))[:2].ravel()
+    return np.asarray(expm(rates * period), dtype=np.float64)[:2].ravel()

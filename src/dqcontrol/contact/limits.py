@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
@@ -21,13 +22,14 @@ if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
     class LaggingPlant(Protocol):
-        """What is asked of a plant; see `dqcontrol.plants.plant.Plant`."""
+        """What is asked of a plant."""
 
         def linear_model(self, robot: Robot, start: Array, period: float) -> LinearModel | None:
-            """Return how small commands move the joints."""
+            """Return how small commands move it."""
+            ...
 
         def lag(self, robot: Robot) -> Lag:
-            """Return how late the joints follow."""
+            """Return how late it is."""
             ...
 
 
@@ -250,7 +252,9 @@ class _Loop:
         return 0.0 if np.isinf(share) else float(1e4 / share * damping)
 
 
-def _first_failure(radius, least: float = _SOFTEST, most: float = _STIFFEST) -> float:
+def _first_failure(
+    radius: Callable[[float], float], least: float = _SOFTEST, most: float = _STIFFEST
+) -> float:
     """Return where a loop first becomes unstable between two values: over a grid, then by halving."""
     grid = np.geomspace(least, most, _LOOKED_AT)
     failed = next((k for k, value in enumerate(grid) if not radius(value) <= 1 + _ROUNDING), None)
@@ -290,6 +294,6 @@ def _environment(
         direct = -stiffness
     whole = np.zeros((states + 2, states + 2))
     whole[:states, :states], whole[:states, states], whole[states, states + 1] = rates, by_way, 1.0
-    moved = expm(whole * period)[:states]
+    moved = np.asarray(expm(whole * period), dtype=np.float64)[:states]
     by_next = moved[:, states + 1] / period
     return moved[:, :states], moved[:, states] - by_next, by_next, force, direct

@@ -125,7 +125,7 @@ def _fit(columns: Array, values: Array, first: int) -> tuple[Array, Array, float
         return np.zeros(first), np.zeros(3), 0.0, np.inf
     singular = np.linalg.svd(matrix / lengths, compute_uv=False)
     enough = matrix.shape[0] >= matrix.shape[1] and singular[-1] > 1e-9 * singular[0]
-    found = np.linalg.lstsq(matrix, flat, rcond=None)[0]
+    found = np.asarray(np.linalg.lstsq(matrix, flat, rcond=None)[0], dtype=np.float64)
     left = float(np.sqrt(np.mean((matrix @ found - flat) ** 2)))
     return found[:first], found[first:], left, float(singular[0] / singular[-1]) if enough else np.inf
 

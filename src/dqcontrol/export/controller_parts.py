@@ -240,6 +240,10 @@ def controller_parts(
         raise Error(
             f"law: {case.names.law or 'it'} does not compile, so it cannot be exported: {prepared.kernel.reason}"
         )
+    if prepared.wrench.size:
+        raise Error(
+            "contact: is not exported yet: nothing in C hands the law a wrench; take it out of the spec"
+        )
     for field in ("disturbance", "stop"):
         if getattr(spec, field) is not None:
             warnings.warn(

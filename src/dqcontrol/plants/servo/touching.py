@@ -98,7 +98,7 @@ class Touching(NamedTuple):
 
 
 class TouchState(NamedTuple):
-    """What the sensor shows; force and depth of the contact, base axes; wrenches before and after the filter; the hand.
+    """What the sensor shows; force and depth of the contact, base axes; the wrench around its filter; the hand.
 
     The first two are the plant's readings.
     """
