@@ -1,6 +1,6 @@
 """Mass matrix and joint forces of chains and trees, compiled.
 
-Of each joint a row `Body`, parents first. All vectors have the axes of the base and are taken about its origin: a
+Of each joint a row `RigidBody`, parents first. All vectors have the axes of the base and are taken about its origin: a
 twist is (ω, v) with v the speed of the point that is there now, a screw z + ε(p × z) as in the twist Jacobian, a
 wrench (m, f). So what bodies hand to their parents is a sum, without a change of frame. Formulas: Featherstone,
 *Rigid Body Dynamics Algorithms*, 2008, tables 5.1 (recursive Newton-Euler) and 6.2 (composite rigid body).
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
 
-class Body(NamedTuple):
+class RigidBody(NamedTuple):
     """A joint and the body that it moves.
 
     Attributes
@@ -65,7 +65,7 @@ class Body(NamedTuple):
     tensor: Annotated[Array, 6]
 
 
-_body = MemoryLayout(Body, unchecked=True)
+_body = MemoryLayout(RigidBody, unchecked=True)
 
 _MOVED, _INERTIA, _RATES, _WRENCH = (
     13,
@@ -76,7 +76,7 @@ _MOVED, _INERTIA, _RATES, _WRENCH = (
 
 
 def rigid_bodies(robot: Robot) -> Array:
-    """Return the table of a robot with inertias, a row `Body` a joint."""
+    """Return the table of a robot with inertias, a row `RigidBody` a joint."""
     bodies, table = robot.inertia, robot.inertia_chain
     assert bodies is not None
     count = len(bodies.mass)
