@@ -113,14 +113,14 @@ def _timed(
     grid, fastest = _grid_and_limit(part, kept, velocity, approach)
     turning = toppra.constraint.JointVelocityConstraint(velocity)
     braking = toppra.constraint.JointAccelerationConstraint(np.column_stack([-acceleration, acceleration]))
-    for _ in range(_SLOWED):
+    for tried in range(_SLOWED):
         limits = [turning, braking, _speed_limit(toppra, fastest, len(velocity))]
         timed = toppra.algorithm.TOPPRA(limits, _Path(part), gridpoints=grid)
         speeds = timed.compute_parameterization(0.0, 0.0)[1]
         if speeds is None or not np.isfinite(speeds).all() or (speeds[:-1] + speeds[1:] <= 0).any():
             break
         too_fast = _too_fast(part, kept, grid, speeds, brake)
-        if not too_fast.any():
+        if not too_fast.any() or tried == _SLOWED - 1:  # the law brakes the rest, where it creeps anyway
             return grid, speeds
         fastest = np.where(too_fast, np.maximum(_SLOWER * np.minimum(fastest, speeds), _CREEP), fastest)
     raise Error("plan: no timing of the way keeps the limits")
