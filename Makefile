@@ -61,7 +61,7 @@ LOOK := --size 1280x960 --azimuth=-65deg --elevation=-10deg
 demo: $(VENV)/demo
 	@$(BIN)/dqcontrol run examples/demo.yaml --out results/demo --force
 	@$(BIN)/dqcontrol clip results/demo/K+FF-physics results/demo.png --force $(LOOK) || true  # needs OpenGL
-	@echo "now take the target in your own hand: $(BIN)/dqcontrol play"
+	@echo now take the target in your own hand: $(BIN)/dqcontrol play
 
 lint: style types
 

@@ -76,7 +76,7 @@ UNFIT = [
     (changed(plant={"kind": "servo", "time_konstant": 1}),
      r"plant: unknown key 'time_konstant'; did you mean 'time_constant'\? \(allowed: kind, command_mode, "
      r"time_constant, bandwidth, damping_ratio, friction, gain, sag, stiffness, delay, encoder_resolution, "
-     r"encoder_noise, rate_limit, position_limit, gravity, base_time_constant, camera\)$"),
+     r"encoder_noise, rate_limit, position_limit, gravity, base_time_constant, camera, wrist, world\)$"),
     (changed(plant={"kind": "integrator", "sag": 1}), r"plant: unknown key 'sag' \(allowed: kind, bias\)$"),
     (changed(reference=circle(length=1)),
      r"reference: unknown key 'length'.* \(allowed: kind, start, offset, repeat, [^()]*, plane, turns, clockwise\)$"),

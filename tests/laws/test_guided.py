@@ -77,7 +77,7 @@ def test_compiled_and_interpreted_are_equal(robot):
 
 def test_bad_input(robot):
     way = DriveTo(robot, HOME, HOME)
-    with pytest.raises(Error, match="law: guided-proportional follows a drive-to reference"):
+    with pytest.raises(Error, match="law: guided-proportional follows a drive-to or plan-to reference"):
         LAW.prepare(robot, SetPoint(robot.fkm(HOME)), 0.05)
     with pytest.raises(Error, match="planned for iiwa7"):
         LAW.prepare(dqc.load_robot("iiwa7"), way, 0.05)

@@ -177,7 +177,7 @@ def test_minimum_jerk_reference_is_planned_anew_without_a_jump():
 
 
 def test_a_switch_starts_at_what_is_measured_and_takes_a_second():
-    sizes = 7, 0, 0, 0, 0
+    sizes = 7, 0, 0, 0
     arm = arm_memory(np.zeros(arm_memory.size(*sizes)), *sizes)
     arm.constants[:] = joint(TORQUE_ASKED=2.0, FEEDFORWARD=1.0)
     arm.state[:] = at(SENSED=0.5, ANGLE=0.2, TORQUE_INTEGRAL=3.0, REFERENCE=0.9)

@@ -357,7 +357,9 @@ def _numbers(record: Record, limits: Limits | None, start: int, band: float) -> 
         GIVEN, record.time, record.desired, record.q, record.command, record.pose, free, free, per_speed, start, band,
         work, out,
     )  # fmt: skip
-    return dict(zip(NUMBERS, out.tolist(), strict=True))
+    # One NaN for all, as Python calls two of them equal only if they are the same object: metrics can be compared.
+    found = (value if value == value else math.nan for value in out.tolist())
+    return dict(zip(NUMBERS, found, strict=True))
 
 
 def _smoothed(record: Record, cutoff: float) -> Record:
