@@ -128,3 +128,15 @@ def test_unstable_contact_runs_if_that_is_asked_for():
 def test_contact_is_not_exported_without_its_wrench():
     with pytest.raises(Error, match="contact: is not exported yet"):
         controller_parts(spec())
+
+
+def test_a_run_that_presses_says_how_hard_and_is_not_judged_by_where_it_gives_way():
+    run = dqc.run(spec(reference={"kind": "circle", "plane": "xy", "radius": 0.02, "duration": 12}))
+    assert run.verdict.words.startswith("followed; presses ")
+    assert "N along z, 2 asked" in run.verdict.words
+    assert not run.verdict.failure
+    air = dqc.run(
+        spec(world={"board": {"box": [0.6, 0.6, 0.04], "position": [0.55, 0, -0.5], "stiffness": 2000}})
+    )
+    assert air.verdict.words.startswith("touched nothing; ")
+    assert air.verdict.failure == "task"

@@ -7,6 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from msgspec import Meta
+from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
@@ -285,6 +286,29 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         """[M, D, K] of each axis φx φy φz x y z, shape (6, 3); all 0 of rigid ones."""
         parts = (self.rotation, "rotation"), (self.translation, "translation")
         return np.vstack([np.zeros((3, 3)) if isinstance(p, str) else p.rows(field) for p, field in parts])
+
+    @property
+    def rigid(self) -> NDArray[np.bool_]:
+        """Which axes φx φy φz x y z do not give way, shape (6,)."""
+        return ~self.axis_rows[:, :2].any(axis=1)
+
+    def turned_to_axes(self, vectors: Array, poses: Array, desired: Array) -> Array:
+        """Return vectors of the base frame (N, 3) along its own axes, with the poses (N, 8) of hand and reference."""
+        if self.axes == "base":
+            return vectors
+        frame = algebra.matrix_from_pose(desired if self.axes == "reference" else poses)[:, :3, :3]
+        return np.einsum("nji,nj->ni", frame, vectors)
+
+    def wanted_forces(self, times: Array) -> dict[str, Array]:
+        """Return the wanted force (N) over times (N,), s, of each axis x, y, z that has one."""
+        forces = {"x": self.force.x, "y": self.force.y, "z": self.force.z}
+        return {
+            axis: np.interp(times, np.array(each.times), np.array(each.values))
+            if isinstance(each, ForceReference)
+            else np.full(len(times), float(each))
+            for axis, each in forces.items()
+            if each is not None
+        }
 
     def parameters(self, period: float) -> Array:
         """Return what the kernel reads, with a period, s."""

@@ -28,6 +28,7 @@ from dqcontrol.plants import MobilePlant, MujocoPlant, Plant
 from dqcontrol.plants.mobile.mobile_live import SLIDING
 from dqcontrol.plants.mujoco.gripper import GRIPPER_OPENING
 from dqcontrol.plants.mujoco.pads import GRIP_FORCE
+from dqcontrol.plants.servo.touching import TOUCH_FORCE
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
 from dqcontrol.supervisor import Supervisor, list_interventions
@@ -38,6 +39,8 @@ Failure = Literal["", "ended", "outcome", "crossed", "contact", "limits", "grip"
 """In what way a run failed; empty of one that did not."""
 
 _CROSSED = 1e-9  # m or rad: rounding
+_LAST = 0.1  # of the time: when a force has settled, if it does
+_OFF = 0.1  # of the wanted force: what is farther off is not what was asked, as of a motion that is followed
 _ROUNDING = 1e-9  # as a share of a velocity limit
 _OFTEN = 0.1  # of the samples
 _CLOSED = 1e-3  # m between fingers that have nothing between them
@@ -176,9 +179,11 @@ class Judge:
             *(("grip", words) for words in self._grip(record)),
             *(("task", words) for words in self._shakes(record, metrics)),
         ]
+        pressed = list(self._pressed(record))
+        found.extend(("task", words) for words, failed in pressed if failed)
         further = [] if self._tasks is None else list(self._further(record, self._tasks, skip_initial))
         found.extend(("task", words) for words, failed in further if failed)
-        told = [words for words, failed in further if not failed]
+        told = [words for words, failed in (*pressed, *further) if not failed]
         task = metrics.verdict
         met += [words for words in hit if self._outcome or self._may_be_hit(words)]
         if self._outcome and not found:
@@ -354,6 +359,23 @@ class Judge:
             )
             if held := _braked(record):
                 yield held
+
+    def _pressed(self, record: Record) -> Iterator[tuple[str, bool]]:
+        """Yield the force along each axis that controls one, and whether it is far from what is wanted at the end."""
+        if self.law is None or self.law.contact is None or TOUCH_FORCE not in record.readings:
+            return
+        contact = self.law.contact
+        force = contact.turned_to_axes(
+            record.readings[TOUCH_FORCE].values, record.pose, record.desired[:, POSE]
+        )
+        first = len(record) - max(1, int(_LAST * len(record)))
+        for axis, wanted in contact.wanted_forces(record.time).items():
+            felt_at, asked = force[first:, "xyz".index(axis)].mean(), wanted[first:].mean()
+            touched = bool(np.abs(force).max() > 0)
+            words = (
+                f"presses {felt_at:.3g} N along {axis}, {asked:.3g} asked" if touched else "touched nothing"
+            )
+            yield words, abs(felt_at - asked) > _OFF * abs(asked)
 
     def _further(
         self, record: Record, tasks: PreparedTasks, skip_initial: float

@@ -13,6 +13,7 @@ from dqcontrol import algebra
 from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ2, STATUS, WRITE, inline, kernel
+from dqcontrol.contact import Admittance
 from dqcontrol.controller import PreparedTasks
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws import Law, PartialProportional
@@ -249,7 +250,12 @@ def task_result(
     record = _before_braking(record)
     part = law.part if isinstance(law, PartialProportional) else "pose"
     distance = record.position_error if part in ("pose", "position") else None
-    found = _judged(record, _asked(record, skip_initial), distance, _orientation_error(record, law))
+    orientation = _orientation_error(record, law)
+    if (
+        law is not None and law.contact is not None
+    ):  # where the hand gives way it is not where the reference is
+        distance, orientation = _along_rigid_axes(record, law.contact, orientation)
+    found = _judged(record, _asked(record, skip_initial), distance, orientation)
     if record.stopped == "settled" and not found.succeeded:  # what `stop` asked for is reached
         return replace(found, outcome="reached" if found.rests else "followed")
     if robot is None or found.outcome != "not reached" or found.is_moving:
@@ -358,6 +364,18 @@ def _orientation_error(record: Record, law: Law | None) -> Array | None:
         algebra.matrix_from_pose(x)[..., :3, :3] @ direction for x in (record.pose, record.desired[:, POSE])
     )
     return np.arctan2(row_norms(np.cross(is_, wanted)), np.einsum("ij,ij->i", is_, wanted))
+
+
+def _along_rigid_axes(
+    record: Record, contact: Admittance, orientation: Array | None
+) -> tuple[Array | None, Array | None]:
+    """Return the errors of position and orientation along axes that do not give way, None where all do."""
+    rigid = contact.rigid
+    left = contact.turned_to_axes(
+        record.desired_position - record.position, record.pose, record.desired[:, POSE]
+    )
+    distance = row_norms(np.ascontiguousarray(left[:, rigid[3:]])) if rigid[3:].any() else None
+    return distance, orientation if rigid[:3].all() else None
 
 
 def _speed(record: Record) -> float:

@@ -115,10 +115,11 @@ class TouchState(NamedTuple):
 _box = MemoryLayout(SpringyBox)
 _touching: MemoryLayout[Touching] = MemoryLayout(Touching, "joints", "boxes")
 _state: MemoryLayout[TouchState] = MemoryLayout(TouchState)
+TOUCH_FORCE = "touch_force"  # of the environment on the hand, base axes
 CHANNELS = (
     Channel("wrist_force", ("x", "y", "z"), "N"),
     Channel("wrist_torque", ("x", "y", "z"), "N·m"),
-    Channel("touch_force", ("x", "y", "z"), "N"),
+    Channel(TOUCH_FORCE, ("x", "y", "z"), "N"),
     Channel("touch_depth", (), "m"),
 )
 _READINGS = sum(channel.size for channel in CHANNELS)
