@@ -290,7 +290,7 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
     @property
     def rigid(self) -> NDArray[np.bool_]:
         """Which axes φx φy φz x y z do not give way, shape (6,)."""
-        return ~self.axis_rows[:, :2].any(axis=1)
+        return self.axis_rows[:, :2].max(axis=1) == 0.0
 
     def turned_to_axes(self, vectors: Array, poses: Array, desired: Array) -> Array:
         """Return vectors of the base frame (N, 3) along its own axes, with the poses (N, 8) of hand and reference."""
