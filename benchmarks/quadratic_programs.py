@@ -25,7 +25,7 @@ import dqcontrol as dqc
 from dqcontrol.constraints import active_set
 from dqcontrol.robots.files.load import example_urdfs
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "laws"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "constraints"))
 
 GAIN, PERIOD = 10.0, 0.01
 
