@@ -301,14 +301,8 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     def wanted_forces(self, times: Array) -> dict[str, Array]:
         """Return the wanted force (N) over times (N,), s, of each axis x, y, z that has one."""
-        forces = {"x": self.force.x, "y": self.force.y, "z": self.force.z}
-        return {
-            axis: np.interp(times, np.array(each.times), np.array(each.values))
-            if isinstance(each, ForceReference)
-            else np.full(len(times), float(each))
-            for axis, each in forces.items()
-            if each is not None
-        }
+        forces = zip("xyz", self.force.components[3:], strict=True)
+        return {axis: _over(times, each) for axis, each in forces if each is not None}
 
     def parameters(self, period: float) -> Array:
         """Return what the kernel reads, with a period, s."""
@@ -349,17 +343,18 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         wanted = self.force.components
         ends = [each.times[-1] for each in wanted if isinstance(each, ForceReference)]
         times = period * np.arange(math.ceil(max(ends, default=0.0) / period) + 1)
-        columns = [
-            np.interp(times, np.array(each.times), np.array(each.values))
-            if isinstance(each, ForceReference)
-            else np.full(len(times), each or 0.0)
-            for each in wanted
-        ]
-        return np.column_stack(columns)
+        return np.column_stack([_over(times, each) for each in wanted])
 
     def start(self, period: float) -> AdmittanceStage:
         """Return the stage at work, alone, with a period, s."""
         return AdmittanceStage(self, period)
+
+
+def _over(times: Array, wanted: float | ForceReference | None) -> Array:
+    """Return a wanted component over times, 0 where none is."""
+    if isinstance(wanted, ForceReference):
+        return np.interp(times, np.array(wanted.times), np.array(wanted.values))
+    return np.full(len(times), wanted or 0.0)
 
 
 def exact_step(mass: float, damping: float, stiffness: float, period: float) -> Array:
