@@ -342,7 +342,7 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
     def _wanted_rows(self, period: float) -> Array:
         wanted = self.force.components
         ends = [each.times[-1] for each in wanted if isinstance(each, ForceReference)]
-        times = period * np.arange(math.ceil(max(ends, default=0.0) / period) + 1)
+        times = period * np.arange(math.ceil(max(ends, default=0.0) / period) + 1, dtype=np.float64)
         return np.column_stack([_over(times, each) for each in wanted])
 
     def start(self, period: float) -> AdmittanceStage:
