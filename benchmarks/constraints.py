@@ -24,7 +24,10 @@ import dqcontrol as dqc
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.geometry import Capsule, distance_kernels as geometry
 
-sys.path[:0] = [str(Path(__file__).parents[1] / "tests" / "constraints"), str(Path(__file__).parents[1] / "tests")]
+sys.path[:0] = [
+    str(Path(__file__).parents[1] / "tests" / "constraints"),
+    str(Path(__file__).parents[1] / "tests"),
+]
 
 PERIOD = 0.01
 LASTING = 1.5  # s of a random run

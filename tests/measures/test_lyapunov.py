@@ -182,4 +182,10 @@ def test_picture(body, tmp_path):
     law = FeedbackLinearization(stiffness=0.6, damping=1.0)
     figure = lyapunov(certificate(body, regulation(body, law, 0.05), law))
     figure.savefig(tmp_path / "lyapunov.png")
-    assert [len(axes.lines) for axes in figure.axes] == [3, 2, 1, 1, 1]  # each of the last two has a unit of its own
+    assert [len(axes.lines) for axes in figure.axes] == [
+        3,
+        2,
+        1,
+        1,
+        1,
+    ]  # each of the last two has a unit of its own
