@@ -26,7 +26,7 @@ from scipy.optimize import minimize
 
 import dqcontrol as dqc
 from dqcontrol import algebra, laws
-from dqcontrol.experiments import Column, Table
+from dqcontrol.tables import Column, Table
 from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.plants import Integrator
 
