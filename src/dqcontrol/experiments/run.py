@@ -33,7 +33,7 @@ from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.loop.supervision import Watch
 from dqcontrol.measures.lyapunov import with_certificate
-from dqcontrol.measures.metrics import Metrics, evaluate
+from dqcontrol.measures.metrics import Metrics, metrics_of
 from dqcontrol.measures.task_range import with_range
 from dqcontrol.measures.task_result import TaskResult, task_result
 from dqcontrol.plants import Plant
@@ -289,8 +289,9 @@ def measure(
         limits = replace(limits, velocity=np.full_like(limits.velocity, np.inf))
     shown = as_measured(record, robot, metrics_from)
     skip_initial = min(skip_initial, record.duration)
-    metrics = evaluate(shown, limits, skip_initial=skip_initial, law=law, robot=robot, low_pass=low_pass)
-    verdict = (judge or Judge(robot, law, plant)).verdict(shown, metrics, skip_initial)
+    task = task_result(shown, law=law, skip_initial=skip_initial, robot=robot)
+    metrics = metrics_of(shown, task, limits, skip_initial, low_pass=low_pass)
+    verdict = (judge or Judge(robot, law, plant)).verdict(shown, metrics, task, skip_initial)
     return replace(metrics, verdict=verdict.words, failure=verdict.failure)
 
 
