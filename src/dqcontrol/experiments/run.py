@@ -17,11 +17,11 @@ from dqcontrol.arrays import Array
 from dqcontrol.constraints import Constraints
 from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.check import LoopCheck, warn_unstable
+from dqcontrol.experiments.failure_hints import warn_of_failures
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare
 from dqcontrol.experiments.result_pages import ShownPage, replay, result_pages
 from dqcontrol.experiments.results_folder import PARENT, new_folder
 from dqcontrol.experiments.run_comparison import summary
-from dqcontrol.experiments.shortfall import warn_of_shortfalls
 from dqcontrol.experiments.spec import AnyLaw, AnyPlant, MetricsFrom, Spec, read_spec
 from dqcontrol.experiments.spec.spec_files import copy_inputs
 from dqcontrol.experiments.verdict import Judge, Verdict, verdict_of
@@ -383,5 +383,5 @@ def run(
     (case,) = setting.cases
     record = execute(setting, case, interpreted=interpreted, progress=progress)
     done = replace(as_run(setting, case, 0, record), expected=expected)
-    warn_of_shortfalls([(case, [done.metrics.flat()])], stacklevel=2)
+    warn_of_failures([(case, [done.metrics.flat()])], stacklevel=2)
     return done

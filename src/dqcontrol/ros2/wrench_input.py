@@ -21,7 +21,7 @@ from dqcontrol.supervisor import PreparedSupervisor
 _NOTHING: Array = np.zeros(0)
 
 
-class Felt:
+class WrenchInput:
     """Efforts of the joints and the wrench at the hand, as last heard.
 
     Parameters
