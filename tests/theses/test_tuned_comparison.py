@@ -1,4 +1,4 @@
-"""The six laws of P16 at their own best, and its drawing: what is searched, what is judged, what is learnt."""
+"""The six laws of P16, tuned, and its drawing: what is searched, what is judged, what is learnt."""
 
 import pytest
 

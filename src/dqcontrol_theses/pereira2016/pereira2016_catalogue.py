@@ -80,7 +80,7 @@ EXPERIMENTS = {
     ),
     "light-painting": Reproduction("six drawings by LQR-DQ (Fig. 5.7)", specs={"": "light-painting"}),
     "tuned-comparison": Reproduction(
-        "the six laws, each at its own best, and what learning makes of the spiral"
+        "the six laws, each tuned, and what learning makes of the spiral"
     ),
     "writing": Reproduction("the drawing below a millimetre: tuned, with feed-forward, learnt (Section 5.9)"),
     "calibration": Reproduction(

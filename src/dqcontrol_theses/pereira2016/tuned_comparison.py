@@ -1,4 +1,4 @@
-"""The ranking that P16 asked for: its six laws on its arm, each at its own best, not at gains that differ by chance."""
+"""The ranking that P16 asked for: its six laws on its arm, each tuned, not at gains that differ by chance."""
 
 from __future__ import annotations
 
@@ -74,14 +74,14 @@ def reproduce_tuned_comparison(conditions: Conditions) -> Reproduced:
     results = Results({"": study.rows})
     tables = [
         tuning.table(),
-        confidence_table(study.rows, _SHOWN, "P16's spiral, every law at its own best: mean ± 95 % interval"),
+        confidence_table(study.rows, _SHOWN, "P16's spiral, every law tuned: mean ± 95 % interval"),
         _ranking(tuning, results),
         _learnt(data, tuning, conditions),
         verdict_table(
             [claim for name in ("circle", "spiral") for claim in claims(name) if claim.id in _COMPARISONS],
             _judged(results),
             "P16",
-            f"P16's comparisons, every law at its own best · {plant}",
+            f"P16's comparisons, every law tuned · {plant}",
         ),
     ]
     return Reproduced(f"{SOURCE}/tuned-comparison", tables, {"spiral": study}, _figures(tuning), plant)
@@ -150,7 +150,7 @@ def _ranking(tuning: Tuning, results: Results) -> Table:
             )
         rows.append([place + 1, law, results.mean(law), text])
     columns = [Column("place"), Column("law"), Column("pose error integral", "s", ".4g"), Column("behind")]
-    return Table(columns, rows, "Ranking on P16's spiral, every law at its own best")
+    return Table(columns, rows, "Ranking on P16's spiral, every law tuned")
 
 
 def _difference(results: Results, law: str, other: str, metric: str = "error") -> tuple[float, float]:
@@ -197,7 +197,7 @@ def _learnt(data: dict[str, Any], tuning: Tuning, conditions: Conditions) -> Tab
     )
     first, best = found.repeats[0], found.repeats[found.best]
     rows: list[list[Cell]] = [
-        [f"{tuning.best.label}, at its best", first.position, first.peak],
+        [f"{tuning.best.label}, tuned", first.position, first.peak],
         [f"{tuning.best.label}, after {found.best} repeats with a tracker", best.position, best.peak],
     ]
     columns = [Column(""), Column("position error RMS", "mm", ".3g"), Column("peak", "mm", ".3g")]
