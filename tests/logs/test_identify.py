@@ -105,6 +105,17 @@ def identified(targets, positions, time):
     return identify_joint("joint", "rad", log.segments(0, "positions", None), log.period)
 
 
+def test_a_log_without_noise_is_identified():
+    """Its joint stands still for most of the time, so that its noise is 0 and not only small."""
+    time = np.arange(2000) * 0.008
+    targets = np.where(time < 5, multisine(np.random.default_rng(SEED), time), 0.0)
+    positions = answer(time, targets, 0.05, 0.012, time)
+    positions[time > 6] = 0.0
+    found = identified(targets, positions, time)
+    assert found.floor > 0
+    assert found.status == "fitted"
+
+
 @pytest.mark.parametrize(
     ("bandwidth", "damping", "delay", "step"), [(30.0, 0.7, 0.012, 0.0), (40.0, 0.8, 0.005, 1.5e-3)]
 )
