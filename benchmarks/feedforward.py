@@ -403,7 +403,14 @@ def circle_table() -> str:
     for period in (0.005, 0.01, 0.033):
         printed, former = (error(period, servo, "printed", led) for led in (None, 0.0))
         rows.append(
-            ["servos", 1e3 * period, printed, former, error(period, servo, "second-order", period / 2), np.nan]
+            [
+                "servos",
+                1e3 * period,
+                printed,
+                former,
+                error(period, servo, "second-order", period / 2),
+                np.nan,
+            ]
         )
     names = ("T [ms]", "printed", "printed, preview of lag and delay", "second order", "next pose")
     return Table([Column("joints"), *(Column(name, "", ".3g") for name in names)], rows).markdown()

@@ -57,7 +57,10 @@ DRIVE_LAWS = {
 }
 DEFAULT_LAWS = {"K": "Proportional", "K+FF": "ProportionalFeedforward"}  # with the inverse that they have
 STARTS = {"panda": [0, -0.3, 0, -2.0, 0, 1.7, 0.7], "youbot-arm": [0.1, 0.4, -0.6, 0.3, 0.2]}
-AWAY = {"1 mm away": 1e-3, "20 cm away": 0.2}  # m, towards the base; the hand hardly moves in so few, short steps
+AWAY = {
+    "1 mm away": 1e-3,
+    "20 cm away": 0.2,
+}  # m, towards the base; the hand hardly moves in so few, short steps
 
 
 def main(steps: int) -> None:
