@@ -327,8 +327,8 @@ def jitter_table(period: float = 0.01) -> None:
     """Print what joints do where the target jitters, within reach, at its edge and beyond."""
     print(
         "\njitter of 3 mm and 0.5° at 30 Hz, T = 10 ms, ideal joints, k = 10: reversing periods, %; those where no"
-        "\nnew target had come, %; RMS speed of the fastest joint, rad/s; standard deviation of the one that moves most, °;"
-        "\neach with growth | without"
+        "\nnew target had come, %; RMS speed of the fastest joint, rad/s; standard deviation of the joint that"
+        "\nmoves most, °; each with growth | without"
     )
     noise = JITTER * np.random.default_rng(SEED).normal(size=(400, 6))
     times = period * np.arange(round(13.0 / period))
