@@ -246,7 +246,8 @@ def stream_table() -> None:
     """Print shares of reversing periods of streams, over robots, servos and ways to close the loop."""
     print(
         "\n28 hostile streams × 5 servos, decoupled law, k = min(10, 0.3/(lag + delay + T)): reversing periods, %, mean"
-        "\n(goal 0.5) and worst (goal 5); without growth; greatest step / (limit · T) (goal 1); where most"
+        "\n(goal 0.5) and worst (goal 5); worst while the target rests; without growth: mean, worst, worst while it"
+        "\nrests; greatest step / (limit · T) (goal 1); where most"
     )
     everything: dict[str, float] = {}
     for period in (0.01, 0.033):
@@ -255,7 +256,7 @@ def stream_table() -> None:
             given, limit = streams(robot, q, period), robot.limits.velocity * period
             hostile = slice(round(3.0 / period), round(13.0 / period))
             shares: dict[str, float] = {}
-            without, most = [], 0.0
+            resting, without, most = [0.0], [], 0.0
             for lag, delay in SERVOS:
                 servo = Servo(time_constant=lag, delay=delay, position_limit=False)
                 law = laws.DecoupledProportional(gain=min(10.0, 0.3 / (lag + delay + period)))
@@ -266,10 +267,13 @@ def stream_table() -> None:
                     for stream, samples in given.items():
                         plant = servo.start(robot, q, period, len(samples), SEED)
                         trace = close_loop(prepared, plant, samples)
-                        share = reversing(trace.command[hostile], HONEST * period)
+                        turns = turning_back(trace.command[hostile], HONEST * period)
+                        share, rests = turns.mean(), ~np.diff(samples[hostile], axis=0).any(axis=1)
+                        alone = float((turns & rests).mean())
                         if growth == 0.0:
-                            without.append(share)
+                            without.append((share, alone))
                             continue
+                        resting.append(alone)
                         shares[f"{stream}; {1e3 * lag:g} + {1e3 * delay:g} ms"] = share
                         most = max(most, float((np.abs(np.diff(trace.q, axis=0)) / limit).max()))
             worst = sorted(shares, key=lambda place: -shares[place])[:3]
@@ -277,7 +281,9 @@ def stream_table() -> None:
             found = 100 * np.array(list(shares.values()))
             print(
                 f"  {name:10} {1e3 * period:3.0f} ms  {found.mean():5.2f} {found.max():6.2f}"
-                f"   {100 * np.mean(without):5.1f} {100 * max(without):6.1f}   {most:.3f}   "
+                f" {100 * max(resting):6.2f}   {100 * np.mean(without, axis=0)[0]:5.1f}"
+                + "".join(f" {100 * share:6.1f}" for share in np.max(without, axis=0))
+                + f"   {most:.3f}   "
                 + ", ".join(f"{100 * shares[place]:.1f} {place}" for place in worst),
                 flush=True,
             )
