@@ -456,7 +456,7 @@ def reach_table() -> None:
 
 
 def step_table(rounds: int = 15, steps: int = 3000) -> None:
-    """Print what a step takes over that without growth, least of several interleaved rounds."""
+    """Print the processor's time of a step over that without growth, least of several interleaved rounds."""
     print(
         "\na step of the compiled loop over that without growth (goal 1.1): 1 mm, 2 cm, 20 cm away; at rest outside"
     )
@@ -477,9 +477,9 @@ def step_table(rounds: int = 15, steps: int = 3000) -> None:
             both = [with_growth(law, growth).prepare(robot, None, 1e-6) for growth in (None, 0.0)]
             for _ in range(rounds):
                 for i, each in enumerate(both):
-                    plant, started = Integrator().start(robot, begin, 1e-6, steps, 0), time.perf_counter()
+                    plant, started = Integrator().start(robot, begin, 1e-6, steps, 0), time.process_time()
                     close_loop(each, plant, samples)
-                    best[i] = min(best[i], time.perf_counter() - started)
+                    best[i] = min(best[i], time.process_time() - started)
             cells.append(best[0] / best[1])
         print(f"  {name:12}" + "".join(f"{cell:8.2f}" for cell in cells), flush=True)
 
