@@ -229,7 +229,7 @@ def by_placo(task: Task) -> Step:
     solver.mask_fbase(True)
     solver.enable_velocity_limits(True)
     solver.enable_joint_limits(True)
-    solver.period = PERIOD
+    solver.dt = PERIOD
     frame = solver.add_frame_task("hand", np.eye(4))
     frame.configure("hand", "soft", 1.0, 0.3)
     solver.add_regularization_task(1e-9)  # seven joints for six
