@@ -17,6 +17,8 @@ mujoco: Any = pytest.importorskip("mujoco")
 T = 0.02
 HOME = [0.0, 0.0, 0.0, 0.0, -0.504, 1.397, 0.0, 0.0]
 LITTLE_JOHN = dqc.load_robot("little-john")
+SHAPES = LITTLE_JOHN.shapes
+assert SHAPES is not None
 AWAY = {"post": Body(box=0.1, position=(9, 9, 0.05))}
 
 
@@ -108,7 +110,7 @@ def test_a_link_stops_at_another_one():
     found = dict(zip([channel.name for channel in live.channels], _split(live), strict=True))
     assert found["contact_force"][-1] > 1.0  # of itself
     assert found["penetration"][-1] < 5e-4
-    assert LITTLE_JOHN.shapes.names[int(found["contact_link"][-1])] in ("link_1", "link_5")
+    assert SHAPES.names[int(found["contact_link"][-1])] in ("link_1", "link_5")
     assert live.q[5] < free.q[5] - 0.1
 
 
@@ -128,7 +130,7 @@ def test_links_without_shapes_are_refused():
 def test_a_link_ends_where_the_fingers_begin():
     """Little John's last capsule reaches to the hand's point, which lies between the fingers."""
     gripper = Gripper(closes="y")
-    last, tool = LITTLE_JOHN.shapes.shapes[-1].shape, LITTLE_JOHN.chain[-1]
+    last, tool = SHAPES.shapes[-1].shape, LITTLE_JOHN.chain[-1]
     cut = gripper.behind_fingers(last, tool)
     assert cut.start == pytest.approx(last.start)
     assert np.linalg.norm(cut.end) + cut.radius == pytest.approx(0.17 + 0.012 - gripper.length)

@@ -43,7 +43,8 @@ class LiveMobile(LivePlant):
     channels, readings
         What is recorded beside them: angles, torques and slip of the wheels (slip of a drive: speed of each wheel's
         contact along the heading, and of the axle across it; of wheels with rollers: along the axis of the roller),
-        tilt and pose of the base, opening of the gripper, what links touch, where bodies of the world are that physics moves,
+        tilt and pose of the base, opening of the gripper, what links touch, where
+        bodies of the world are that physics moves,
         and with a camera the age of its last frame and the share of the commands that is obeyed.
     dofs
         MuJoCo's indices of the arm's joint velocities.
@@ -80,7 +81,9 @@ class LiveMobile(LivePlant):
         self._slid = 0.0  # s
         inputs = robot.in_form("constrained").acceleration_limits("plant")
         self._acceleration, self._moving = inputs[: gear.inputs], np.zeros(gear.inputs)
-        self.channels: tuple[Channel, ...] = _channels(plant, gear, self._world.channels if self._world else ())
+        self.channels: tuple[Channel, ...] = _channels(
+            plant, gear, self._world.channels if self._world else ()
+        )
         wheels, slips = len(gear.wheels), len(gear.slips)
         self._tilt = 2 * wheels + slips  # among the readings
         self._slip = slice(2 * wheels, self._tilt)

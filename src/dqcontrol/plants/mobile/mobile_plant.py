@@ -49,10 +49,10 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
     The base, a differential drive or one on mecanum or omni wheels, is a free body; its wheels touch the floor with
     friction and are turned by speed controllers, which get ω_r = (v + b ω)/r and ω_l = (v − b ω)/r, or what
     ``RollerBase.wheel_speeds`` says, all scaled down where the rims would be too fast. The arm's joints have
-    the position servos of `MujocoPlant`, with the same parameters. In a world chassis, links and fingers touch bodies and
-    the floor, and those links each other that the robot's file keeps apart. A base that does not stand under its arm in all postures within the joint limits is
-    refused; a run ends as toppled when the base tilts by more than ``TOPPLED``, and as slipping when a wheel has slid
-    faster than ``SLIDING`` for ``SLIDES_FOR``.
+    the position servos of `MujocoPlant`, with the same parameters. In a world chassis, links and fingers touch bodies
+    and the floor, and those links each other that the robot's file keeps apart. A base that does not stand under its
+    arm in all postures within the joint limits is refused; a run ends as toppled when the base tilts by more than
+    ``TOPPLED``, and as slipping when a wheel has slid faster than ``SLIDING`` for ``SLIDES_FOR``.
 
     Configuration x, y and φ are those of the point of the floor below the middle of the axle, or of all wheels; the
     whole pose of the base is recorded beside it.
@@ -272,4 +272,3 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         names = robot.joint_names[3:]
         damping[dofs_of(model, names)] = as_each("plant.viscous_friction", self.viscous_friction, len(names))
         return model
-

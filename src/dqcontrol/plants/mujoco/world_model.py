@@ -20,8 +20,8 @@ from dqcontrol.plants.mujoco.pads import GRIP_FORCE, PADS
 from dqcontrol.plants.mujoco.watched_bodies import WatchedBodies, seen_channels
 from dqcontrol.robots.files.mujoco_package import import_mujoco
 from dqcontrol.world import Body, World
-from dqcontrol.world.world import FLOOR
 from dqcontrol.world.mesh import convex_parts
+from dqcontrol.world.world import FLOOR
 
 if TYPE_CHECKING:
     from dqcontrol.robots.link_shapes import LinkShape
@@ -357,9 +357,7 @@ class WorldContacts:
         shapes = () if robot.shapes is None else robot.shapes.shapes
         names = [model.geom(i).name for i in range(model.ngeom)]
         grounded = GROUND in names
-        bodies = {
-            name: body for name, body in world.bodies.items() if not (grounded and body.is_floor)
-        }
+        bodies = {name: body for name, body in world.bodies.items() if not (grounded and body.is_floor)}
         self.bodies: WorldBodies = WorldBodies(bodies, model, data, period, seed)
         self._model, self._data, self._force = model, data, mujoco.mj_contactForce
         self._names, self._links = list(bodies), (*(each.name for each in shapes), CHASSIS)
