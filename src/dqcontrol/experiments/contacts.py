@@ -277,8 +277,7 @@ def check_floor(robot: Robot, q0: Array, samples: Array) -> None:
     inside = max(-hand[2], _inside_chassis(robot, q0[None], hand[None])[0])
     if inside > 0:
         warnings.warn(
-            f"start: the hand of {robot.name} is {1e3 * inside:.0f} mm inside its chassis or the floor; nothing stops "
-            "it there",
+            f"start: the hand of {robot.name} is {1e3 * inside:.0f} mm inside its chassis or the floor",
             CollisionWarning,
             stacklevel=4,
         )
@@ -287,7 +286,7 @@ def check_floor(robot: Robot, q0: Array, samples: Array) -> None:
     if height[lowest] < 0:
         warnings.warn(
             f"reference: at t = {samples[lowest, TIME]:.3g} s the hand shall be {-1e3 * height[lowest]:.0f} mm below "
-            "the floor (z = 0), which does not stop it",
+            "the floor (z = 0)",
             CollisionWarning,
             stacklevel=4,
         )

@@ -8,6 +8,7 @@ from .shapes import (
     Capsule as Capsule,
     Cylinder as Cylinder,
     HalfSpace as HalfSpace,
+    Hull as Hull,
     InfiniteCylinder as InfiniteCylinder,
     Line as Line,
     Plane as Plane,

@@ -1,4 +1,4 @@
-"""Points, lines, planes, spheres, cylinders, capsules and boxes: numbers of a body that keeps its form.
+"""Points, lines, planes, spheres, cylinders, capsules, boxes and hulls: numbers of a body that keeps its form.
 
 All lengths are in m, in whatever frame their owner says; `moved` carries a shape from a frame into another.
 """
@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
@@ -343,10 +343,7 @@ class Box(Shape):
     size: Array
 
     def __post_init__(self) -> None:
-        x = as_array("pose", self.pose, (8,))
-        if x.ndim != 1:
-            raise ShapeError(f"pose: expected one pose, shape (8,), got {x.shape}")
-        _freeze(self, "pose", algebra.as_unit("pose", x))
+        _keep_pose(self)
         _keep(self, "size")
         if (self.size <= 0).any():
             raise ValueRangeError(f"size: must be > 0, got {self.size.tolist()}")
@@ -363,10 +360,98 @@ class Box(Shape):
         row[kernels.ROTATION :] = matrix[:3, :3].ravel()
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class Hull(Shape):
+    """The convex hull of points, solid.
+
+    Parameters
+    ----------
+    pose
+        Unit dual quaternion (8,) of the frame of the points.
+    points
+        Shape (N, 3), m, not all in one plane; those inside are dropped.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If a shape or a value is wrong.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> wedge = dqc.geometry.Hull([1, 0, 0, 0, 0, 0, 0, 0], [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    >>> round(dqc.geometry.distance(dqc.geometry.Sphere([1, 1, 1], 0.1), wedge).distance, 9)  # (3 − 1)/√3 − 0.1
+    1.054700538
+    """
+
+    pose: Array
+    points: Array
+
+    def __post_init__(self) -> None:
+        from scipy.spatial import ConvexHull, QhullError
+
+        _keep_pose(self)
+        given = as_array("points", self.points, (None, 3))
+        if given.ndim != 2:
+            raise ShapeError(f"points: expected shape (N, 3), got {given.shape}")
+        try:
+            _freeze(self, "points", given[ConvexHull(given).vertices])
+        except (QhullError, ValueError):
+            raise ValueRangeError(f"points: {len(given)} of them span no volume") from None
+
+    @property
+    def corners(self) -> Array:
+        """Its corners in the frame of the pose's, shape (N, 3), m."""
+        matrix = algebra.matrix_from_pose(self.pose)
+        return self.points @ matrix[:3, :3].T + matrix[:3, 3]
+
+    @property
+    def faces(self) -> NDArray[np.intp]:
+        """Numbers of the three corners of each triangle of its surface, seen from outside they turn left, (F, 3)."""
+        from scipy.spatial import ConvexHull
+
+        hull = ConvexHull(self.points)
+        faces = hull.simplices.astype(np.intp)
+        a, b, c = (self.points[faces[:, k]] for k in range(3))
+        inward = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0
+        faces[inward] = faces[inward][:, ::-1]
+        return faces
+
+    def _carried(self, rotation: Array, position: Array) -> Self:
+        found = object.__new__(type(self))
+        moved = algebra.pose(algebra.rotation_from_matrix(rotation), position)
+        _freeze(found, "pose", algebra.multiply(moved, self.pose))
+        object.__setattr__(found, "points", self.points)
+        return found
+
+    @cached_property
+    def row(self) -> Array:
+        """The numbers that compiled code takes, shape (16 + 3 N,), corners in the axes of the pose last."""
+        row = np.concatenate([np.zeros(kernels.SHAPE), self.points.ravel()])
+        matrix = algebra.matrix_from_pose(self.pose)
+        row[kernels.KIND] = kernels.HULL
+        row[kernels.FIRST_CORNER], row[kernels.CORNERS] = kernels.SHAPE, len(self.points)
+        row[kernels.EXTENT] = np.linalg.norm(self.points, axis=1).max()
+        row[kernels.CENTER : kernels.CENTER + 3] = matrix[:3, 3]
+        row[kernels.ROTATION : kernels.SHAPE] = matrix[:3, :3].ravel()
+        row.flags.writeable = False
+        return row
+
+    def __repr__(self) -> str:
+        return f"Hull(pose={_text(self.pose)}, points={len(self.points)})"
+
+
 def _freeze(shape: Shape, field: str, value: Array) -> None:
     value = value.copy()
     value.flags.writeable = False
     object.__setattr__(shape, field, value)
+
+
+def _keep_pose(shape: Box | Hull) -> None:
+    x = as_array("pose", shape.pose, (8,))
+    if x.ndim != 1:
+        raise ShapeError(f"pose: expected one pose, shape (8,), got {x.shape}")
+    _freeze(shape, "pose", algebra.as_unit("pose", x))
 
 
 def _keep(shape: Shape, field: str) -> None:

@@ -346,6 +346,12 @@ class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
         return role
 
     @property
+    def is_floor(self) -> bool:
+        """Whether it is the floor z = 0, which a mobile base has anyway."""
+        plane = self.shapes[0] if self.plane is not None else None
+        return isinstance(plane, Plane) and plane.normal[2] > 1 - 1e-9 and abs(plane.offset) < 1e-9
+
+    @property
     def is_moved_by_physics(self) -> bool:
         """Whether nobody says where it is but a simulation, or what measures it."""
         return self.role in _BY_PHYSICS

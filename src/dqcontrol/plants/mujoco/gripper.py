@@ -8,8 +8,10 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from msgspec import Meta
 
+from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
+from dqcontrol.geometry import Capsule, Shape
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.channels import Channel
 from dqcontrol.robots.files.mujoco_package import import_mujoco
@@ -87,6 +89,28 @@ class Gripper(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True
         times = [event.time for event in self.schedule]
         if any(later <= earlier for earlier, later in pairwise(times)):
             raise ValueRangeError(f"plant.gripper.schedule: times must increase, got {times}")
+
+    def behind_fingers(self, shape: Shape, tool: Array) -> Shape:
+        """Return a link's capsule up to where the fingers begin, a ball at least; other shapes as they are.
+
+        Parameters
+        ----------
+        shape
+            In the frame of the link that carries the hand.
+        tool
+            Orientation and position of the hand in it, shape (7,) or longer, as in a robot's chain.
+        """
+        if not isinstance(shape, Capsule):
+            return shape
+        ahead = algebra.matrix_from_pose(algebra.pose(tool[:4], tool[4:7]))[:3, "xyz".index(self.points)]
+        palm = float(ahead @ tool[4:7]) + _PAST - self.length - shape.radius
+        start, end = float(ahead @ shape.start) - palm, float(ahead @ shape.end) - palm
+        if max(start, end) <= 0.0 or start == end:
+            return shape
+        middle = shape.start + np.clip(start / (start - end), 0.0, 1.0) * (shape.end - shape.start)
+        if start < end:
+            return Capsule(shape.start, middle, shape.radius)
+        return Capsule(middle, shape.end, shape.radius)
 
     def is_closed(self, time: float) -> bool:
         """Return whether it closes at a time, s."""

@@ -151,7 +151,7 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         if self.world is None:
             spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT  # nothing here touches anything
         if self.world is not None:
-            add_links(spec, robot, self.timestep, padded=self.pads is not None)
+            add_links(spec, robot, self.timestep, padded=self.pads is not None, gripper=self.gripper)
             add_world(spec, self.world.bodies, self.timestep)
             spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC  # with friction as stiff as pressure allows:
             spec.option.impratio = 50.0  # no creeping
