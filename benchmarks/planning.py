@@ -6,8 +6,8 @@ Seven types of scenes in the manner of MotionBenchMaker [Chamzas et al. 2022], m
 capsule more, 5 mm of margin; start and goal are poses of its hand in or before the furniture, and each problem has
 configurations for both that keep the margin. Judge: distances by `geometry` at 2000 configurations of each way. Then
 random edges of 0.8 rad: certified against sampled every 0.05 rad, time of processor of both in one process, and
-certified ones sampled 1000 times. Then scenes of balls, as in `reactive_scenes.py`, whose ways another ball crosses that
-no plan foresees, or on which it stays; margins of 10 mm.
+certified ones sampled 1000 times. Then scenes of balls, as in `reactive_scenes.py`, whose ways another ball crosses
+that no plan foresees, or on which it stays; margins of 10 mm.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from dqcontrol.robots import LinkShape, LinkShapes
 
 MARGIN = 0.005  # m
 SPEED = 0.25  # m/s, of guests
+SHOULDER = 0.2  # m: guests stay so far from the axes of the first two links
 AT_GOAL = 2e-3  # of the entries of poses: 4 mm, 0.2°
 Body = dqc.world.Body
 FORWARDS, DOWN = algebra.rotation_from_rpy([0, np.pi / 2, 0]), algebra.rotation_from_rpy([np.pi, 0, 0])
@@ -141,6 +142,15 @@ def with_guest(
     """Return constraints with a guest that goes through nothing and leaves start and goal clear; None if none does."""
     assert given.world is not None
     standing = [shape for _, shape in given.world.shapes]
+    assert way.robot.shapes is not None
+    shoulder = way.robot.frames(way.plan.configurations[0])  # joints cannot take that out of a ball's way
+    standing += [
+        Sphere(point, SHOULDER)
+        for each in way.robot.shapes.shapes
+        if 0 < each.frame <= 2 and isinstance(each.shape, Capsule)
+        for shape in [each.shape.moved(shoulder[each.frame - 1])]
+        for point in np.linspace(shape.start, shape.end, 5)
+    ]
     for side in (1.0, -1.0):
         ball = guest(way, side, stays=stays)
         assert ball.moves is not None

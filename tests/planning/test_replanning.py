@@ -184,3 +184,29 @@ def test_what_is_wrong_is_told_in_a_line():
         dqc.loop.simulate_prepared(
             law, dqc.plants.Integrator(), START, samples, reference=way, clock=dqc.loop.Clock()
         )
+
+
+def test_a_report_and_pictures_say_when_and_why_it_was_planned_again():
+    from dqcontrol.browser.run_view_model import Track
+    from dqcontrol.figures import distances, path_3d
+    from dqcontrol.measures.plans_of_run import apart_at_plans, plans_of_run
+
+    robot, way, crossed = scene()
+    with pytest.warns(NoteWarning, match="planned again"):
+        record = followed(robot, way, crossed)
+    first, again = plans_of_run(record)
+    assert (first.time, first.held_by, first.cause) == (0.0, "", "")
+    assert first.proof == str(way.plan.certificate).replace(f" ({way.plan.certificate.label})", "")
+    assert again.cause == f"planned again at {again.time:.3g} s, held by upper"
+    assert again.edges > first.edges
+    ways = apart_at_plans(record, record.desired_position)
+    assert len(ways) == 2
+    k = len(ways[0])
+    assert record.time[k] == again.time
+    assert np.abs(record.position[k] - ways[1][0]).max() < 1e-6  # the new way begins where the hand is
+    track = Track("run", robot, record, constraints=crossed)
+    assert (track.reading(k - 1).plan, track.reading(k).plan) == (first.proof, again.proof)
+    words = [text.get_text() for axes in distances(record).axes for text in axes.texts]
+    assert any("planned again:\n held by upper" in each for each in words)
+    labels = [text.get_text() for text in path_3d(record, crossed).legends[0].get_texts()]
+    assert "planned again" in labels

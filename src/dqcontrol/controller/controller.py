@@ -195,7 +195,7 @@ class Controller:
         )
 
     def taking_over(self, q: Array, state: Array) -> Array:
-        """Return the state that goes on from that of another controller, which keeps the same constraints, at q (n,)."""
+        """Return the state at q (n,) that goes on from that of another controller, which keeps the same constraints."""
         own = np.concatenate([self._law.initial_state(self.robot, q), np.zeros(self._memory_size)])
         if self.constraints:
             own[-self.constraints.memory :] = state[-self.constraints.memory :]

@@ -22,7 +22,7 @@ _ASKED = 1e-3  # m/s: less is no wish
 
 
 def is_held(effect: Array) -> Array:
-    """Return whether constraints hold the hand, from reports (…, 6 and more): it goes slower than a tenth of what is asked."""
+    """Return from reports (…, 6 and more) whether constraints hold the hand: slower than a tenth of what is asked."""
     asked, speed = effect[..., 4], effect[..., 5]
     return (asked > _ASKED) & (speed < _STUCK * asked) & (effect[..., 0] > 0)
 

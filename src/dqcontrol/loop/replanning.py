@@ -11,7 +11,6 @@ import numpy as np
 from dqcontrol.algebra import DualQuaternion
 from dqcontrol.arrays import Array
 from dqcontrol.constraints.constraint_layout import report_of
-from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.controller.controller import Controller
 from dqcontrol.errors import NoteWarning, PlanError
 from dqcontrol.loop.kept_signals import HELD_WINDOW, is_held
@@ -118,16 +117,15 @@ class Replanning:
         samples
             Desired motion; those from k on are replaced if there is a plan.
         """
-        if self._way is None and self._following is not None:
-            if samples[k, TIME] >= self._following.duration and self._is_there(measured):
-                self._following = None
-                samples[k:] = self._first_samples[k:]
-                return self._first_law, self._first_law.taking_over(measured, state)
+        following, time = self._following, float(samples[k, TIME])
+        if self._way is None and following and time >= following.duration and self._is_there(measured):
+            self._following = None
+            samples[k:] = self._first_samples[k:]
+            return self._first_law, self._first_law.taking_over(measured, state)
         self._held = self._held + law.period if is_held(law.report) else 0.0
         if self._held < HELD_WINDOW or not self.left:
             return None
         self._held = 0.0
-        time = float(samples[k, TIME])
         try:
             found = self._planned(law, time, measured, seen)
         except PlanError as error:

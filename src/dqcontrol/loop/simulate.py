@@ -185,7 +185,8 @@ def simulate_prepared(
     if replanning is not None:
         if clock is not None:
             raise ValueRangeError(
-                "reference.again, constraints.escape: planning takes time that a run in real time has not; leave them out"
+                "reference.again, constraints.escape: planning takes time that a run in real time has not; "
+                "leave them out"
             )
         samples = replanning.with_room(samples)
     supervision = supervisor and supervise(supervisor, law, plant, start, watch, black_box)

@@ -175,7 +175,7 @@ def way_now(
     effort: int = EFFORT,
     clearance: float = 0.0,
 ) -> ProvedWay:
-    """Return a way from where a robot is, q (n,), at a time, ``when`` (s), around what its law keeps clear of; see `plan`.
+    """Return a way from where a robot is, q (n,), at a time (s), around what its law keeps clear of; see `plan`.
 
     ``seen`` gives the poses (8,) of bodies that are measured. What is nearer than asked may stay as near.
     """
