@@ -214,6 +214,11 @@ class DrawnRun:
         ):
             if len(path):
                 self._scene.add_line_segments(f"{self._name}/{name}", path, colour, thickness=thickness)
+        for k, made in enumerate(self.track.plans):
+            if made.cause:
+                node, radius = f"{self._name}/plan{k}", 4 * self._thickness
+                self._scene.add_icosphere(node, radius=radius, color=rgb(DESIRED), position=made.place)
+                self._scene.add_label(f"{node}/why", made.cause, anchor="bottom-left")
 
     def show(self, k: int, place: Array, *, visible: bool, joint_frames: bool) -> None:
         """Show a sample."""

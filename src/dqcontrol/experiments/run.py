@@ -39,7 +39,6 @@ from dqcontrol.measures.task_result import TaskResult, task_result
 from dqcontrol.plants import Plant
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.recording import RecordStream, export_record, save_record
-from dqcontrol.references.follow import follow_in
 from dqcontrol.robots import Robot
 
 Progress = Callable[[int, int], None]
@@ -330,7 +329,8 @@ def execute(
         recording=recording,
         watch=watch,
         black_box=black_box,
-        follow=follow_in(scene.reference),
+        reference=scene.reference,
+        lasts=spec.duration is None,
     )
     record = with_range(scene.robot, record, case.variant.law)
     if not spec.keeps_records:
