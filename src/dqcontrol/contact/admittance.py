@@ -15,6 +15,7 @@ from dqcontrol.compiled.compile import Kernel
 from dqcontrol.contact.admittance_stage import AdmittanceStage
 from dqcontrol.contact.admittance_step import admittance
 from dqcontrol.contact.contact_layout import BASE, HAND, REFERENCE, contact_parameters
+from dqcontrol.contact.tool import Tool
 from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.named_fields import NamedFields
 
@@ -117,24 +118,6 @@ class WantedWrench(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
         return [self.mx, self.my, self.mz, self.x, self.y, self.z]
 
 
-class Tool(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What hangs beyond the sensor, and what the sensor shows without it, as `identify_tool` finds them.
-
-    Parameters
-    ----------
-    mass, center
-        kg, and m in the sensor's axes.
-    force_bias, torque_bias
-        N and N·m.
-    """
-
-    spec_key: ClassVar[str] = "contact.sensor.tool"
-    mass: Annotated[float, Meta(ge=0, le=1e4, description="kg")] = 0.0
-    center: Annotated[Three, Meta(description="m")] = (0.0, 0.0, 0.0)
-    force_bias: Annotated[Three, Meta(description="N")] = (0.0, 0.0, 0.0)
-    torque_bias: Annotated[Three, Meta(description="N·m")] = (0.0, 0.0, 0.0)
-
-
 class ForceSensor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Where the force sensor is, how late it is, and what hangs on it.
 
@@ -145,7 +128,10 @@ class ForceSensor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     filter
         Time constant of its low pass, s.
     tool
-        What it carries and its bias; nothing if the wrench has no weight in it.
+        What it carries and its bias; nothing if the wrench has no weight in it. In specs perhaps the name of a file that
+        ``dqcontrol identify tool`` wrote.
+    tare
+        s at the start in which nothing may touch and the reference rests: what the sensor shows then counts as bias.
     """
 
     spec_key: ClassVar[str] = "contact.sensor"
@@ -153,6 +139,7 @@ class ForceSensor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     rpy: Annotated[Three, Meta(description="rad")] = (0.0, 0.0, 0.0)
     filter: Annotated[float, Meta(ge=0, description="s")] = 0.0
     tool: Tool | None = None
+    tare: Annotated[float, Meta(ge=0, le=60, description="s")] = 0.0
 
 
 class DeflectionLimits(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -317,6 +304,7 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             axes=_AXES[self.axes],
             sensor=[*algebra.rotation_from_rpy(sensor.rpy), *sensor.position],
             bias=[*tool.force_bias, *tool.torque_bias],
+            tare=round(sensor.tare / period),
             tool_mass=tool.mass,
             tool_center=tool.center,
             gravity=self.gravity,

@@ -83,8 +83,8 @@ def _turning(phi, rate, more):
 
 
 @inline
-def felt(pose, sample, given, wrench, out):
-    """Write moment and force on the hand in task axes, without weight and bias of the tool."""
+def unloaded(pose, given, wrench, out):
+    """Write force and torque at the sensor, its axes, without weight and bias of the tool."""
     rw, rx, ry, rz = pose[0], pose[1], pose[2], pose[3]
     sensor, bias, center = given.sensor, given.bias, given.tool_center
     sw, sx, sy, sz = sensor[0], sensor[1], sensor[2], sensor[3]
@@ -93,10 +93,18 @@ def felt(pose, sample, given, wrench, out):
     gx, gy, gz = _turned(sw, -sx, -sy, -sz, gx, gy, gz)
     gx, gy, gz = given.tool_mass * gx, given.tool_mass * gy, given.tool_mass * gz
     tx, ty, tz = _cross(center[0], center[1], center[2], gx, gy, gz)
-    fx, fy, fz = wrench[0] - bias[0] - gx, wrench[1] - bias[1] - gy, wrench[2] - bias[2] - gz
-    mx, my, mz = wrench[3] - bias[3] - tx, wrench[4] - bias[4] - ty, wrench[5] - bias[5] - tz
-    fx, fy, fz = _turned(sw, sx, sy, sz, fx, fy, fz)
-    mx, my, mz = _turned(sw, sx, sy, sz, mx, my, mz)
+    out[0], out[1], out[2] = wrench[0] - bias[0] - gx, wrench[1] - bias[1] - gy, wrench[2] - bias[2] - gz
+    out[3], out[4], out[5] = wrench[3] - bias[3] - tx, wrench[4] - bias[4] - ty, wrench[5] - bias[5] - tz
+
+
+@inline
+def felt(pose, sample, given, tare, out):
+    """Replace force and torque at the sensor by moment and force on the hand in task axes, less what was tared."""
+    rw, rx, ry, rz = pose[0], pose[1], pose[2], pose[3]
+    sensor = given.sensor
+    sw, sx, sy, sz = sensor[0], sensor[1], sensor[2], sensor[3]
+    fx, fy, fz = _turned(sw, sx, sy, sz, out[0] - tare[0], out[1] - tare[1], out[2] - tare[2])
+    mx, my, mz = _turned(sw, sx, sy, sz, out[3] - tare[3], out[4] - tare[4], out[5] - tare[5])
     lx, ly, lz = _cross(sensor[4], sensor[5], sensor[6], fx, fy, fz)
     mx, my, mz = mx + lx, my + ly, mz + lz
     if given.axes != HAND:
@@ -205,14 +213,22 @@ def admittance(pose, sample, k, parameters, state, work):
         known[i] = y[i]
     hears = check == 0.0
     own.silent[0] = 0.0 if hears else own.silent[0] + 1.0
+    tares = own.tared[0] < given.tare
     if hears:
-        felt(pose, sample, given, room.wrench, wrench)
-        if own.begin[0] == 0.0:
+        unloaded(pose, given, room.wrench, wrench)
+        if tares:
+            own.tared[0] += 1.0
             for i in range(6):
-                own.begun[i] = wrench[i]
-        _note_contact(given, own, wrench)
+                own.tare[i] += (wrench[i] - own.tare[i]) / own.tared[0]
+                wrench[i] = 0.0
+        else:
+            felt(pose, sample, given, own.tare, wrench)
+            if own.begin[0] == 0.0:
+                for i in range(6):
+                    own.begun[i] = wrench[i]
+            _note_contact(given, own, wrench)
     share = min(own.begin[0] / given.ramp, 1.0) if given.ramp > 0.0 else 1.0
-    own.begin[0] += 1.0
+    own.begin[0] += 0.0 if tares else 1.0
     is_lost = own.losses[0] > 0.0 and own.touches[0] == 0.0
     free = math.sqrt(
         (1.0 - given.forced[3]) * wrench[3] * wrench[3]
@@ -254,7 +270,7 @@ def admittance(pose, sample, k, parameters, state, work):
         else:
             wanted = own.begun[i] + share * (row[i] - own.begun[i]) if given.forced[i] != 0.0 else 0.0
             force = known[i] - wanted
-            if own.silent[0] > _HELD:
+            if tares or own.silent[0] > _HELD:
                 force = 0.0  # never w := 0, which is free air: a force axis rests, a spring goes home
             f = given.transition[i]
             ahead = f[0] * y[i] + f[1] * before + f[2] * force

@@ -30,6 +30,8 @@ class ContactParameters(NamedTuple):
         Of the force sensor as seen from the hand: r (4), p (3).
     bias
         Force and torque that the sensor shows without load, (6,).
+    tare
+        Periods at the start of which the sensor's mean counts as its bias.
     tool_mass, tool_center, gravity
         Of what hangs on the sensor, kg and m in its axes; m/s² in the base frame.
     mass, damping, stiffness
@@ -58,6 +60,7 @@ class ContactParameters(NamedTuple):
     axes: float
     sensor: Annotated[Array, 7]
     bias: Annotated[Array, 6]
+    tare: float
     tool_mass: float
     tool_center: Annotated[Array, 3]
     gravity: Annotated[Array, 3]
@@ -92,7 +95,9 @@ class ContactState(NamedTuple):
     begun
         The same at the first sample.
     begin
-        Number of samples since the start.
+        Number of samples since the start, those of the tare left out.
+    tare, tared
+        Mean of what the sensor showed in the air, its axes, force first; of how many samples.
     silent
         Samples without a wrench, one after the other.
     above, below
@@ -112,6 +117,8 @@ class ContactState(NamedTuple):
     wrench: Annotated[Array, 6]
     begun: Annotated[Array, 6]
     begin: Annotated[Array, 1]
+    tare: Annotated[Array, 6]
+    tared: Annotated[Array, 1]
     silent: Annotated[Array, 1]
     above: Annotated[Array, 1]
     below: Annotated[Array, 1]
