@@ -14,15 +14,17 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import Kernel
 from dqcontrol.contact.admittance_stage import AdmittanceStage
 from dqcontrol.contact.admittance_step import admittance
-from dqcontrol.contact.contact_layout import BASE, HAND, REFERENCE, contact_parameters
+from dqcontrol.contact.contact_layout import BASE, HAND, MOST_GUARDS, REFERENCE, contact_parameters
 from dqcontrol.contact.tool import Tool
 from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.named_fields import NamedFields
+from dqcontrol.references.guarded import Guards
 
 _AXES = {"reference": REFERENCE, "base": BASE, "hand": HAND}
 _TURN = 2.0  # rad: a deflection below half a turn keeps its logarithm smooth
 _RIGID = "rigid"
 
+NO_GUARDS = Guards()
 Three = tuple[float, float, float]
 Stiffness = float | Literal["rigid"]
 NotNegative = Annotated[float, Meta(ge=0)]
@@ -128,8 +130,8 @@ class ForceSensor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     filter
         Time constant of its low pass, s.
     tool
-        What it carries and its bias; nothing if the wrench has no weight in it. In specs perhaps the name of a file that
-        ``dqcontrol identify tool`` wrote.
+        What it carries and its bias; nothing if the wrench has no weight in it. In specs perhaps the name of a file
+        that ``dqcontrol identify tool`` wrote.
     tare
         s at the start in which nothing may touch and the reference rests: what the sensor shows then counts as bias.
     """
@@ -291,8 +293,22 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         forces = zip("xyz", self.force.components[3:], strict=True)
         return {axis: _over(times, each) for axis, each in forces if each is not None}
 
-    def parameters(self, period: float) -> Array:
-        """Return what the kernel reads, with a period, s."""
+    def parameters(self, period: float, guards: Guards = NO_GUARDS) -> Array:
+        """Return what the kernel reads, with a period, s, and what of the reference touches end or displace.
+
+        Raises
+        ------
+        ValueRangeError
+            If that are more than eight guarded moves.
+        """
+        moves, plane = guards
+        if len(moves) > MOST_GUARDS:
+            raise ValueRangeError(f"reference: has {len(moves)} guarded moves, at most {MOST_GUARDS}")
+        guarding = np.zeros((MOST_GUARDS, 11))
+        for row, each in zip(guarding, moves, strict=False):
+            row[:3] = round(each.begin / period), round(each.end / period), each.force
+            row[3:] = each.pose
+        fit = np.zeros(2) if plane is None else np.round(np.array([plane.begin, plane.end]) / period)
         rows, wanted = self.axis_rows, self.force.components
         tool, sensor, limits, lost = self.sensor.tool or Tool(), self.sensor, self.limits, self.lost
         deepest = np.repeat([limits.turn, limits.depth or np.inf], 3)
@@ -324,6 +340,12 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             silent_after=self.silent.after / period,
             retreat=self.silent.retreat,
             retreat_speed=self.silent.speed,
+            begins=fit[1],
+            guarded=len(moves),
+            guards=guarding,
+            fit=fit,
+            normal=np.zeros(3) if plane is None else plane.normal,
+            origin=np.zeros(3) if plane is None else plane.origin,
             wanted=self._wanted_rows(period),
         )
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 
+from dqcontrol.algebra.elementary import position, quaternion_product
 from dqcontrol.compiled.compile import NOT_FINITE, OK, inline, kernel
 from dqcontrol.compiled.intrinsics import stack_array
 from dqcontrol.contact.contact_layout import (
@@ -26,9 +27,11 @@ from dqcontrol.contact.contact_layout import (
     contact_state,
     contact_work,
 )
+from dqcontrol.contact.guided_step import guarding, guide
 
 _SMALL = 1e-2  # rad²: below, series are exact to rounding with the terms that they have
 _MADE = 3.0  # samples above the limit that make contact
+_HIT = 2.0  # samples with a force that end a guarded move: one may be noise
 _HELD = 3.0  # samples that the last wrench stands for missing ones
 _numbers = stack_array(18)
 
@@ -153,10 +156,7 @@ def _place(sample, given, y, v, rate, out):
     ew, ei, ej, ek = math.cos(half), share * y[0], share * y[1], share * y[2]
     ux, uy, uz, sx, sy, sz, hx, hy, hz = y[3], y[4], y[5], v[3], v[4], v[5], rate[3], rate[4], rate[5]
     if given.axes == BASE:
-        out[0] = ew * rw - ei * rx - ej * ry - ek * rz
-        out[1] = ew * rx + ei * rw + ej * rz - ek * ry
-        out[2] = ew * ry - ei * rz + ej * rw + ek * rx
-        out[3] = ew * rz + ei * ry - ej * rx + ek * rw
+        quaternion_product((ew, ei, ej, ek), (rw, rx, ry, rz), out)
         fx, fy, fz = _turned(ew, ei, ej, ek, ox, oy, oz)
         ax, ay, az = _turned(ew, ei, ej, ek, ax, ay, az)
         cx, cy, cz = _cross(wx, wy, wz, fx, fy, fz)
@@ -164,10 +164,7 @@ def _place(sample, given, y, v, rate, out):
         ox, oy, oz = fx + wx, fy + wy, fz + wz
         vx, vy, vz, bx, by, bz = vx + sx, vy + sy, vz + sz, bx + hx, by + hy, bz + hz
     else:
-        out[0] = rw * ew - rx * ei - ry * ej - rz * ek
-        out[1] = rw * ei + rx * ew + ry * ek - rz * ej
-        out[2] = rw * ej - rx * ek + ry * ew + rz * ei
-        out[3] = rw * ek + rx * ej - ry * ei + rz * ew
+        quaternion_product((rw, rx, ry, rz), (ew, ei, ej, ek), out)
         ux, uy, uz = _turned(rw, rx, ry, rz, ux, uy, uz)
         sx, sy, sz = _turned(rw, rx, ry, rz, sx, sy, sz)
         hx, hy, hz = _turned(rw, rx, ry, rz, hx, hy, hz)
@@ -196,7 +193,7 @@ def _place(sample, given, y, v, rate, out):
 
 
 @kernel(CONTACT)
-def admittance(pose, sample, k, parameters, state, work):
+def admittance(pose, desired, k, parameters, state, work):
     """Write the sample that the law follows: pose now, and the mean twist of the coming period, w of now included.
 
     So no sample is lost between wrench and motion; a pose and a rate of the same instant cost up to half the stiffness
@@ -205,6 +202,7 @@ def admittance(pose, sample, k, parameters, state, work):
     given, own, room = contact_parameters(parameters), contact_state(state), contact_work(work)
     scratch = _numbers()
     rate, more, known = scratch[0:6], scratch[6:12], scratch[12:18]
+    sample = room.planned
     y, v, wrench = own.y, own.v, own.wrench
     row = given.wanted[min(k, given.wanted.shape[0] - 1)]
     check = 0.0
@@ -216,6 +214,14 @@ def admittance(pose, sample, k, parameters, state, work):
     tares = own.tared[0] < given.tare
     if hears:
         unloaded(pose, given, room.wrench, wrench)
+        hit = math.sqrt(
+            (wrench[0] - own.tare[0]) ** 2 + (wrench[1] - own.tare[1]) ** 2 + (wrench[2] - own.tare[2]) ** 2
+        )
+        own.hits[0] = own.hits[0] + 1.0 if hit > guarding(k, given) else 0.0
+    status = guide(k, desired, given, own, own.hits[0] >= _HIT, position(pose), sample)
+    if status != OK:
+        return status
+    if hears:
         if tares:
             own.tared[0] += 1.0
             for i in range(6):
@@ -226,9 +232,11 @@ def admittance(pose, sample, k, parameters, state, work):
             if own.begin[0] == 0.0:
                 for i in range(6):
                     own.begun[i] = wrench[i]
-            _note_contact(given, own, wrench)
+    waits = tares or k < given.begins
+    if hears and not waits:
+        _note_contact(given, own, wrench)
     share = min(own.begin[0] / given.ramp, 1.0) if given.ramp > 0.0 else 1.0
-    own.begin[0] += 0.0 if tares else 1.0
+    own.begin[0] += 0.0 if waits else 1.0
     is_lost = own.losses[0] > 0.0 and own.touches[0] == 0.0
     free = math.sqrt(
         (1.0 - given.forced[3]) * wrench[3] * wrench[3]
@@ -270,7 +278,7 @@ def admittance(pose, sample, k, parameters, state, work):
         else:
             wanted = own.begun[i] + share * (row[i] - own.begun[i]) if given.forced[i] != 0.0 else 0.0
             force = known[i] - wanted
-            if tares or own.silent[0] > _HELD:
+            if waits or own.silent[0] > _HELD:
                 force = 0.0  # never w := 0, which is free air: a force axis rests, a spring goes home
             f = given.transition[i]
             ahead = f[0] * y[i] + f[1] * before + f[2] * force

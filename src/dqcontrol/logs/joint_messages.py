@@ -104,7 +104,7 @@ def read_poses(path: Path, topic: str | None, field: str = "reference_topic") ->
 
 
 def read_wrenches(path: Path, topic: str | None) -> tuple[Stamps, Array]:
-    """Return stamps (K,), ns, and force and torque (K, 6) of a topic of WrenchStamped; raises as `read_joint_states`."""
+    """Return stamps (K,), ns, and wrenches (K, 6) of a topic of WrenchStamped; raises as `read_joint_states`."""
     with open_messages(path) as messages:
         topic = _choose(path, messages.types, topic, "wrench_topic", (WRENCH,))
         return _series(path, topic, messages, _force_and_torque, increasing=True)

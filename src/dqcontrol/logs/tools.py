@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -123,10 +124,10 @@ def tool_motion(
     gravity: Sequence[float] = (0.0, 0.0, -9.81),
     period: float = 0.008,
 ) -> ToolMotion:
-    """Propose a motion that tells a tool: the end effector stays in place and turns each axis of the sensor up and down.
+    """Propose a motion that tells a tool: the hand stays in place and turns each axis of the sensor up and down.
 
-    About the vertical it may stand anyhow: of 24 such ways it takes the nearest one within the joints' limits. Links and
-    surroundings are not looked at: ``dqcontrol check`` and a run of the spec that `ToolMotion.save` writes do that.
+    About the vertical it may stand anyhow: of 24 such ways it takes the nearest one within the joints' limits. Links
+    and surroundings are not looked at: a run of the spec that `ToolMotion.save` writes does that.
 
     Parameters
     ----------
@@ -195,7 +196,7 @@ def tool_motion(
     stops = [begin, *rests, begin]
     speed = np.minimum(_SPEED, 0.5 * arm.limits.velocity)
     parts = [stops[0][None]]
-    for before, after in zip(stops[:-1], stops[1:], strict=True):
+    for before, after in pairwise(stops):
         seconds = max(1.875 * float((np.abs(after - before) / speed).max()), period)
         at_times = np.linspace(0.0, 1.0, max(int(np.ceil(seconds / period)), 1) + 1)[1:, None]
         share = at_times**3 * (10 - 15 * at_times + 6 * at_times**2)
@@ -398,8 +399,8 @@ def _wrenches(data: JointLog, topic: str | None) -> tuple[Array, Array]:
         stamps, values = read_wrenches(data.path, topic)
         return (stamps - data.origin) / 1e9, values
     raise FileFormatError(
-        f"{data.path}: holds no wrench: columns fx, fy, fz, tx, ty, tz of tables, readings wrist_force and wrist_torque "
-        "of a run, or a topic of WrenchStamped"
+        f"{data.path}: holds no wrench: columns fx, fy, fz, tx, ty, tz of tables, readings wrist_force and "
+        "wrist_torque of a run, or a topic of WrenchStamped"
     )
 
 

@@ -265,7 +265,8 @@ class _Steps:
             else:
                 halted = self._why(supervision, halted)
         realised = self.realised if self.disturbance else None
-        found = ended(self.done, self.desired, self.records, realised, failure, halted, finished)
+        desired = self.law.guided(self.desired, self.law_state)
+        found = ended(self.done, desired, self.records, realised, failure, halted, finished)
         # a stop after the fault is its consequence, a failure is not
         is_first = (supervision and not failure) or not has_failed(found.stopped)
         stopped = self._fault if self._fault and is_first else found.stopped

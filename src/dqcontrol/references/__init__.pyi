@@ -12,6 +12,7 @@ from .drawing.drawing_file import (
 from .drive_through import DriveThrough as DriveThrough
 from .drive_to import DriveTo as DriveTo
 from .follow import Follow as Follow
+from .guarded import Guarded as Guarded, Guards as Guards, OnTouchedPlane as OnTouchedPlane
 from .jerk_limited import JerkLimited as JerkLimited
 from .points import Points as Points
 from .points_file import load_points as load_points

@@ -112,8 +112,8 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         omitted. The wrench is what payload and environment exert on the hand, along the axes of the hand's frame and
         about its origin.
     payload
-        Whose weight and bias are in the measured wrench, its centre in the hand's frame; none if omitted. Its inertia is
-        not taken off.
+        Whose weight and bias are in the measured wrench, its centre in the hand's frame; none if omitted. Its inertia
+        is not taken off.
     contact_effort
         Change of a measured effort against its mean over 0.2 s that stops, N·m or N; not bounded if omitted.
     keep_out

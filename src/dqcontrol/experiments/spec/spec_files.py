@@ -25,7 +25,7 @@ INPUTS = "inputs"  # folder of the copies, in one of results
 
 
 def complete_plants(data: dict[str, Any], folder: Path) -> None:
-    """Make the names of files of plants and laws absolute, and put what files of plants and tools hold in their place."""
+    """Make names of files of plants and laws absolute, and put what files of plants and tools hold in their place."""
     for part, kind in _plants_and_laws(data):
         if issubclass(kind, Plant):
             completed = kind.complete(part, folder)
