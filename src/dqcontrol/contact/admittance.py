@@ -25,6 +25,7 @@ _TURN = 2.0  # rad: a deflection below half a turn keeps its logarithm smooth
 _RIGID = "rigid"
 
 NO_GUARDS = Guards()
+NEEDS_CONTACT = "reference: 'until' and 'touch' need a force sensor, which 'contact' describes; give it"
 Three = tuple[float, float, float]
 Stiffness = float | Literal["rigid"]
 NotNegative = Annotated[float, Meta(ge=0)]
@@ -301,7 +302,7 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         ValueRangeError
             If that are more than eight guarded moves.
         """
-        moves, plane = guards
+        moves, plane, lead = guards
         if len(moves) > MOST_GUARDS:
             raise ValueRangeError(f"reference: has {len(moves)} guarded moves, at most {MOST_GUARDS}")
         guarding = np.zeros((MOST_GUARDS, 11))
@@ -344,6 +345,7 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             guarded=len(moves),
             guards=guarding,
             fit=fit,
+            lead=lead,
             normal=np.zeros(3) if plane is None else plane.normal,
             origin=np.zeros(3) if plane is None else plane.origin,
             wanted=self._wanted_rows(period),

@@ -61,6 +61,8 @@ class ContactParameters(NamedTuple):
         pose of its planned end.
     fit
         Rows between which three touches displace the plan onto their plane; 0 without such.
+    lead
+        Delay and lag by which the plan's twists lead, s.
     normal, origin
         Of the plane as planned, inertial frame.
     wanted
@@ -95,6 +97,7 @@ class ContactParameters(NamedTuple):
     guarded: float
     guards: Annotated[Array, MOST_GUARDS, 11]
     fit: Annotated[Array, 2]
+    lead: Annotated[Array, 2]
     normal: Annotated[Array, 3]
     origin: Annotated[Array, 3]
     wanted: Annotated[Array, ..., 6]

@@ -112,11 +112,12 @@ def guide(k, sample, given, own, hit, place, out):
             status = _fit(given, own, scratch)
             if status != OK:
                 return status
-        lasts = given.fit[1] - given.fit[0]
-        t = min((k - given.fit[0]) / lasts, 1.0)
+        lasts = (given.fit[1] - given.fit[0]) * given.period
+        t = min((k - given.fit[0]) * given.period / lasts, 1.0)
         share = t * t * t * (10.0 - t * (15.0 - 6.0 * t))
-        rate = 30.0 * t * t * (1.0 - t) * (1.0 - t) / (lasts * given.period)
-        more = 60.0 * t * (1.0 - t) * (1.0 - 2.0 * t) / (lasts * given.period) ** 2
+        t = min(t + given.lead[0] / lasts, 1.0)
+        more = 60.0 * t * (1.0 - t) * (1.0 - 2.0 * t) / (lasts * lasts)
+        rate = 30.0 * t * t * (1.0 - t) * (1.0 - t) / lasts + given.lead[1] * more
         for i in range(6):
             screw[i] = share * own.screw[i]
         exp_screw(screw, now)

@@ -360,9 +360,14 @@ class Controller:
         if any(self._feedback):
             self._sent(self.plan, self.memory, state, command)
 
+    @property
+    def is_guarded(self) -> bool:
+        """Whether touches end or displace moves of its reference."""
+        return bool(self._guards.moves)
+
     def guided(self, samples: Array, state: Array) -> Array:
         """Return the samples (N, 21) of a finished run where the touches that its state knows displaced them to."""
-        if not self._guards.moves:
+        if not self.is_guarded:
             return samples
         at, out = self._contact_at, samples.copy()
         guide_again(samples, self._parts.contacting, state[at : at + CONTACT_STATE].copy(), out)

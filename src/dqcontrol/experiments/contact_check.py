@@ -10,16 +10,18 @@ import numpy as np
 from msgspec.structs import replace
 
 from dqcontrol.contact import Admittance, ContactLimits, ForceReference, contact_limits
+from dqcontrol.contact.admittance import NEEDS_CONTACT
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.plants.live_plant import live_plant
 from dqcontrol.plants.plant import lagging_mode
-from dqcontrol.references.sample import TIME, TWIST
+from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.tables.tables import Column, Table
 
 if TYPE_CHECKING:
     from dqcontrol.experiments.prepared_experiment import Combination
     from dqcontrol.experiments.spec import Spec
 
+_MOVES = 1e-6  # of the eight coefficients of a pose: 2 µm
 _UNKNOWN_STIFFNESS = 1e4  # N/m, for a world that says none: a table top of wood under a finger
 
 
@@ -33,6 +35,8 @@ def check_contact(spec: Spec, case: Combination) -> None:
     """
     contact = case.variant.law.contact
     if contact is None:
+        if case.scene.reference.guards.moves:
+            raise ValueRangeError(NEEDS_CONTACT)
         return
     robot, start = case.scene.robot, case.scene.start
     live = live_plant(case.plant.start(robot, start, spec.period, 1, spec.seed))
@@ -42,8 +46,9 @@ def check_contact(spec: Spec, case: Combination) -> None:
             f"contact: plant '{kind}' measures no wrench, so no force can be controlled; "
             "give a plant with a force sensor, as servo with 'wrist'"
         )
-    tare, moves = contact.sensor.tare, np.abs(case.scene.samples[:, TWIST]).max(axis=1) > 0
-    if tare and (first := case.scene.samples[moves, TIME]).size and first[0] < tare:
+    tare, samples = contact.sensor.tare, case.scene.samples
+    away = np.abs(samples[:, POSE] - samples[0, POSE]).max(axis=1) > _MOVES
+    if tare and (first := samples[away, TIME]).size and first[0] < tare:
         raise ValueRangeError(
             f"contact.sensor.tare: the reference moves from {first[0]:.3g} s on, and is to rest for the {tare:g} s in "
             "which the sensor's bias is measured; let it begin with a set-point of that duration"

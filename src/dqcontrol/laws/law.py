@@ -166,10 +166,6 @@ class Law(
         )
 
         guards = NO_GUARDS if reference is None else reference.guards
-        if guards.moves and self.contact is None:
-            raise ValueRangeError(
-                "reference: 'until' and 'touch' need a force sensor, which 'contact' describes; give it"
-            )
         return Controller(
             self, robot, rows, period, limits or CommandLimits(), command_mode, tasks, lag, guards
         )

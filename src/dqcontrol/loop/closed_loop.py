@@ -10,6 +10,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, Kernel
+from dqcontrol.contact.admittance import NEEDS_CONTACT
 from dqcontrol.contact.contact_layout import WRENCH
 from dqcontrol.controller.controller import Controller, status_text
 from dqcontrol.errors import DivergedError, Error, FallenError, ShapeError, ValueRangeError, as_array
@@ -110,6 +111,8 @@ def close_loop(
             )
     if supervision is not None:
         _ = supervision.supervisor.kernel.pointer  # compiled now, not while the robot moves
+    if law.is_guarded and not law.wrench.size:
+        raise ValueRangeError(NEEDS_CONTACT)
     if law.wrench.size and not live.wrench.size:
         raise ValueRangeError(
             f"contact: {type(plant).__name__} measures no wrench, so no force can be controlled; "

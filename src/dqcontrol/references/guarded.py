@@ -23,7 +23,10 @@ _REST = 0.3  # s after a touch, and above a point: for the lag of servos and fil
 
 
 class Guard(NamedTuple):
-    """A guarded move: begin and planned end, s, the force that ends it, N, and the pose of its planned end, (8,)."""
+    """A guarded move: begin and planned end, s, the force that ends it, N, and the pose of its planned end, (8,).
+
+    Where it touches the hand stays until the planned end.
+    """
 
     begin: float
     end: float
@@ -44,16 +47,17 @@ class TouchedPlane(NamedTuple):
 
 
 class Guards(NamedTuple):
-    """What of a reference touches end or displace."""
+    """What of a reference touches end or displace; and delay and lag by which its twists lead, s, see `Previewed`."""
 
     moves: tuple[Guard, ...] = ()
     plane: TouchedPlane | None = None
+    lead: tuple[float, float] = (0.0, 0.0)
 
     def later(self, by: float) -> Guards:
         """Return the same some seconds later."""
         moves = tuple(each._replace(begin=each.begin + by, end=each.end + by) for each in self.moves)
         plane = self.plane and self.plane._replace(begin=self.plane.begin + by, end=self.plane.end + by)
-        return Guards(moves, plane)
+        return Guards(moves, plane, self.lead)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -212,24 +216,21 @@ class OnTouchedPlane(Reference):
         points = self._points(normal, origin)
         parts, guards, at, time = list[Reference](), list[Guard](), start, 0.0
 
-        def go(way: Array, seconds: float, *, guarded: bool = False) -> None:
+        def go(way: Array, seconds: float, *, steady: bool = False) -> None:
             nonlocal at, time
-            move: Reference = Straight(at, way, seconds, steady=guarded)
-            if guarded:
-                move = Guarded(move, self.force)
-                guards.extend(move.guards.later(time).moves)
-            parts.append(move)
+            move = Straight(at, way, seconds, steady)
             at = move.samples([seconds])[0, :8]
-            rest = SetPoint(at, duration=_REST)
-            parts.append(rest)
+            parts.extend([move, SetPoint(at, duration=_REST)])
             time += seconds + _REST
 
         go(up * normal, max(up / travel, _REST))
-        for i, point in enumerate(points):
-            over = point - origin + (up - i * down) * normal  # each touch goes down from the one before it
-            way = over - (translation(at) - origin)
+        for point in points:
+            way = point + up * normal - translation(at)
             go(way, max(float(np.linalg.norm(way)) / travel, _REST))
-            go(-(up + down) * normal, (up + down) / speed, guarded=True)
+            began = time
+            go(-(up + down) * normal, (up + down) / speed, steady=True)
+            go(down * normal, max(down / travel, _REST))  # to the plane as planned: what is touched displaces that
+            guards.append(Guard(began, time, self.force, at))
             go(up * normal, max(up / travel, _REST))
         begin, way = time, origin - translation(at)
         go(way, max(float(np.linalg.norm(way)) / travel, 4 * _REST))
