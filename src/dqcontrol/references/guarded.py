@@ -229,7 +229,9 @@ class OnTouchedPlane(Reference):
             go(way, max(float(np.linalg.norm(way)) / travel, _REST))
             began = time
             go(-(up + down) * normal, (up + down) / speed, steady=True)
-            go(down * normal, max(down / travel, _REST))  # to the plane as planned: what is touched displaces that
+            go(
+                down * normal, max(down / travel, _REST)
+            )  # to the plane as planned: what is touched displaces that
             guards.append(Guard(began, time, self.force, at))
             go(up * normal, max(up / travel, _REST))
         begin, way = time, origin - translation(at)
