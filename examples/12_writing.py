@@ -16,11 +16,11 @@ touched = dqc.run(spec).record
 
 del script["touch"]
 pause["duration"] = "5 s"  # time to come down onto the board
-record = dqc.run(spec).record
 
 figure, axes = plt.subplots(2, 2, figsize=(9, 5), layout="constrained", height_ratios=[1.2, 1])
-seconds = record.duration - 5.0  # of writing
-for column, (record, label) in enumerate(((record, "by force alone"), (touched, "after three touches"))):
+runs = {"by force alone": dqc.run(spec).record, "after three touches": touched}
+seconds = runs["by force alone"].duration - 5.0  # of writing
+for column, (label, record) in enumerate(runs.items()):
     writes = record.time > record.duration - seconds + 0.3
     force = record.readings["touch_force"].values[:, 2]
     inked = writes & (force > 0)

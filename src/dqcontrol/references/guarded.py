@@ -9,14 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dqcontrol.algebra import rotation, translation
+from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
-from dqcontrol.references.reference import NO_CORNERS, Reference
-from dqcontrol.references.rigid_motion import motion_samples
-from dqcontrol.references.sample import as_pose
+from dqcontrol.references.reference import Reference
 from dqcontrol.references.sequence import Sequence
 from dqcontrol.references.set_point import SetPoint
+from dqcontrol.references.straight import Straight
 
 _TOUCHES = 3
 _REST = 0.3  # s after a touch, and above a point: for the lag of servos and filters of sensors
@@ -106,53 +105,6 @@ class Guarded(Reference):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Straight(Reference):
-    """A straight way from rest to rest, or at constant speed, without turning.
-
-    Parameters
-    ----------
-    pose
-        Where it starts, shape (8,).
-    way
-        m, inertial frame, shape (3,).
-    duration
-        s.
-    steady
-        True: at constant speed.
-    """
-
-    pose: ArrayLike
-    way: ArrayLike
-    duration: float
-    steady: bool = False
-    corners: Array = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "pose", as_pose("pose", self.pose))
-        object.__setattr__(self, "way", as_array("way", self.way, (3,)))
-        object.__setattr__(self, "duration", as_positive("duration", self.duration))
-        object.__setattr__(self, "corners", np.array([self.duration]) if self.steady else NO_CORNERS)
-
-    def motion(self, times: Array) -> Array:
-        """Return samples (N, 21); see `Reference.motion`."""
-        t = (times / self.duration)[:, None]
-        if self.steady:
-            share, rate, more = t, np.ones_like(t), np.zeros_like(t)
-        else:
-            share = t**3 * (10 - t * (15 - 6 * t))
-            rate, more = 30 * t**2 * (1 - t) ** 2, 60 * t * (1 - t) * (1 - 2 * t)
-        way = as_array("way", self.way)
-        out = motion_samples(
-            translation(self.pose) + share * way,
-            rate * way / self.duration,
-            more * way / self.duration**2,
-            rotation(self.pose),
-        )
-        out[:, 20] = times
-        return out
-
-
-@dataclass(frozen=True, eq=False, repr=False)
 class OnTouchedPlane(Reference):
     """A reference on a plane that stands not quite where it was planned: three touches before it find it.
 
@@ -218,7 +170,7 @@ class OnTouchedPlane(Reference):
 
         def go(way: Array, seconds: float, *, steady: bool = False) -> None:
             nonlocal at, time
-            move = Straight(at, way, seconds, steady)
+            move = Straight(at, way=way, duration=seconds, steady=steady)
             at = move.samples([seconds])[0, :8]
             parts.extend([move, SetPoint(at, duration=_REST)])
             time += seconds + _REST
