@@ -174,8 +174,8 @@ class _Loop:
         def command(angles: Array, way: float, speed: float, more: float) -> Array:
             sample, out = np.zeros(21), np.empty(m)
             if axis < 3:
-                turned = algebra.rotation_from_axis_angle(direction, way)
-                sample[:8] = algebra.pose(algebra.multiply(turned, algebra.rotation(pose)), place)
+                turned = algebra.pose(algebra.rotation_from_axis_angle(direction, way), np.zeros(3))
+                sample[:8] = algebra.pose(algebra.rotation(algebra.multiply(turned, pose)), place)
                 screw = np.concatenate([direction, np.cross(place, direction)])
             else:
                 sample[:8] = algebra.multiply(algebra.pose([1, 0, 0, 0], way * direction), pose)

@@ -372,10 +372,12 @@ class Judge:
         first = len(record) - max(1, int(_LAST * len(record)))
         for axis, wanted in contact.wanted_forces(record.time).items():
             felt_at, asked = force[first:, "xyz".index(axis)].mean(), wanted[first:].mean()
-            touched = bool(np.abs(force).max() > 0)
-            words = (
-                f"presses {felt_at:.3g} N along {axis}, {asked:.3g} asked" if touched else "touched nothing"
-            )
+            touching = np.flatnonzero(np.abs(force).max(axis=1) > 0)
+            words = "touched nothing"
+            if len(touching):
+                words = f"presses {felt_at:.3g} N along {axis}, {asked:.3g} asked"
+                if tare := contact.sensor.tare:
+                    words += f" (tared {record.time[touching[0]] - tare:.2g} s before it touched)"
             yield words, abs(felt_at - asked) > _OFF * abs(asked)
 
     def _further(
