@@ -38,17 +38,26 @@ def play(
     port
         Of this machine, where only its own users reach it; the next free one if it is taken.
     """
-    from dqcontrol.browser.play import PlayPage, PlaySession
-    from dqcontrol.browser.served_page import import_viser
+    from dqcontrol.browser.served_page import address, start_server
     from dqcontrol.cli.view_command import announce
+    from dqcontrol.robots import robot_names
 
-    import_viser()  # before the work: it may be missing
+    server = start_server(port, "dqcontrol play")
+    is_known = source in robot_names() or Path(source).exists()
+    if is_known:  # the browser begins meanwhile; what follows takes seconds
+        announce("play", address(server))
+    loading = server.gui.add_markdown("Loading the robot …")
+
+    from dqcontrol.browser.play import PlayPage, PlaySession
+
     spec, folder = _spec_of(source, base_link, tip_link)
     driver = _driver(device) if device else None
     with PlaySession(spec, folder) as session:
         session.driver = driver
-        page = PlayPage(session, out, port)
-        announce("play", page)
+        loading.remove()
+        page = PlayPage(session, out, server=server)
+        if not is_known:
+            announce("play", page.url)
         page.serve()
 
 

@@ -45,6 +45,8 @@ class PlayPage(ServedPage):
         Where recordings are saved.
     port
         Of this machine; the next free one if it is taken.
+    server
+        Where it is to be seen, as `start_server` makes it; one is started if omitted.
 
     Attributes
     ----------
@@ -60,8 +62,10 @@ class PlayPage(ServedPage):
     session: PlaySession
     alone: float
 
-    def __init__(self, session: PlaySession, folder: Path | None = None, port: int = 8080) -> None:
-        super().__init__(port, "dqcontrol play")
+    def __init__(
+        self, session: PlaySession, folder: Path | None = None, port: int = 8080, *, server: Any = None
+    ) -> None:
+        super().__init__(port, "dqcontrol play", server)
         self.session, self.alone = session, _ALONE
         self._nodes: list[Any] = []
         self._drawn: DrawnRobot

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import msgspec
 import numpy as np
@@ -22,7 +22,6 @@ from dqcontrol.browser.play.recorded_rows import RecordedRows
 from dqcontrol.constraints import Constraints
 from dqcontrol.constraints.constraint_view import ConstraintView, NearestPair
 from dqcontrol.errors import Error, ExistsError, NoteWarning, StabilityWarning, writing
-from dqcontrol.experiments.check import LoopCheck, loop_checks
 from dqcontrol.experiments.driven import live_of
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare_spec
 from dqcontrol.experiments.run import run
@@ -37,6 +36,9 @@ from dqcontrol.loop.targets import Speeds
 from dqcontrol.references.points_file import DUAL_QUATERNION
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot
+
+if TYPE_CHECKING:
+    from dqcontrol.experiments.check import LoopCheck
 
 SPEEDS = Speeds(linear=0.5, angular=2.0, acceleration=3.0)  # brisk for a hand that drags, m/s, rad/s, m/s²
 SHOWN = 10.0  # s of charts
@@ -281,7 +283,9 @@ class PlaySession:
         return self.live.robot
 
     def check(self) -> LoopCheck:
-        """Return what is to be expected of its loops; see `experiments.check`."""
+        """Return what is to be expected of its loops; see `experiments.check`. It may take a second."""
+        from dqcontrol.experiments.check import loop_checks  # a robot moves without
+
         (row,) = loop_checks(self.setting)
         return row
 
@@ -302,7 +306,7 @@ class PlaySession:
         if np.isfinite(state.missing) and state.missing > 5e-3:
             rests = np.abs(state.command).max(initial=0.0) < 0.02
             words.append(f"{1e3 * state.missing:.0f} mm {'out of reach' if rests else 'to go'}")
-        if late := sum(moment.missed for moment in self.history):
+        if late := sum(moment.missed for moment in tuple(self.history)):  # the thread adds to it
             words.append(f"{late} periods late in the last 10 s: this machine is busy")
         return "; ".join(words) or "at its target"
 
