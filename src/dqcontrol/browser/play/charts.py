@@ -16,29 +16,27 @@ _STROKES = {"robot": COLOURS[0], "ghost": COLOURS[1]}
 
 
 class Charts:
-    """Error, share of the limits and clearance over time."""
+    """Error, share of the limits, clearance and force over time."""
 
     def __init__(self, gui: Any) -> None:
         self._charts = [
             self._chart(gui, "Error [mm]", ("ghost", "robot"), (0.0, None)),
             self._chart(gui, "Speed, share of the limit [%]", ("robot",), (0.0, 100.0)),
             self._chart(gui, "Clearance beyond what is asked [mm]", ("robot",), (None, None)),
+            self._chart(gui, "Force [N]", ("robot",), (0.0, None)),
         ]
 
     def show(self, history: Sequence[ChartPoint]) -> None:
         """Show what happened."""
-        rows = np.array([[*moment] for moment in history] or [[0.0] * 6])
+        rows = np.array([[*moment] for moment in history] or [[0.0] * len(ChartPoint._fields)])
         time = rows[:, 0] - rows[-1, 0]
-        error, share, clearance, ghost = (
-            1e3 * rows[:, 1],
-            100 * rows[:, 2],
-            1e3 * rows[:, 3],
-            1e3 * rows[:, 4],
-        )
+        error, share, clearance, ghost, force = rows[:, 1:6].T * np.array([[1e3], [100], [1e3], [1e3], [1]])
         ghost = np.where(np.isnan(ghost), error, ghost)  # beneath the robot's own: NaN would leave no scale
-        for chart, values in zip(self._charts, ((ghost, error), (share,), (clearance,)), strict=True):
+        shown = ((ghost, error), (share,), (clearance,), (force,))
+        for chart, values in zip(self._charts, shown, strict=True):
             chart.data = (time, *values)
-        self._charts[2].visible = bool(np.isfinite(clearance).any())
+        for chart, values in zip(self._charts[2:], shown[2:], strict=True):
+            chart.visible = bool(np.isfinite(values[0]).any())
 
     def _chart(
         self, gui: Any, title: str, names: tuple[str, ...], ends: tuple[float | None, float | None]

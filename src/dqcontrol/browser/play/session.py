@@ -60,6 +60,8 @@ class ChartPoint(NamedTuple):
         asked, m, NaN without anything around.
     ghost_error
         Of the second robot, m; NaN without one.
+    force
+        That the hand feels, or that somebody pushes with, N; NaN where there is no physics.
     missed
         Periods that passed without a step since the moment before.
     """
@@ -69,6 +71,7 @@ class ChartPoint(NamedTuple):
     share: float
     clearance: float
     ghost_error: float
+    force: float
     missed: int
 
 
@@ -94,6 +97,8 @@ class PlaySession:
         How many periods passed without a step, as the machine was busy.
     is_paused
         Whether time stands still.
+    pushed
+        Row, point (m) and force (N) of what pushes it now, as `push` was told; None if nothing does.
     driver
         Called before each step with the robot: what a device tells it.
 
@@ -106,6 +111,7 @@ class PlaySession:
     spec: dict[str, Any]
     live: Live
     ghost: Live | None
+    pushed: tuple[int, Array, Array] | None
     driver: Callable[[Live], None] | None = None
 
     def __init__(self, spec: dict[str, Any], folder: Path | None = None) -> None:
@@ -149,6 +155,7 @@ class PlaySession:
             self.spec, self.setting, self.live, self.ghost = spec, setting, live, ghost
             self.around: ConstraintView | None = scene
             self._record(exact=True)
+            self.pushed = None
             for each in (live, ghost) if ghost else (live,):
                 if self._follows:
                     each.follow(case.scene.reference)
@@ -231,6 +238,16 @@ class PlaySession:
     def hold(self) -> None:
         """Let the hand stay where it is: also what happens when nobody looks any more."""
         self.drag(np.full(8, np.nan))
+
+    def push(self, row: int, point: Array, force: Array) -> None:
+        """Push a link; see `LivePlant.push`. What is recorded is no longer all that moves the robot."""
+        with self.lock:
+            if not self.live.plant.can_be_pushed:
+                self.tell("pushing needs physics: choose it in the tab Robot")
+                return
+            self.live.plant.push(row, point, force)
+            self.pushed = (row, point, force) if np.any(force) else None
+            self._exact = False
 
     def set_law(self, law: Law) -> bool:
         """Go on with another law, without a stop; it keeps what the present one keeps, unless it says so itself."""
@@ -354,7 +371,16 @@ class PlaySession:
         ghost = self.ghost.state.position_error if self.ghost else np.nan
         now = self.history[-1].time + _CHARTED if self.history else 0.0
         missed, self._noted = self.missed - self._noted, self.missed
-        self.history.append(ChartPoint(now, state.position_error, state.share, clearance, ghost, missed))
+        point = ChartPoint(now, state.position_error, state.share, clearance, ghost, self._force(), missed)
+        self.history.append(point)
+
+    def _force(self) -> float:
+        """Return how hard the hand, or what it meets, is pressed, N; NaN if nothing says so."""
+        plant = self.live.plant
+        pushed = float(np.linalg.norm(self.pushed[2])) if self.pushed else 0.0
+        if len(plant.wrench):
+            return max(pushed, float(np.linalg.norm(plant.wrench[:3])))
+        return pushed if plant.can_be_pushed else np.nan
 
     def _settle(self) -> None:
         """Begin a recording at rest from which everything follows, once the robot rests after another law began."""
@@ -414,7 +440,7 @@ class PlaySession:
         since = (
             ""
             if exact
-            else "; it began in motion, as the law was changed then: let the robot rest for an exact one"
+            else "; its law was changed in motion, or it was pushed: let the robot rest for an exact one"
         )
         return f"{path}: {record.time[-1]:.1f} s; run again, joints differ by at most {apart:.2g} rad or m{since}"
 
