@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.browser.play import PlayPage, PlaySession
 
@@ -106,7 +107,7 @@ def test_a_link_is_pulled_by_the_mouse_where_there_is_physics(page_of):
         session.step()
     before = session.live.state.pose
     point = algebra.translation(before)
-    asyncio.run(page._pull(row, event("update", point, point + np.array([0, 0.15, 0]))))
+    asyncio.run(page._puller(row)(event("update", point, point + np.array([0, 0.15, 0]))))
     np.testing.assert_allclose(session.pushed[2], [0, 30.0, 0])
     robot, plant = session.robot, session.live.plant
     expected = np.zeros(7)  # Jᵀ f, by differences of the hand's position
@@ -122,9 +123,9 @@ def test_a_link_is_pulled_by_the_mouse_where_there_is_physics(page_of):
     assert aside[1] > 1e-4  # servos are stiff, and the law takes it back
     assert session.history[-1].force == pytest.approx(30.0)
     page.tick()
-    asyncio.run(page._pull(row, event("update", point, point + np.array([0, 9.0, 0]))))
+    asyncio.run(page._puller(row)(event("update", point, point + np.array([0, 9.0, 0]))))
     assert np.linalg.norm(session.pushed[2]) == pytest.approx(60.0)
-    asyncio.run(page._pull(row, event("end", point, point)))
+    asyncio.run(page._puller(row)(event("end", point, point)))
     assert session.pushed is None
     assert not plant.data.qfrc_applied.any()
     page.tick()
@@ -132,7 +133,7 @@ def test_a_link_is_pulled_by_the_mouse_where_there_is_physics(page_of):
 
 def test_without_physics_nothing_is_pushed(page_of):
     page = page_of(SPEC)
-    asyncio.run(page._pull(3, event("update", np.zeros(3), np.ones(3))))
+    asyncio.run(page._puller(3)(event("update", np.zeros(3), np.ones(3))))
     assert page.session.pushed is None
     assert "physics" in page.session.told[-1]
 
@@ -231,3 +232,17 @@ def test_digits_choose_scenes_and_space_pauses(page_of):
     page._keys["space"]()
     assert not page.session.is_paused
     assert {"R", "H", *map(str, range(1, 10))} <= set(page._keys)
+
+
+def test_a_notebook_plays_in_a_cell_until_it_is_closed(tmp_path):
+    shown = dqc.play("iiwa7", folder=tmp_path, port=18510, height=500)
+    try:
+        assert f'src="{shown.url}"' in shown._repr_html_()
+        assert 'height="500"' in shown._repr_html_()
+        drag_aside(shown.session)
+        while shown.session.live.state.time < 0.1:
+            pass
+    finally:
+        shown.close()
+    assert np.abs(shown.session.live.control.command).max() == 0.0
+    shown.close()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
@@ -201,9 +201,17 @@ class PlayPage(ServedPage):
         for row, node in self._drawn.bodies:
             node.remove_drag_callback()
             if pushes and row >= 0:
-                node.on_drag("left")(lambda event, row=row: self._pull(row, event))
+                node.on_drag("left")(self._puller(row))
 
-    async def _pull(self, row: int, event: Any) -> None:
+    def _puller(self, row: int) -> Callable[[Any], Awaitable[None]]:
+        """Return what is called, in order, while a link is held."""
+
+        async def pull(event: Any) -> None:
+            self._pull(row, event)
+
+        return pull
+
+    def _pull(self, row: int, event: Any) -> None:
         """Pull a link by a spring from where it was taken to the mouse."""
         start, end = (np.asarray(each, np.float64) for each in (event.start_position, event.end_position))
         force = _SPRING * (end - start)
