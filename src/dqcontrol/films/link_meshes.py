@@ -36,7 +36,7 @@ def link_meshes(robot: Robot) -> list[LinkMesh]:
         for row, mesh, colour in meshes:
             if mesh.area >= _FLAT and len(mesh.vertices) >= 4:
                 red, green, blue = (value / 255 for value in colour)
-                found.append(LinkMesh(row, *smoothed([mesh]), (red, green, blue, 1.0)))
+                found.append(LinkMesh(row, *smoothed(mesh), (red, green, blue, 1.0)))
     return found
 
 
