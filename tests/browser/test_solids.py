@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dqcontrol.browser.solids import Solid, ball, box, rod
+from dqcontrol.figures.solids import Solid, ball, box, rod
 
 trimesh = pytest.importorskip("trimesh")
 TURN = trimesh.transformations.random_rotation_matrix(np.array([0.1, 0.7, 0.4]))[:3, :3]

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from dqcontrol.browser.robot_bodies import Colour
 from dqcontrol.browser.run_view_model import Track
-from dqcontrol.browser.solids import Solid, ball, box, rod
 from dqcontrol.constraints.constraint_view import NEAR
+from dqcontrol.figures.robot_bodies import Colour
+from dqcontrol.figures.solids import Solid, ball, box, rod
 from dqcontrol.geometry import Box, Capsule, Cylinder, InfiniteCylinder, Plane, Shape, Sphere
 
 _SOLID, _CLOSE, _ZONE = (140, 90, 165), (230, 64, 26), (64, 140, 90)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.browser.solids import Solid, box, rod
-from dqcontrol.browser.urdf_shapes import placed_shapes, pose_matrix, urdf_shapes
+from dqcontrol.figures.solids import Solid, box, rod
+from dqcontrol.figures.urdf_shapes import placed_shapes, pose_matrix, urdf_shapes
 from dqcontrol.robots import (
     CarLikeBase,
     DifferentialDrive,
