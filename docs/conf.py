@@ -44,7 +44,7 @@ mathjax_options = {"defer": "defer"}
 
 nb_execution_mode = "force"  # notebooks/ hold no output: it is computed here
 nb_execution_raise_on_error = True
-nb_execution_timeout = 600  # s a cell: the first use of a kernel compiles it
+nb_execution_timeout = 1800  # s a cell: the first use of kernels compiles them, on a busy machine for minutes
 nb_merge_streams = True
 
 autodoc_default_options = {"members": True, "exclude-members": "kernel"}
