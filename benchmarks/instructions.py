@@ -104,7 +104,8 @@ def default_loops() -> Iterator[tuple[str, Callable[[int], object]]]:
         arm, q = dqc.load_robot(robot_name), np.array(start, dtype=float)
         pose, law = arm.fkm(q), getattr(dqc.laws, law_name)(gain=10.0)
         circle = dqc.references.Circle(pose, radius=0.07, duration=MANY * PERIOD)
-        tasks = {"circle": (circle, PERIOD, circle.samples(PERIOD * np.arange(MANY)))}
+        tasks: dict[str, tuple[dqc.references.Circle | None, float, np.ndarray]] = {}
+        tasks["circle"] = (circle, PERIOD, circle.samples(PERIOD * np.arange(MANY)))
         for label, away in AWAY.items():
             there = dqc.algebra.pose(pose[:4], dqc.algebra.translation(pose) - [away, 0.0, 0.0])
             tasks[label] = None, 1e-6, np.repeat(dqc.Sample(there).numbers[None], MANY, axis=0)

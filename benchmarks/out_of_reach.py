@@ -13,6 +13,7 @@ from collections.abc import Callable
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 import dqcontrol as dqc
@@ -124,11 +125,11 @@ def follow(
     return sent, gone
 
 
-def turning_back(sent: Array, least: float = TURNING) -> Array:
+def turning_back(sent: Array, least: float = TURNING) -> NDArray[np.bool_]:
     """Return in which periods some joint turns back, faster than ``least`` before and after, rad/s."""
     before, after = sent[:-1], sent[1:]
     turning = (before * after < 0) & (np.minimum(np.abs(before), np.abs(after)) > least)
-    return turning.any(axis=1)
+    return np.any(turning, axis=1)
 
 
 def reversing(sent: Array, least: float = TURNING) -> float:
