@@ -9,7 +9,7 @@ import numpy as np
 from dqcontrol.browser.robot_bodies import Colour, rod
 from dqcontrol.browser.run_view_model import Track
 from dqcontrol.constraints.constraint_view import NEAR
-from dqcontrol.geometry import Box, Capsule, Cylinder, InfiniteCylinder, Plane, Shape, Sphere
+from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, InfiniteCylinder, Plane, Shape, Sphere
 
 _SOLID, _CLOSE, _ZONE = (140, 90, 165), (230, 64, 26), (64, 140, 90)
 _OPACITY, _ZONE_OPACITY, _LINK_OPACITY = 0.6, 0.15, 0.4
@@ -91,6 +91,8 @@ def shape_mesh(shape: Shape, size: float) -> Any:
     if isinstance(shape, InfiniteCylinder):
         along = size * shape.direction
         return rod(shape.point - along, shape.point + along, shape.radius)
+    if isinstance(shape, Hull):
+        return trimesh.Trimesh(shape.corners, shape.faces, process=False)
     matrix = np.eye(4)
     if isinstance(shape, Box):
         matrix[:3, :3], matrix[:3, 3] = shape.row[7:].reshape(3, 3), shape.row[4:7]
