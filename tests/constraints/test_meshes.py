@@ -1,5 +1,7 @@
 """Meshes kept clear of: by their convex parts, as exact as `geometry.distance`, standing, moving and measured."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -116,3 +118,34 @@ def test_the_floor_under_a_mesh_is_its_shadow(wedge):
     place = footprint(Body(mesh=wedge))
     inside, outside = place.clearance(np.array([[0.1, 0.1], [0.35, 0.25]]))
     assert inside < 0 < outside
+
+
+def test_check_says_what_many_parts_cost(wedge):
+    spec = {
+        "name": "parts",
+        "robot": "panda",
+        "start": HOME.tolist(),
+        "period": T,
+        "reference": {"kind": "set-point", "duration": 1},
+        "law": {"kind": "proportional", "gain": 2},
+        "plant": {"kind": "integrator"},
+        "world": {
+            "shelf": {
+                "mesh": wedge,
+                "position": [0.8, 0.5, 0.05],
+                "parts": [{"mesh": wedge, "position": [0, 0.1 * k, 0]} for k in range(1, 4)],
+            }
+        },
+        "constraints": {"clear_of": "all", "margin": 0.02},
+    }
+    (said,) = [words for words in dqc.experiments.check(spec).tasks if "shelf" in words]
+    found = re.fullmatch(
+        r"constraints.clear_of.shelf: 4 convex parts with (\d+) corners; all their distances from 8 links take "
+        r"([\d.e+]+) µs here, each time that a step looks at them; far ones are left out",
+        said,
+    )
+    assert found, said
+    assert int(found[1]) == 4 * len(Body(mesh=wedge).shapes[0].points)
+    assert float(found[2]) > 0
+    del spec["world"]["shelf"]["parts"]
+    assert not any("shelf" in words for words in dqc.experiments.check(spec).tasks)

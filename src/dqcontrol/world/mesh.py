@@ -14,6 +14,7 @@ from dqcontrol.geometry import Hull
 _MOST_FACES = 500_000  # taking them apart takes minutes beyond
 _THRESHOLD = 0.05  # of CoACD: concavity that a part may have, as a share of the mesh's size
 _CONVEX = 0.999  # of a hull's volume
+_HERE = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
 
 
 @lru_cache(maxsize=16)
@@ -56,4 +57,4 @@ def convex_parts(file: str) -> tuple[Any, ...]:
 @lru_cache(maxsize=16)
 def hulls(file: str) -> tuple[Hull, ...]:
     """Return the convex parts of a mesh as shapes, in its own axes; see `convex_parts`."""
-    return tuple(Hull([1.0, 0, 0, 0, 0, 0, 0, 0], np.asarray(part.vertices)) for part in convex_parts(file))
+    return tuple(Hull(_HERE, np.asarray(part.vertices)) for part in convex_parts(file))
