@@ -132,14 +132,15 @@ class Contacts:
             self._watched += [*self._obstacles(constraints), *self._bodies_of(world, constraints)]
         shapes = list({id(each): each for pair in self._watched for each in pair[:2]}.values())
         number = {id(each): k for k, each in enumerate(shapes)}
-        self._shapes: Array = np.zeros((len(shapes), 1 + kernels.SHAPE))
+        wide = max((len(each.shape.row) for each in shapes), default=kernels.SHAPE)
+        self._shapes: Array = np.zeros((len(shapes), 1 + wide))
         for row, each in zip(self._shapes, shapes, strict=True):
-            row[0], row[1:] = each.frame, each.shape.row
+            row[0], row[1 : 1 + len(each.shape.row)] = each.frame, each.shape.row
         self._pairs: Array = np.array(
             [[number[id(a)], number[id(b)]] for a, b, *_ in self._watched], np.float64
         )
         self._moved = {number[id(b)]: shifts for _, b, _, shifts in self._watched if shifts is not None}
-        self._work = np.empty((len(shapes), kernels.SHAPE)), np.empty(kernels.FOUND)
+        self._work = np.empty((len(shapes), wide)), np.empty(kernels.FOUND)
 
     def of_run(self, record: Record) -> list[Contact]:
         """Return where a run went through something, the deepest first."""

@@ -2,6 +2,7 @@ from .bounding_capsule import bounding_capsule as bounding_capsule
 from .floor_map import (
     FloorMap as FloorMap,
     load_map as load_map,
+    save_map as save_map,
 )
 from .shapes import (
     Box as Box,

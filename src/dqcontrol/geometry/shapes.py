@@ -5,7 +5,7 @@ All lengths are in m, in whatever frame their owner says; `moved` carries a shap
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import ClassVar, Self
 
@@ -27,12 +27,12 @@ class Shape:
     _lengths: ClassVar[tuple[str, ...]] = ()  # and that it leaves alone, ≥ 0
 
     def __post_init__(self) -> None:
-        for field in self._positions:
-            _keep(self, field)
-        for field in self._directions:
-            _keep_direction(self, field)
-        for field in self._lengths:
-            object.__setattr__(self, field, as_positive(field, getattr(self, field), zero_allowed=True))
+        for name in self._positions:
+            _keep(self, name)
+        for name in self._directions:
+            _keep_direction(self, name)
+        for name in self._lengths:
+            object.__setattr__(self, name, as_positive(name, getattr(self, name), zero_allowed=True))
 
     def moved(self, pose: ArrayLike) -> Self:
         """Return the shape where a pose takes it: from the frame of the link that carries it to the inertial frame.
@@ -61,8 +61,8 @@ class Shape:
         return self._carried(matrix[:3, :3], matrix[:3, 3])
 
     def _carried(self, rotation: Array, position: Array) -> Self:
-        positions = {field: rotation @ getattr(self, field) + position for field in self._positions}
-        directions = {field: rotation @ getattr(self, field) for field in self._directions}
+        positions = {name: rotation @ getattr(self, name) + position for name in self._positions}
+        directions = {name: rotation @ getattr(self, name) for name in self._directions}
         return replace(self, **positions, **directions)
 
     @cached_property
@@ -371,6 +371,11 @@ class Hull(Shape):
     points
         Shape (N, 3), m, not all in one plane; those inside are dropped.
 
+    Attributes
+    ----------
+    faces
+        Numbers of the three corners of each triangle of its surface, shape (F, 3); they turn left as seen from outside.
+
     Raises
     ------
     ShapeError, ValueRangeError
@@ -386,6 +391,7 @@ class Hull(Shape):
 
     pose: Array
     points: Array
+    faces: NDArray[np.intp] = field(init=False)
 
     def __post_init__(self) -> None:
         from scipy.spatial import ConvexHull, QhullError
@@ -395,9 +401,15 @@ class Hull(Shape):
         if given.ndim != 2:
             raise ShapeError(f"points: expected shape (N, 3), got {given.shape}")
         try:
-            _freeze(self, "points", given[ConvexHull(given).vertices])
+            hull = ConvexHull(given)
         except (QhullError, ValueError):
             raise ValueRangeError(f"points: {len(given)} of them span no volume") from None
+        faces = np.searchsorted(hull.vertices, hull.simplices)
+        _freeze(self, "points", given[hull.vertices])
+        a, b, c = (self.points[faces[:, k]] for k in range(3))
+        inward = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0
+        faces[inward] = faces[inward][:, ::-1]
+        object.__setattr__(self, "faces", faces)
 
     @property
     def corners(self) -> Array:
@@ -405,23 +417,12 @@ class Hull(Shape):
         matrix = algebra.matrix_from_pose(self.pose)
         return self.points @ matrix[:3, :3].T + matrix[:3, 3]
 
-    @property
-    def faces(self) -> NDArray[np.intp]:
-        """Numbers of the three corners of each triangle of its surface, seen from outside they turn left, (F, 3)."""
-        from scipy.spatial import ConvexHull
-
-        hull = ConvexHull(self.points)
-        faces = hull.simplices.astype(np.intp)
-        a, b, c = (self.points[faces[:, k]] for k in range(3))
-        inward = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0
-        faces[inward] = faces[inward][:, ::-1]
-        return faces
-
     def _carried(self, rotation: Array, position: Array) -> Self:
         found = object.__new__(type(self))
         moved = algebra.pose(algebra.rotation_from_matrix(rotation), position)
         _freeze(found, "pose", algebra.multiply(moved, self.pose))
         object.__setattr__(found, "points", self.points)
+        object.__setattr__(found, "faces", self.faces)
         return found
 
     @cached_property
