@@ -18,6 +18,7 @@ from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.mujoco.gripper import fingers
 from dqcontrol.plants.mujoco.pads import GRIP_FORCE, PADS
 from dqcontrol.plants.mujoco.watched_bodies import WatchedBodies, seen_channels
+from dqcontrol.plants.mujoco.wrist_sensor import TOOL
 from dqcontrol.robots.files.mujoco_package import import_mujoco
 from dqcontrol.world import Body, World
 from dqcontrol.world.mesh import convex_parts
@@ -29,7 +30,7 @@ FORCE, DEPTH, LINK = "contact_force", "penetration", "contact_link"
 ITSELF = "itself"
 
 # bits of MuJoCo's contacts: links touch bodies, bodies touch both, links each other by pairs
-_LINKS, _BODIES = 1, 2
+LINKS, _BODIES = 1, 2
 _SOLREF = 4.0  # time steps in which a contact comes to rest, as stiff as these allow
 _PLATE = 0.2  # kg of what hangs on a stiffness: it gives way to 0.2 % of N/m (docs/world.md)
 _STEADY = 2.0 / 3.0  # of √(m/K): longer time steps let such a plate ring
@@ -77,7 +78,7 @@ def add_links(spec: Any, robot: Robot, timestep: float, hand: str = "", *, padde
         geom = _add_geom(body, shape)
         geom.name, geom.mass, geom.group = _link_name(each.name), 0.0, 3  # drawn where links have no meshes
         bare = padded and each.frame in ends
-        geom.contype, geom.conaffinity, geom.friction = 0 if bare else _LINKS, 0, [0.0, 0.0, 0.0]
+        geom.contype, geom.conaffinity, geom.friction = 0 if bare else LINKS, 0, [0.0, 0.0, 0.0]
         geom.solref[:2] = _SOLREF * timestep, 1.0
     for a, b in robot.shapes.pairs:
         pair = spec.add_pair(geomname1=_link_name(shapes[a].name), geomname2=_link_name(shapes[b].name))
@@ -126,7 +127,7 @@ def add_world(spec: Any, bodies: Mapping[str, Body], timestep: float) -> None:
         volume = sum(each for _, each in geoms) or 1.0
         for geom, share in geoms:
             geom.mass = mass * share / volume if role not in ("fixed", "moving") else 0.0
-            geom.rgba, geom.contype, geom.conaffinity = _COLOURS[role], _BODIES, _LINKS | _BODIES
+            geom.rgba, geom.contype, geom.conaffinity = _COLOURS[role], _BODIES, LINKS | _BODIES
             still = role in ("fixed", "moving")
             across = 0.0 if still else 0.1 * _width(body) * body.friction  # of turning on a face, m
             geom.friction, geom.condim = [body.friction, across, 0.0], 3 if still else 4
@@ -337,7 +338,9 @@ class WorldContacts:
         for k, row in enumerate(robot.ends):  # what a hand has counts as the link that carries it
             carrier = int(robot.parents[row]) + 1
             last = max((i for i, each in enumerate(robot.shapes.shapes) if each.frame == carrier), default=0)
-            held = {names.index(name): last for name in (*fingers(k), *PADS[k : k + 1]) if name in names}
+            held = {
+                names.index(name): last for name in (*fingers(k), *PADS[k : k + 1], TOOL) if name in names
+            }
             links.update(held)
         self._link_of: NDArray[np.intp] = np.array([links.get(i, -1) for i in range(model.ngeom)])
         self._wrench = np.zeros(6)
