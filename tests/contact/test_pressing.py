@@ -10,7 +10,6 @@ from dqcontrol import algebra
 from dqcontrol.contact import Admittance, Compliance, ForceSensor, Tool, WantedWrench
 from dqcontrol.errors import Error
 from dqcontrol.experiments import check
-from dqcontrol.export.controller_parts import controller_parts
 from dqcontrol.plants import Servo, Wrist
 
 ARM, START = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, -1.6, 0, 0.9, 0])
@@ -141,11 +140,6 @@ def test_unstable_contact_runs_if_that_is_asked_for():
     wall = {"wall": {"box": 0.2, "position": [0.55, 0, 0.17], "stiffness": 1e5}}
     contact = spec()["contact"] | {"allow_unstable": True}
     assert check(spec(world=wall, contact=contact)).contact is not None
-
-
-def test_contact_is_not_exported_without_its_wrench():
-    with pytest.raises(Error, match="contact: is not exported yet"):
-        controller_parts(spec())
 
 
 def test_a_run_that_presses_says_how_hard_and_is_not_judged_by_where_it_gives_way():

@@ -28,7 +28,7 @@ from dqcontrol.plants import MobilePlant, MujocoPlant, Plant
 from dqcontrol.plants.mobile.mobile_live import SLIDING
 from dqcontrol.plants.mujoco.gripper import GRIPPER_OPENING
 from dqcontrol.plants.mujoco.pads import GRIP_FORCE
-from dqcontrol.plants.servo.touching import TOUCH_FORCE
+from dqcontrol.plants.wrist import TOUCH_FORCE
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
 from dqcontrol.supervisor import Supervisor, list_interventions

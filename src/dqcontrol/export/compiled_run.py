@@ -107,6 +107,8 @@ def _startable_plant(parts: ControllerParts) -> CompiledPlant:
     kind = type(parts.case.plant).__struct_config__.tag
     if parts.plant is None:
         raise ValueRangeError(f"plant: '{kind}' does not step in C; with --compiled use servo or integrator")
+    if parts.wrench_at >= 0:
+        raise ValueRangeError("contact: loops in C hand the law no wrench; run it without --compiled")
     if parts.setting.spec.disturbance is not None:
         raise ValueRangeError("disturbance: does not step in C; leave it out, or leave out --compiled")
     case = parts.case
