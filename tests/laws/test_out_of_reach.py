@@ -104,8 +104,8 @@ def test_the_curvature_is_what_the_jacobian_leaves_out_of_the_hessian(make_arm, 
         found = found_curvature(arm.twist_jacobian(q), algebra.translation(pose), error, LENGTH**2)
         size = np.linalg.norm(error)
         assert found == pytest.approx(left_out, abs=0.2 * size * size + 1e-5)  # of second order in θ
-        omega, moves = jacobian[:3] / LENGTH, jacobian[3:]
-        bound = square_bound(tuple(error), LENGTH**2, (omega**2).sum(), (moves**2).sum())
+        omega = jacobian[:3] / LENGTH
+        bound = square_bound(tuple(error), LENGTH**2, (omega**2).sum(), (jacobian**2).sum())
         assert found**2 <= bound
 
 
@@ -436,28 +436,28 @@ def test_where_the_error_is_small_the_command_is_that_without_growth_to_the_bit(
         np.testing.assert_array_equal(*commands)
 
 
+@pytest.mark.parametrize("law", ["K", "position"])
 @pytest.mark.parametrize("name", ["panda", "ur5", "youbot-arm"])
-def test_commands_are_those_without_growth_just_where_the_curvature_needs_no_damping(name):
+def test_commands_are_those_without_growth_just_where_the_curvature_needs_no_damping(name, law):
     """To the bit, near and far, also where σ is below ε: up to c‖C‖ = 1/tr G⁻¹ ≤ σ²min, and not beyond."""
     robot, rng, equal = dqc.load_robot(name), np.random.default_rng(SEED), []
     prepared = [
-        with_growth(laws.Proportional(gain=10.0), growth).prepare(robot, None, 0.033)
-        for growth in (None, 0.0)
+        with_growth(all_laws(10.0)[law], growth).prepare(robot, None, 0.033) for growth in (None, 0.0)
     ]
-    c = prepared[0].parameters[0, 4]
+    c, length = prepared[0].parameters[0, 4], LENGTH if law == "K" else 1.0
     for _ in range(300):
         q = np.array(STARTS[name]) + rng.uniform(-1, 1, robot.input_size)
         away = 10.0 ** rng.uniform(-4, 0) * rng.normal(size=3)
-        target = placed(robot.fkm(q), algebra.translation(robot.fkm(q)) + away)
-        jacobian = np.diag([LENGTH] * 3 + [1.0] * 3) @ hand_jacobian(robot, q)
-        singular = np.linalg.svd(jacobian, compute_uv=False)
-        error = np.array([0.0, 0.0, 0.0, *away])
-        curved = found_curvature(robot.twist_jacobian(q), algebra.translation(robot.fkm(q)), error, LENGTH**2)
+        place = algebra.translation(robot.fkm(q))
+        jacobian = np.diag([length] * 3 + [1.0] * 3) @ hand_jacobian(robot, q)
+        singular = np.linalg.svd(jacobian if law == "K" else jacobian[3:], compute_uv=False)
+        curved = found_curvature(robot.twist_jacobian(q), place, np.array([0, 0, 0, *away]), length**2)
         needed = c * curved * (1 / singular**2).sum()
         if abs(needed - 1.0) < 1e-3 or singular[-1] < 1e-3:
             continue
-        with_it, without = (each.command(q, dqc.Sample(target), each.initial_state(q)) for each in prepared)
-        equal.append(np.array_equal(with_it, without))
+        sample = dqc.Sample(placed(robot.fkm(q), place + away))
+        commands = [each.command(q, sample, each.initial_state(q)) for each in prepared]
+        equal.append(np.array_equal(*commands))
         assert equal[-1] == (needed < 1.0)
     assert 50 < sum(equal) < len(equal) - 50
 

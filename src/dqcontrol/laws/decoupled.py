@@ -16,7 +16,7 @@ from dqcontrol.compiled.compile import Kernel, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ValueRangeError, as_array, unknown_name
 from dqcontrol.laws.gains import Gain, Schedule, gain_rows
-from dqcontrol.laws.growth import counted, curvature, pose_error
+from dqcontrol.laws.growth import NO_ERROR, counted, pose_error
 from dqcontrol.laws.integral import IntegralPoseLaw, integral_work, solve_with_integral
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters, solve, solver_work
 from dqcontrol.laws.law import LAW, Law
@@ -189,9 +189,9 @@ def position_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parame
         target[i] = given.gain * (there[i] - here[i])
     error, inverse = pose_error(pose, sample), inverse_parameters(given.inverse)
     error = counted((0.0, 0.0, 0.0, error[3], error[4], error[5]), inverse.share)
-    curved = curvature(twist_jacobian, here[0], here[1], here[2], error, 1.0)
+    missing = twist_jacobian, (here[0], here[1], here[2]), error, 1.0
     _velocity_rows(here, twist_jacobian, own.matrix)
-    return solve(own.matrix, target, own.preferred, curved, given.inverse, own.solver, out)
+    return solve(own.matrix, target, own.preferred, missing, given.inverse, own.solver, out)
 
 
 @kernel(LAW)
@@ -213,8 +213,8 @@ def rotation_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parame
         omega[i] *= length
     error, inverse = pose_error(pose, sample), inverse_parameters(given.inverse)
     error = counted((error[0], error[1], error[2], 0.0, 0.0, 0.0), inverse.share)
-    curved = curvature(twist_jacobian, 0.0, 0.0, 0.0, error, length * length)
-    return solve(matrix, omega, own.preferred, curved, given.inverse, own.solver, out)
+    missing = twist_jacobian, (0.0, 0.0, 0.0), error, length * length
+    return solve(matrix, omega, own.preferred, missing, given.inverse, own.solver, out)
 
 
 @inline
@@ -255,7 +255,8 @@ def axis_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters
         matrix[2, c] = length * (x * axis[1] - y * axis[0])
     for i in range(3):
         target[i] *= length
-    return solve(matrix, target, own.preferred, 0.0, given.inverse, own.solver, out)
+    missing = twist_jacobian, (0.0, 0.0, 0.0), NO_ERROR, length * length
+    return solve(matrix, target, own.preferred, missing, given.inverse, own.solver, out)
 
 
 _PARTS = {"position": position_proportional, "rotation": rotation_proportional, "axis": axis_proportional}

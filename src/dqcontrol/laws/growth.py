@@ -59,14 +59,14 @@ def counted(error, share):
 
 
 @inline
-def square_bound(error, square_length, turning, moving):
-    """Return a bound of ‖C‖² from the traces Σ|ω|² and Σ|a|².
+def square_bound(error, square_length, turning, columns):
+    """Return a bound of ‖C‖² from the traces Σ|ω|² and Σ|[ℓω ; a]|², of what the error has of turns and moves.
 
     |b_j| ≤ |e| |[ℓω_j ; a_j]|, and each product of an ω and a b counts twice at most.
     """
     size = square_length * (error[0] * error[0] + error[1] * error[1] + error[2] * error[2])
     size += error[3] * error[3] + error[4] * error[4] + error[5] * error[5]
-    return 2.0 * size * turning * (square_length * turning + moving)
+    return 2.0 * size * turning * columns
 
 
 @apart
@@ -92,6 +92,24 @@ def curvature(twist_jacobian, px, py, pz, error, square_length):
         xx, yy, zz = xx + x * x, yy + y * y, zz + z * z
         xy, xz, yz = xy + x * y, xz + x * z, yz + y * z
     return math.sqrt(max(2.0 * total, 0.0))
+
+
+@inline
+def added_damping(missing, growth, columns, least):
+    """Return (c‖C‖ − σ²)₊ with a lower bound of σ²min; C is formed only where the bound of it does not say 0.
+
+    What is missing is (twist Jacobian, p, error, ℓ²); Σ|[ℓω ; a]|² is the trace of the Gram matrix.
+    """
+    twist_jacobian, (px, py, pz), error, square_length = missing
+    if growth == 0.0:
+        return 0.0
+    turning = 0.0
+    for j in range(twist_jacobian.shape[1]):
+        for i in range(3):
+            turning += twist_jacobian[i, j] * twist_jacobian[i, j]
+    if growth * growth * square_bound(error, square_length, turning, columns) <= least * least:
+        return 0.0
+    return max(growth * curvature(twist_jacobian, px, py, pz, error, square_length) - least, 0.0)
 
 
 def drives_anywhere(robot: Robot) -> bool:

@@ -11,7 +11,7 @@ from dqcontrol.algebra.dual_quaternion_kernels import position, rotated
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.laws.growth import counted, curvature, pose_error
+from dqcontrol.laws.growth import counted, pose_error
 from dqcontrol.laws.inverses import (
     BY_MANIPULABILITY,
     DAMPED,
@@ -82,8 +82,8 @@ def solve_hand_twist(pose, twist_jacobian, hand_twist, error, preferred, inverse
         own.twist[i] = hand_twist[i]
     for i in range(3):
         weigh(own.matrix[i], own.twist, i, inverse.length)
-    curved = curvature(twist_jacobian, px, py, pz, missing, square_length) if inverse.growth != 0.0 else 0.0
-    return solve(own.matrix, own.twist, preferred, curved, inverse_numbers, own.solver, out)
+    needs = twist_jacobian, p, missing, square_length
+    return solve(own.matrix, own.twist, preferred, needs, inverse_numbers, own.solver, out)
 
 
 @inline

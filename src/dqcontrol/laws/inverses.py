@@ -12,6 +12,7 @@ from dqcontrol.compiled.compile import NOT_FINITE, OK, SINGULAR, inline, shared
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import as_positive
+from dqcontrol.laws.growth import added_damping
 from dqcontrol.named_fields import CheckedFields
 
 DAMPED, FILTERED, BY_MANIPULABILITY = 0.0, 1.0, 2.0
@@ -217,12 +218,12 @@ def finite(command):
 
 
 @shared
-def solve(matrix, y, preferred, curvature, inverse_numbers, work, out):
+def solve(matrix, y, preferred, missing, inverse_numbers, work, out):
     """Write out = z + J⁺ (y − J z) for J of at most six rows; y is overwritten.
 
     The smaller of JᵀJ and JJᵀ is used. The filtered inverse needs its eigenvalues only where tr G⁻¹ ≥ 1/σ²min cannot
     exclude a singular value below the threshold; elsewhere one Cholesky factorisation gives the same result, or two,
-    where its damping grows with the curvature ‖C‖.
+    where its damping grows with the curvature of what is missing, see `added_damping`.
     """
     inverse, own = inverse_parameters(inverse_numbers), solver_work(work)
     rows, n = matrix.shape
@@ -230,9 +231,10 @@ def solve(matrix, y, preferred, curvature, inverse_numbers, work, out):
     m = n if by_columns else rows
     gram, rhs, scratch = as_matrix(own.gram, m, m), own.solution, own.column
     _gram(matrix, rows, n, by_columns, gram)
-    check = 0.0
+    columns = 0.0
     for i in range(m):
-        check += 0.0 * gram[i, i]
+        columns += gram[i, i]
+    check = 0.0 * columns
     for i in range(rows):
         for k in range(n):
             y[i] -= matrix[i, k] * preferred[k]
@@ -247,14 +249,12 @@ def solve(matrix, y, preferred, curvature, inverse_numbers, work, out):
                 rhs[i] += matrix[k, i] * y[k]
 
     if inverse.kind == FILTERED:
-        added, grown = 0.0, inverse.growth * curvature
-        regular = cholesky(gram, m)
+        regular, least = cholesky(gram, m), 0.0
         if regular:
             trace = inverse_trace(gram, m, scratch)
-            added = max(grown - 1.0 / trace, 0.0)
+            least = 1.0 / trace
             regular = trace * inverse.level * inverse.level <= 1.0
-        else:
-            added = grown
+        added = added_damping(missing, inverse.growth, columns, least)
         regular = regular or added >= inverse.damping * inverse.damping
         if not regular or added > 0.0:
             _gram(matrix, rows, n, by_columns, gram)

@@ -183,7 +183,9 @@ def least_norm(
         linear += h54 * h54 * f55
         regular = angular * angular_limit + linear * linear_limit <= 1.0
         trace = growth * (angular / square_length + linear)
-        if square_bound(error, square_length, g00 + g11 + g22, g33 + g44 + g55) * trace * trace > 1.0:
+        turning = g00 + g11 + g22
+        columns = square_length * turning + g33 + g44 + g55
+        if square_bound(error, square_length, turning, columns) * trace * trace > 1.0:
             added = growth * (curvature(twist_jacobian, px, py, pz, error, square_length) - 1.0 / trace)
         if not regular and not added >= vanishing:
             return False

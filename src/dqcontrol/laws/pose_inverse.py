@@ -9,6 +9,7 @@ from msgspec import Meta
 
 from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.compiled.compile import inline
+from dqcontrol.laws.growth import NO_ERROR
 from dqcontrol.laws.hand_twist import twist_work
 from dqcontrol.laws.inverses import DampedInverse, InverseParameters, solve
 from dqcontrol.named_fields import CheckedFields
@@ -81,4 +82,5 @@ def solve_pose_rows(pose, lever, twist_jacobian, hand_twist, preferred, inverse_
     twist[2] += turn * dz
     for k in range(6):
         twist[k] *= 0.5
-    return solve(matrix, twist, preferred, 0.0, inverse_numbers, own.solver, out)
+    missing = twist_jacobian, (px, py, pz), NO_ERROR, 1.0  # damping does not grow
+    return solve(matrix, twist, preferred, missing, inverse_numbers, own.solver, out)
