@@ -156,7 +156,9 @@ def test_a_run_that_presses_says_how_hard_and_is_not_judged_by_where_it_gives_wa
 
 def held_back(seconds, **bounds):
     """Come down 30 mm by force at 20 mm/s, where a supervisor lets the hand go no faster than 10 mm/s."""
-    supervisor = dqc.supervisor.Supervisor(**{"ramp": 0.0, "slow_below": 0.0, "hold_below": 0.0, "tracking_error": 10.0, **bounds})
+    supervisor = dqc.supervisor.Supervisor(
+        **{"ramp": 0.0, "slow_below": 0.0, "hold_below": 0.0, "tracking_error": 10.0, **bounds}
+    )
     plant = Servo(time_constant=0.04, wrist=Wrist()).in_world(board(1e3, gap=0.03))
     law = dqc.laws.ProportionalFeedforward(gain=1.0, contact=push(100.0, ramp=0.0))
     return [
@@ -169,7 +171,7 @@ def held_back(seconds, **bounds):
 
 
 def test_what_a_supervisor_holds_back_does_not_wind_up():
-    """Without, the frame is 90 mm ahead of the hand when that touches, and the force peaks at tens of newtons."""
+    """Without, the frame is ahead of the hand when that touches, and the force peaks at 7.7 N."""
     record, again = held_back(9.0, hand_speed=0.01)
     force = record.readings["touch_force"].values[:, 2]
     assert force.max() < 2.0 * 1.5
