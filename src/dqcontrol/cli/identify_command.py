@@ -34,7 +34,7 @@ def servos(
     options: LogOptions = DEFAULT_LOG_OPTIONS,
     targets: str | None = None,
     target_topic: str | None = None,
-    twin: Annotated[bool, Parameter(negative=())] = False,
+    replay: Annotated[bool, Parameter(negative=())] = False,
     out: Out = None,
     force: Force = False,
 ) -> None:
@@ -50,8 +50,8 @@ def servos(
         Columns with the commanded positions: what their names begin with (target_), or a,b,c.
     target_topic
         Topic of JointState or Float64MultiArray with the commanded positions.
-    twin
-        Also run the commands of the first log on the plant: OUT/log and OUT/twin are runs to compare and to view.
+    replay
+        Also run the commands of the first log on the plant: OUT/log and OUT/replay are runs to compare and to view.
     out
         New folder for identification.json, plant.yaml and report.html.
     force
@@ -64,8 +64,8 @@ def servos(
 
     if out is not None and not force:
         check_new(out, force=False)
-    if twin and out is None:
-        raise ValueRangeError("--twin: needs a folder for its runs; give --out")
+    if replay and out is None:
+        raise ValueRangeError("--replay: needs a folder for its runs; give --out")
     found = identify_servos(
         logs,
         robot,
@@ -81,9 +81,9 @@ def servos(
     if out is not None:
         found.save(out, force=force)
         write_identification_report(found, out)
-        if twin and found.fitted:
-            print(found.save_twin(out))
-            print(f"beside each other: dqcontrol compare {out / 'log'} {out / 'twin'}")
+        if replay and found.fitted:
+            print(found.save_replay(out))
+            print(f"beside each other: dqcontrol compare {out / 'log'} {out / 'replay'}")
         if not found.fitted:
             print("no plant.yaml: no joint could be identified")
 

@@ -41,6 +41,7 @@ from dqcontrol.robots.robot import Robot
 if TYPE_CHECKING:
     from dqcontrol.constraints.prepared_constraints import PreparedConstraints
     from dqcontrol.laws.law import Law
+    from dqcontrol.references import Reference
     from dqcontrol.references.guarded import Guards
 
 _GROWTH = inverse_parameters.place("growth")  # its share follows
@@ -193,6 +194,19 @@ class Controller:
             self._lag,
             self._guards,
         )
+
+    def along(self, reference: Reference, law: Law | None = None) -> Controller:
+        """Return the same law, or another one, along another reference, with all else as it is."""
+        return (law or self._law).prepare(
+            self.robot, reference, self.period, self._limits, self._command_mode, self.tasks, self._lag
+        )
+
+    def taking_over(self, q: Array, state: Array) -> Array:
+        """Return the state at q (n,) that goes on from that of another controller, which keeps the same constraints."""
+        own = np.concatenate([self._law.initial_state(self.robot, q), np.zeros(self._memory_size)])
+        if self.constraints:
+            own[-self.constraints.memory :] = state[-self.constraints.memory :]
+        return own
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         """Let copies and other processes make their own memory and plan."""

@@ -23,7 +23,7 @@ from dqcontrol.loop.record import Record, has_failed, row_norms
 from dqcontrol.measures.deadlock import deadlocks
 from dqcontrol.measures.margins import AT_LIMIT, UNSEEN, joint_margins
 from dqcontrol.measures.metrics import Metrics
-from dqcontrol.measures.task_result import TaskResult, further_results, task_result
+from dqcontrol.measures.task_result import TaskResult, further_results
 from dqcontrol.plants import MobilePlant, MujocoPlant, Plant
 from dqcontrol.plants.mobile.mobile_live import SLIDING
 from dqcontrol.plants.mujoco.gripper import GRIPPER_OPENING
@@ -153,13 +153,15 @@ class Judge:
             spec.outcome or (),
         )
 
-    def verdict(self, record: Record, metrics: Metrics, skip_initial: float = 0.0) -> Verdict:
+    def verdict(
+        self, record: Record, metrics: Metrics, result: TaskResult, skip_initial: float = 0.0
+    ) -> Verdict:
         """Return what a run came to.
 
         Parameters
         ----------
-        record, metrics
-            The run, and its numbers.
+        record, metrics, result
+            The run, its numbers, and what its task came to.
         skip_initial
             As for `task_result`.
         """
@@ -189,7 +191,6 @@ class Judge:
         if self._outcome and not found:
             return Verdict("; ".join([*met, task, *told, *self._kept(record), *self._done(record)]), "")
         if task.startswith("not ") and not self._outcome:
-            result = task_result(record, law=self.law, skip_initial=skip_initial, robot=self.robot)
             if not found and (left := self._left(record, result)):
                 words = [
                     *self._kept(record),

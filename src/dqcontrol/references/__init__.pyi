@@ -16,6 +16,7 @@ from .guarded import Guarded as Guarded, OnTouchedPlane as OnTouchedPlane
 from .jerk_limited import JerkLimited as JerkLimited
 from .points import Points as Points
 from .points_file import load_points as load_points
+from .position_path import position_path as position_path
 from .previewed import Previewed as Previewed
 from .random_goals import random_goals as random_goals
 from .reference import Reference as Reference

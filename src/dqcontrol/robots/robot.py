@@ -290,7 +290,7 @@ class Robot(InverseKinematics):
         Returns
         -------
         Array
-            Shape (…, n, n), symmetric, kg m², kg m and kg. Formula: `dqcontrol.robots.dynamics`.
+            Shape (…, n, n), symmetric, kg m², kg m and kg. Formula: ``dqcontrol.robots.dynamics``.
 
         Raises
         ------
@@ -361,7 +361,7 @@ class Robot(InverseKinematics):
 
     @cached_property
     def _rigid_bodies(self) -> tuple[Array, int, int]:
-        """The table of `dqcontrol.robots.dynamics`, the scratch that it takes, and n."""
+        """The table of ``dqcontrol.robots.dynamics``, the scratch that it takes, and n."""
         inertia = self._known_inertia("dynamics")
         return rigid_bodies(self), work_size(len(inertia.mass)), self.configuration_size
 

@@ -17,7 +17,6 @@ from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.loop.control import Control, Phase, warm_up
 from dqcontrol.loop.targets import PoseTarget, Target, TwistTarget
 from dqcontrol.ros2.diagnostics import Diagnostics
-from dqcontrol.ros2.felt import Felt
 from dqcontrol.ros2.gain_check import OVERRIDE
 from dqcontrol.ros2.interfaces import (
     JOINT_STATES,
@@ -48,6 +47,7 @@ from dqcontrol.ros2.robot_parts import Indices
 from dqcontrol.ros2.tracked_hand import TrackedHand
 from dqcontrol.ros2.tuning import numbers_of, retune
 from dqcontrol.ros2.world_topics import WorldTopics
+from dqcontrol.ros2.wrench_input import WrenchInput
 
 _STEADY = 0.5  # s: while nodes find each other, messages come with gaps
 _HEARTBEAT = 0.05  # s
@@ -132,7 +132,7 @@ class Following:
         self.tracked: TrackedHand | None = (
             TrackedHand(node, tracker, self._base, self._guarded) if tracker else None
         )
-        self._felt = Felt(node, self._parts, self._joints, self._tool, self._guarded)
+        self._felt = WrenchInput(node, self._parts, self._joints, self._tool, self._guarded)
         if (world := loaded.setting.spec.surroundings) is not None:
             self._world = WorldTopics(node, self.control, world, self._base, self._guarded)
         self._felt.listen(supervisor, self.control.law)

@@ -8,6 +8,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
+from dqcontrol.plants.mujoco.gripper import BODIES
 from dqcontrol.robots.files.mujoco_package import import_mujoco
 
 if TYPE_CHECKING:
@@ -19,9 +20,7 @@ _FORCE, _TORQUE = f"{TOOL} force", f"{TOOL} torque"
 _STREAM = 6  # of the sensor's noise, beside that of the encoders
 
 
-def add_wrist(
-    spec: Any, wrist: Wrist, robot: Robot, timestep: float, compensated: float, touches: int
-) -> None:
+def add_wrist(spec: Any, wrist: Wrist, robot: Robot, timestep: float, compensated: float) -> None:
     """Add a tool, welded to the last link at the hand, and sensors of what it exerts there.
 
     Parameters
@@ -34,8 +33,6 @@ def add_wrist(
         s; contacts are as stiff as it allows.
     compensated
         Share of the tool's weight that the arm carries.
-    touches
-        The bit of what touches bodies.
 
     Raises
     ------
@@ -63,7 +60,7 @@ def add_wrist(
             size=[wrist.radius, 0, 0],
             mass=0.0,
         )
-        geom.contype, geom.conaffinity, geom.friction = touches, 0, [0.0, 0.0, 0.0]
+        geom.contype, geom.conaffinity, geom.friction = 0, BODIES, [0.0, 0.0, 0.0]
         geom.solref[:2] = 2.0 * timestep, 1.0
     body.add_site(name=TOOL, pos=np.zeros(3), size=[1e-3] * 3, group=4)
     for name, kind in ((_FORCE, "FORCE"), (_TORQUE, "TORQUE")):
@@ -75,7 +72,7 @@ def add_wrist(
         )
 
 
-class WristSensor:
+class MujocoWrist:
     """A force sensor at work.
 
     Attributes

@@ -23,7 +23,7 @@ _NOTHING: Array = np.zeros(0)
 _HELD = 3.0  # periods that a wrench counts for a law with contact, as its stage holds the last one
 
 
-class Felt:
+class WrenchInput:
     """Efforts of the joints and the wrench at the hand, as last heard.
 
     Parameters
