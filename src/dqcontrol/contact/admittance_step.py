@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 
 from dqcontrol.algebra.elementary import position, quaternion_product
-from dqcontrol.compiled.compile import NOT_FINITE, OK, inline, kernel
+from dqcontrol.compiled.compile import NOT_FINITE, OK, inline, kernel, shared
 from dqcontrol.compiled.intrinsics import stack_array
 from dqcontrol.contact.contact_layout import (
     BASE,
@@ -203,6 +203,7 @@ def admittance(pose, desired, k, parameters, state, work):
     scratch = _numbers()
     rate, more, known = scratch[0:6], scratch[6:12], scratch[12:18]
     sample = room.planned
+    room.noted[0] = 0.0
     y, v, wrench = own.y, own.v, own.wrench
     row = given.wanted[min(k, given.wanted.shape[0] - 1)]
     check = 0.0
@@ -307,3 +308,35 @@ def admittance(pose, desired, k, parameters, state, work):
     for i in range(14):
         check = 0.0 * room.shaped[i] if i == 0 else check + 0.0 * room.shaped[i]
     return OK if check == 0.0 else NOT_FINITE
+
+
+@shared
+def give_back(parameters, state, work):
+    """Take from the deflection along force axes what the law asked for and limits, constraints or a supervisor held.
+
+    y ← y − T (asked − delivered): else the compliant frame runs away from a hand that may not follow, and comes back
+    only after the force has been too large for as long. It may be called again as more is held, at the same sample.
+    """
+    given, own, room = contact_parameters(parameters), contact_state(state), contact_work(work)
+    if room.noted[0] == 0.0:
+        return
+    asked, delivered, back, turned = room.asked, room.delivered, room.back, room.planned
+    w, x, y, z = turned[0], -turned[1], -turned[2], -turned[3]
+    if given.axes == BASE:
+        w, x, y, z = 1.0, 0.0, 0.0, 0.0
+    for part in range(2):
+        i = 3 * part
+        lacking = _turned(
+            w,
+            x,
+            y,
+            z,
+            asked[i] - delivered[i],
+            asked[i + 1] - delivered[i + 1],
+            asked[i + 2] - delivered[i + 2],
+        )
+        for axis in range(3):
+            if given.forced[i + axis] != 0.0:
+                change = given.period * lacking[axis]
+                own.y[i + axis] -= change - back[i + axis]
+                back[i + axis] = change

@@ -174,11 +174,21 @@ class ContactWork(NamedTuple):
         The sample that the law follows in place of the desired one.
     planned
         The desired sample, where touches have displaced it to.
+    asked, delivered
+        Twist [ω ; ṗ] of the hand under what the law asks, before limits and constraints, and under what leaves.
+    noted
+        1 once the law has asked at this sample.
+    back
+        What the deflection gave back at this sample, along each axis.
     """
 
     wrench: Annotated[Array, 6]
     shaped: Annotated[Array, SAMPLE_SIZE]
     planned: Annotated[Array, SAMPLE_SIZE]
+    asked: Annotated[Array, 6]
+    delivered: Annotated[Array, 6]
+    noted: Annotated[Array, 1]
+    back: Annotated[Array, 6]
 
 
 contact_parameters: MemoryLayout[ContactParameters] = MemoryLayout(ContactParameters)

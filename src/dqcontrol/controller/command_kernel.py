@@ -25,7 +25,8 @@ from dqcontrol.compiled.compile import (
 from dqcontrol.compiled.intrinsics import caller
 from dqcontrol.compiled.law_signature import CONSTRAINT, call_law
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.contact.contact_layout import CONTACT, CONTACT_STATE, WRENCH
+from dqcontrol.contact.admittance_step import give_back
+from dqcontrol.contact.contact_layout import CONTACT, CONTACT_STATE, WRENCH, contact_work
 from dqcontrol.controller.task_levels import TASKS
 from dqcontrol.laws.null_space import PREFERENCE, WORK_SIZE
 from dqcontrol.limits.position_limit import POSITION_LIMIT
@@ -209,6 +210,8 @@ def compute_command(prepared, q, sample, k, state, out):
         )
         if status != OK:
             return LAW_FAILED + status
+    if plan.contact != 0:
+        note_asked(pose, twist_jacobian, out, memory.contact_work)
     if plan.limit != 0:
         _call_limit(plan.limit, q, memory.limiting, out)
     if plan.constraint != 0:
@@ -244,6 +247,16 @@ def note_sent(prepared, state, command):
     if delivered != 0:
         pose, _, twist_jacobian = split(prepared.memory.kinematics)
         note_delivered(pose, twist_jacobian, command, state[delivered : delivered + 6])
+    if plan.contact != 0:
+        pose, _, twist_jacobian = split(prepared.memory.kinematics)
+        note_left(
+            pose,
+            twist_jacobian,
+            command,
+            prepared.memory.contacting,
+            state[plan.contact_at : plan.contact_at + CONTACT_STATE],
+            prepared.memory.contact_work,
+        )
     if last != 0:
         for i in range(command.shape[0]):
             state[last + i] = command[i]
@@ -264,6 +277,23 @@ def note_delivered(pose, twist_jacobian, command, out):
     out[3] += b * pz - c * py
     out[4] += c * px - a * pz
     out[5] += a * py - b * px
+
+
+@shared
+def note_asked(pose, twist_jacobian, command, work):
+    """Write the hand's twist under what the law asks, for the contact stage."""
+    room = contact_work(work)
+    note_delivered(pose, twist_jacobian, command, room.asked)
+    for i in range(6):
+        room.back[i] = 0.0
+    room.noted[0] = 1.0
+
+
+@shared
+def note_left(pose, twist_jacobian, command, parameters, state, work):
+    """Let the contact stage give back what did not leave."""
+    note_delivered(pose, twist_jacobian, command, contact_work(work).delivered)
+    give_back(parameters, state, work)
 
 
 @kernel(STEP)

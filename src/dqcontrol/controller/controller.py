@@ -19,7 +19,9 @@ from dqcontrol.controller.command_kernel import (
     LAW_FAILED,
     Plan,
     PreparedMemory,
+    note_asked,
     note_delivered,
+    note_left,
     prepared_memory,
     sent,
     step,
@@ -371,7 +373,7 @@ class Controller:
 
     def sent(self, state: Array, command: Array) -> None:
         """Tell the law what left in place of its last command, as a supervisor changes it, shape (m,)."""
-        if any(self._feedback):
+        if any(self._feedback) or self._law.contact:
             self._sent(self.plan, self.memory, state, command)
 
     @property
@@ -437,6 +439,8 @@ class Controller:
             given = parts.tasking, parts.tasking_work
             if status := self.tasks.kernel(q, pose, twist_jacobian, sample, row, *given, out):
                 return LAW_FAILED + status
+        if self._law.contact:
+            note_asked(pose, twist_jacobian, out, parts.contact_work)
         if self._limit:
             self._limit(q, parts.limiting, out)
         if self.constraints:
@@ -460,6 +464,11 @@ class Controller:
         if delivered:
             pose, _, twist_jacobian = split(self._parts.kinematics)
             note_delivered(pose, twist_jacobian, command, state[delivered : delivered + 6])
+        if self._law.contact:
+            pose, _, twist_jacobian = split(self._parts.kinematics)
+            at = self._contact_at
+            own = state[at : at + CONTACT_STATE]
+            note_left(pose, twist_jacobian, command, self._parts.contacting, own, self._parts.contact_work)
         for at in (last, sent):
             if at:
                 state[at : at + len(command)] = command

@@ -13,11 +13,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
-from dqcontrol.robots.dynamics.rigid_bodies import bias_forces, mass_matrices, rigid_bodies, work_size
+from dqcontrol.robots.dynamics.rigid_bodies import (
+    bias_force,
+    bias_forces,
+    mass_matrices,
+    mass_matrix,
+    rigid_bodies,
+    work_size,
+)
 from dqcontrol.robots.files.description import chain_reach, describe
 from dqcontrol.robots.inverse.inverse_kinematics import InverseKinematics
 from dqcontrol.robots.kinematics import driving
-from dqcontrol.robots.kinematics.gravity import WORK, gravity_torques
+from dqcontrol.robots.kinematics.gravity import WORK, gravity_forces, gravity_torques
 from dqcontrol.robots.limits import Inertia
 from dqcontrol.robots.link_shapes import LinkShapes
 
@@ -258,10 +265,16 @@ class Robot(InverseKinematics):
         >>> dqc.load_robot("iiwa7").gravity_forces([0, 1.57, 0, 0, 0, 0, 0]).shape
         (7,)
         """
-        bodies = self._known_inertia("gravity torque").table
+        chain, bodies, size, n = self._weighed_bodies
+        try:
+            found = np.empty(n)
+            if gravity_forces.compiled(chain, bodies, q, _fall(gravity), found, np.empty(size)) == 0:
+                return found
+        except TypeError:
+            pass
         rows, shape = self._as_rows(q)
-        out, work = np.empty_like(rows), np.empty(WORK * len(bodies))
-        self._checked(gravity_torques(self.inertia_chain, bodies, rows, _fall(gravity), out, work), q)
+        out = np.empty_like(rows)
+        self._checked(gravity_torques(chain, bodies, rows, _fall(gravity), out, np.empty(size)), q)
         return out.reshape(shape)
 
     def mass_matrix(self, q: ArrayLike) -> Array:
@@ -290,7 +303,14 @@ class Robot(InverseKinematics):
         >>> dqc.load_robot("iiwa7").mass_matrix([0, 1.57, 0, 0, 0, 0, 0]).shape
         (7, 7)
         """
-        (bodies, size), (rows, shape), n = self._rigid_bodies, self._as_rows(q), self.configuration_size
+        bodies, size, n = self._rigid_bodies
+        try:  # one configuration, as loops ask for it: what follows takes longer than the kernel
+            found = np.empty((n, n))
+            if mass_matrix.compiled(bodies, q, found, np.empty(size)) == 0:
+                return found
+        except TypeError:
+            pass
+        rows, shape = self._as_rows(q)
         out = np.empty((*shape, n))
         self._checked(mass_matrices.compiled(bodies, rows, out.reshape(-1), np.empty(size)), q)
         return out
@@ -322,7 +342,13 @@ class Robot(InverseKinematics):
         >>> bool(np.allclose(arm.bias_forces(q, np.zeros(7)), arm.gravity_forces(q)))
         True
         """
-        bodies, size = self._rigid_bodies
+        bodies, size, n = self._rigid_bodies
+        try:
+            found = np.empty(n)
+            if bias_force.compiled(bodies, q, rates, _fall(gravity), found, np.empty(size)) == 0:
+                return found
+        except TypeError:
+            pass
         rows, shape = self._as_rows(q)
         speeds, other = self._as_rows(rates, "rates")
         if shape != other:
@@ -334,10 +360,16 @@ class Robot(InverseKinematics):
         return out
 
     @cached_property
-    def _rigid_bodies(self) -> tuple[Array, int]:
-        """The table of ``dqcontrol.robots.dynamics``, and the scratch that it takes."""
-        self._known_inertia("dynamics")
-        return rigid_bodies(self), work_size(len(self.inertia.mass))  # type: ignore[union-attr]
+    def _rigid_bodies(self) -> tuple[Array, int, int]:
+        """The table of ``dqcontrol.robots.dynamics``, the scratch that it takes, and n."""
+        inertia = self._known_inertia("dynamics")
+        return rigid_bodies(self), work_size(len(inertia.mass)), self.configuration_size
+
+    @cached_property
+    def _weighed_bodies(self) -> tuple[Array, Array, int, int]:
+        """What gravity torques are found from, the scratch that it takes, and n."""
+        table = self._known_inertia("gravity torque").table
+        return self.inertia_chain, table, WORK * len(table), self.configuration_size
 
     def _known_inertia(self, what: str) -> Inertia:
         if self.inertia is None:

@@ -21,6 +21,7 @@ from dqcontrol.compiled.compile import (
     READ2,
     STATUS,
     WRITE,
+    WRITE2,
     WRONG_SIZE,
     inline,
     kernel,
@@ -294,6 +295,18 @@ def fill_joint_forces(bodies, q, rates, accelerations, gravity, out, work):
             for k in range(6):
                 wrenches[parent, k] += wrench[k]
     return OK if check == 0.0 else NOT_FINITE
+
+
+@kernel(STATUS(READ2, READ, WRITE2, WRITE))
+def mass_matrix(bodies, q, out, work):
+    """Write the mass matrix (n, n) at one configuration."""
+    return fill_mass_matrix(bodies, q, out, work)
+
+
+@kernel(STATUS(READ2, READ, READ, READ, WRITE, WRITE))
+def bias_force(bodies, q, rates, gravity, out, work):
+    """Write the bias forces (n,) at one configuration and its rates."""
+    return fill_joint_forces(bodies, q, rates, gravity[0:0], gravity, out, work)
 
 
 MASS_MATRICES = STATUS(READ2, READ2, WRITE, WRITE)

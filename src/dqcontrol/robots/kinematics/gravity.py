@@ -137,6 +137,12 @@ def robot_gravity_torque(table, bodies, q, gravity, out, work):
     return gravity_torque(table, bodies, q, gravity, out, work)
 
 
+@kernel(STATUS(READ2, READ2, READ, READ, WRITE, WRITE))
+def gravity_forces(table, bodies, q, gravity, out, work):
+    """Write the gravity torque of a chain or a tree at one configuration."""
+    return robot_gravity_torque(table, bodies, q, gravity, out, work)
+
+
 @kernel(BATCH_GRAVITY)
 def gravity_torques(table, bodies, q, gravity, out, work):
     """Write the gravity torque of a chain or a tree for every row of q; stop at the first that fails."""
