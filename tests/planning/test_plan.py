@@ -3,6 +3,7 @@
 import subprocess
 import sys
 
+import msgspec
 import numpy as np
 import pytest
 from obstacles import around, box, plane, sphere
@@ -68,11 +69,11 @@ def test_ways_around_keep_what_is_asked_all_along(name):
         assert np.array_equal(q[0], start)
         assert np.abs(q[-1] - goal).max() < 1e-12
         assert len(q) > 2
-        edges = CertifiedEdges(robot, given)
+        edges = CertifiedEdges(robot, way.kept)
         assert least_sampled(edges, q[:-1], q[1:], 500).min() >= 0.0
         gone = way.way.at(np.linspace(0.0, way.length, 3000))[0]
-        values = edges.kept.values(gone, np.zeros(3000)) - edges.kept.asked
-        assert values.min() >= 0.0
+        values = edges.kept.values(gone, np.zeros(3000)) - (way.kept.asked + way.kept.allowances)
+        assert values.min() >= -1e-9
         sampled = values[:, ~edges.kept.is_angle].min()
         assert -1e-9 < sampled - way.certificate.room < 3e-4  # what it proves, and what samples miss
         assert (gone >= robot.limits.lower - 1e-9).all()
@@ -236,3 +237,15 @@ def test_what_is_given_is_checked():
         plan(robot, keep, START, GOAL, effort=1.5)
     with pytest.raises(ValueRangeError, match="clearance: must be ≥ 0"):
         plan(robot, keep, START, GOAL, clearance=-0.01)
+
+
+def test_plain_constraints_are_planned_with_what_laws_keep_beyond_them():
+    """So that a law which keeps them goes the way as planned."""
+    robot, rng = load("panda"), np.random.default_rng(12)
+    for _ in range(3):
+        given, start, goal = scene(rng, robot)
+        given = msgspec.structs.replace(given, acceleration=10.0)
+        way = dqc.planning.PlanTo(plan(robot, given, start, goal))
+        law = dqc.laws.GuidedProportional(gain=2.0, pull=5.0, constraints=given)
+        record = dqc.simulate(robot, way, law, dqc.plants.Integrator(), start, 0.01)
+        assert np.abs(record.q - way.configurations(record.time)).max() < 1e-6
