@@ -300,13 +300,10 @@ def _with_its_arm(path: str | Path, data: Any) -> Any:
     """Return the plain data of an arm's file; of one that is another arm with a tool those of both."""
     if not isinstance(data, dict) or "joints" in data or not isinstance(source := data.get("robot"), str):
         return data
-    if source in robot_names():
-        file = _MODELS / f"{source}.yaml"
-    else:
-        file = Path(path).parent / source
+    file = _MODELS / f"{source}.yaml" if source in robot_names() else Path(path).parent / source
     if file.suffix not in (".yaml", ".yml") or "joints" not in (arm := parse_yaml(file, read_text(file))):
         raise FileFormatError(
-            f"{path}: robot: '{source}' is no robot file with joints, to which a tool could be added"
+            f"{path}: robot: '{source}' is no robot file with joints, which could have a tool"
         )
     return with_tool(path, data, arm)
 
