@@ -120,6 +120,8 @@ def test_the_same_seed_is_the_same_way_twice_and_in_another_process():
         [sys.executable, "-c", program, *sys.path], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == first.tobytes().hex()
+    said = [line for line in done.stderr.splitlines() if not line.startswith("dqcontrol: compiling")]
+    assert said == []  # OMPL logs, and nanobind counts leaks, on the way out
 
 
 def test_clearance_is_kept_beyond_the_margin():
@@ -249,3 +251,27 @@ def test_plain_constraints_are_planned_with_what_laws_keep_beyond_them():
         law = dqc.laws.GuidedProportional(gain=2.0, pull=5.0, constraints=given)
         record = dqc.simulate(robot, way, law, dqc.plants.Integrator(), start, 0.01)
         assert np.abs(record.q - way.configurations(record.time)).max() < 1e-6
+
+
+def test_slides_without_limits_have_nothing_to_plan_within():
+    limits = dqc.robots.Limits([-np.inf, -3.0], [np.inf, 3.0], [1.0, 2.0], [np.inf, np.inf])
+    slider = dqc.SerialArm.from_dh(
+        [0, 0], [0, 0], [0.0, 0.5], [np.pi / 2, 0], ["prismatic", "revolute"], limits=limits
+    )
+    hand = dqc.DualQuaternion(slider.fkm([0.5, 0.0])).translation
+    ball = around({"ball": sphere(hand, 0.1, links=["hand"])})
+    keep = dqc.constraints.Constraints(**ball)
+    with pytest.raises(ValueRangeError, match=r"plan: .* has no limits to plan within"):
+        plan(slider, keep, [0.0, 0.0], [1.0, 0.0])
+
+
+def test_constraints_that_contradict_each_other_name_what_is_crossed():
+    """Two boxes apart, in both of which the hand is to stay."""
+    robot = load("panda")
+    zones = {
+        name: dqc.constraints.Zone(box=0.1, position=(x, 0.0, 0.6))
+        for name, x in (("left", 0.2), ("right", 0.5))
+    }
+    with pytest.raises(PlanError, match=r"start: (left|right): wall \d") as told:
+        plan(robot, dqc.constraints.Constraints(zones=zones), START, GOAL)
+    assert "\n" not in str(told.value)
