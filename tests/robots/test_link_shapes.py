@@ -216,9 +216,11 @@ def outermost(points, shapes):
 def test_shapes_of_the_panda_and_its_hand_hold_their_meshes():
     """Links 5 and 6 by two capsules each: corners of the meshes, and points of their faces."""
     trimesh = pytest.importorskip("trimesh")
-    from dqcontrol.robots.files.load import example_urdfs
+    from dqcontrol.robots.files.installed import installed_file
 
-    meshes = example_urdfs()["panda_description/urdf/panda.urdf"].parents[1] / "meshes/collision"
+    urdf = installed_file("example-robot-data:panda_description/urdf/panda.urdf")
+    assert urdf is not None
+    meshes = urdf.parents[1] / "meshes/collision"
     known = shapes_of(dqc.load_robot("panda-hand")).shapes
     at_flange = dqc.algebra.matrix_from_pose(
         dqc.algebra.pose(dqc.algebra.rotation_from_rpy([0, 0, -np.pi / 4]), [0, 0, 0.107])

@@ -89,7 +89,7 @@ class Zone(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
     margin
         Distance to keep from its boundary, m; 0 if omitted.
     level
-        As of `Kept`.
+        As of ``Kept``.
     radius_of_hand
         Of the ball about the hand's point, m.
     frame

@@ -10,6 +10,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, Kernel
+from dqcontrol.contact.admittance import NEEDS_CONTACT
 from dqcontrol.contact.contact_layout import WRENCH
 from dqcontrol.controller.controller import Controller, status_text
 from dqcontrol.errors import DivergedError, Error, FallenError, ShapeError, ValueRangeError, as_array
@@ -115,6 +116,8 @@ def close_loop(
             )
     if supervision is not None:
         _ = supervision.supervisor.kernel.pointer  # compiled now, not while the robot moves
+    if law.is_guarded and not law.wrench.size:
+        raise ValueRangeError(NEEDS_CONTACT)
     if law.wrench.size and not live.wrench.size:
         raise ValueRangeError(
             f"contact: {type(plant).__name__} measures no wrench, so no force can be controlled; "
@@ -272,7 +275,8 @@ class _Steps:
             else:
                 halted = self._why(supervision, halted)
         realised = self.realised if self.disturbance else None
-        found = ended(self.done, self.desired, self.records, realised, failure, halted, finished)
+        desired = self.law.guided(self.desired, self.law_state)
+        found = ended(self.done, desired, self.records, realised, failure, halted, finished)
         # a stop after the fault is its consequence, a failure is not
         is_first = (supervision and not failure) or not has_failed(found.stopped)
         stopped = self._fault if self._fault and is_first else found.stopped
