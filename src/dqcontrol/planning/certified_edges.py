@@ -271,7 +271,7 @@ class CertifiedEdges:
     >>> edges = dqc.planning.CertifiedEdges(arm, keep)
     >>> found = edges.clear(start, goal)
     >>> found.certified, found.label
-    (False, 'post: panda_link6')
+    (False, 'post: panda_link6.1')
     >>> edges.clear(start, start).certified
     True
     """
