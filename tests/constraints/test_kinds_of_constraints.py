@@ -154,7 +154,7 @@ def test_bases_touch_nothing_in_many_runs(number):
 def test_an_arm_keeps_away_from_the_base_that_carries_it():
     robot = bodies()[1]
     q = np.array([0.0, 0, 0, *HOME])
-    down = dqc.DualQuaternion.from_translation([-0.3, 0.0, -0.8]) * dqc.DualQuaternion(robot.fkm(q))
+    down = dqc.DualQuaternion.from_translation([-0.3, 0.0, -0.9]) * dqc.DualQuaternion(robot.fkm(q))
     law = dqc.laws.Proportional(gain=3.0, constraints=dqc.constraints.Constraints(margin=0.02))
     goal = dqc.references.SetPoint(down)
     record = dqc.simulate(robot, goal, law, PLANT, q, period=0.01, duration=2.0)

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 
+import msgspec
 import numpy as np
 import pytest
 from obstacles import around, box, plane, sphere
@@ -68,11 +69,11 @@ def test_ways_around_keep_what_is_asked_all_along(name):
         assert np.array_equal(q[0], start)
         assert np.abs(q[-1] - goal).max() < 1e-12
         assert len(q) > 2
-        edges = CertifiedEdges(robot, given)
+        edges = CertifiedEdges(robot, way.kept)
         assert least_sampled(edges, q[:-1], q[1:], 500).min() >= 0.0
         gone = way.way.at(np.linspace(0.0, way.length, 3000))[0]
-        values = edges.kept.values(gone, np.zeros(3000)) - edges.kept.asked
-        assert values.min() >= 0.0
+        values = edges.kept.values(gone, np.zeros(3000)) - (way.kept.asked + way.kept.allowances)
+        assert values.min() >= -1e-9
         sampled = values[:, ~edges.kept.is_angle].min()
         assert -1e-9 < sampled - way.certificate.room < 3e-4  # what it proves, and what samples miss
         assert (gone >= robot.limits.lower - 1e-9).all()
@@ -119,6 +120,8 @@ def test_the_same_seed_is_the_same_way_twice_and_in_another_process():
         [sys.executable, "-c", program, *sys.path], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == first.tobytes().hex()
+    said = [line for line in done.stderr.splitlines() if not line.startswith("dqcontrol: compiling")]
+    assert said == []  # OMPL logs, and nanobind counts leaks, on the way out
 
 
 def test_clearance_is_kept_beyond_the_margin():
@@ -236,3 +239,39 @@ def test_what_is_given_is_checked():
         plan(robot, keep, START, GOAL, effort=1.5)
     with pytest.raises(ValueRangeError, match="clearance: must be ≥ 0"):
         plan(robot, keep, START, GOAL, clearance=-0.01)
+
+
+def test_plain_constraints_are_planned_with_what_laws_keep_beyond_them():
+    """So that a law which keeps them goes the way as planned."""
+    robot, rng = load("panda"), np.random.default_rng(12)
+    for _ in range(3):
+        given, start, goal = scene(rng, robot)
+        given = msgspec.structs.replace(given, acceleration=10.0)
+        way = dqc.planning.PlanTo(plan(robot, given, start, goal))
+        law = dqc.laws.GuidedProportional(gain=2.0, pull=5.0, constraints=given)
+        record = dqc.simulate(robot, way, law, dqc.plants.Integrator(), start, 0.01)
+        assert np.abs(record.q - way.configurations(record.time)).max() < 1e-6
+
+
+def test_slides_without_limits_have_nothing_to_plan_within():
+    limits = dqc.robots.Limits([-np.inf, -3.0], [np.inf, 3.0], [1.0, 2.0], [np.inf, np.inf])
+    slider = dqc.SerialArm.from_dh(
+        [0, 0], [0, 0], [0.0, 0.5], [np.pi / 2, 0], ["prismatic", "revolute"], limits=limits
+    )
+    hand = dqc.DualQuaternion(slider.fkm([0.5, 0.0])).translation
+    ball = around({"ball": sphere(hand, 0.1, links=["hand"])})
+    keep = dqc.constraints.Constraints(**ball)
+    with pytest.raises(ValueRangeError, match=r"plan: .* has no limits to plan within"):
+        plan(slider, keep, [0.0, 0.0], [1.0, 0.0])
+
+
+def test_constraints_that_contradict_each_other_name_what_is_crossed():
+    """Two boxes apart, in both of which the hand is to stay."""
+    robot = load("panda")
+    zones = {
+        name: dqc.constraints.Zone(box=0.1, position=(x, 0.0, 0.6))
+        for name, x in (("left", 0.2), ("right", 0.5))
+    }
+    with pytest.raises(PlanError, match=r"start: (left|right): wall \d") as told:
+        plan(robot, dqc.constraints.Constraints(zones=zones), START, GOAL)
+    assert "\n" not in str(told.value)

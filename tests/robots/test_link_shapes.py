@@ -128,7 +128,7 @@ def test_a_base_carries_its_chassis_and_the_foot_of_its_arm():
         [1 - foot.start[1], 2.1 + foot.start[0], 0.3 + foot.start[2]]
     )
     pairs = {(shapes_of(robot).names[a], shapes_of(robot).names[b]) for a, b in shapes_of(robot).pairs}
-    assert ("chassis", "panda_link5") in pairs
+    assert ("chassis", "panda_link5.1") in pairs
     assert ("chassis", "panda_link0") not in pairs
 
 
@@ -200,3 +200,71 @@ def test_shapes_of_presets_hold_the_next_joint(name):
         joint = Point(dqc.DualQuaternion(joints[k]).translation)
         beyond = [shape for each, shape in zip(known.shapes, moved, strict=True) if each.frame == k + 1]
         assert min(distance(joint, shape).distance for shape in own + beyond) < 0
+
+
+def outermost(points, shapes):
+    """Return how far points are outside of all of some capsules at most, m."""
+    least = np.full(len(points), np.inf)
+    for each in shapes:
+        along = each.end - each.start
+        share = np.clip((points - each.start) @ along / (along @ along), 0.0, 1.0)
+        away = np.linalg.norm(points - each.start - share[:, None] * along, axis=1)
+        least = np.minimum(least, away - each.radius)
+    return least.max()
+
+
+def test_shapes_of_the_panda_and_its_hand_hold_their_meshes():
+    """Links 5 and 6 by two capsules each: corners of the meshes, and points of their faces."""
+    trimesh = pytest.importorskip("trimesh")
+    from dqcontrol.robots.files.installed import installed_file
+
+    urdf = installed_file("example-robot-data:panda_description/urdf/panda.urdf")
+    assert urdf is not None
+    meshes = urdf.parents[1] / "meshes/collision"
+    known = shapes_of(dqc.load_robot("panda-hand")).shapes
+    at_flange = dqc.algebra.matrix_from_pose(
+        dqc.algebra.pose(dqc.algebra.rotation_from_rpy([0, 0, -np.pi / 4]), [0, 0, 0.107])
+    )
+
+    def points(name):
+        mesh = trimesh.load(meshes / f"{name}.stl", force="mesh")
+        return np.vstack([mesh.vertices, trimesh.sample.sample_surface(mesh, 20_000, seed=0)[0]])
+
+    for k in range(8):
+        own = [each.shape for each in known if each.name.startswith(f"panda_link{k}")]
+        assert outermost(points(f"link{k}"), own) <= 0.0
+        assert len(own) == (2 if k in (5, 6) else 1)
+    (hand,), (fingers,) = (
+        [each.shape for each in known if each.name == name] for name in ("panda_hand", "panda_fingers")
+    )
+    assert outermost(points("hand") @ at_flange[:3, :3].T + at_flange[:3, 3], [hand]) <= 0.0
+    finger = points("finger")
+    for opened in (0.0, 0.04):
+        for side in (1.0, -1.0):
+            placed = finger * [side, side, 1.0] + [0.0, side * opened, 0.0584]
+            assert outermost(placed @ at_flange[:3, :3].T + at_flange[:3, 3], [fingers]) <= 0.0
+
+
+def test_the_panda_with_its_hand_is_the_panda_with_a_tool():
+    arm, hand = dqc.load_robot("panda"), dqc.load_robot("panda-hand")
+    q = np.array([0, -0.3, 0, -2.0, 0, 1.8, 0.7])
+    tool = dqc.algebra.multiply(
+        arm.fkm(q), dqc.algebra.pose(dqc.algebra.rotation_from_rpy([0, 0, -np.pi / 4]), [0, 0, 0.1034])
+    )
+    assert np.abs(hand.fkm(q) - tool).max() < 1e-12
+    places = shapes_of(hand).moved(hand, q)
+    assert min(distance(places[a], places[b]).distance for a, b in shapes_of(hand).pairs) > 0.02
+    assert np.array_equal(arm.limits.velocity, hand.limits.velocity)
+
+
+def test_a_tool_needs_an_arm_with_joints(tmp_path):
+    path = tmp_path / "held.yaml"
+    for robot in ("two-pandas", "missing.urdf"):
+        path.write_text(f"name: held\nrobot: {robot}\ntool: {{position: [0, 0, 0.1]}}\n")
+        with pytest.raises(
+            FileFormatError, match=f"robot: '{robot}' is no robot file with joints, which could have"
+        ):
+            dqc.load_robot(path)
+    path.write_text("name: held\nrobot: panda\ntool: {position: [0, 0, 0.1]}\njoins: []\n")
+    with pytest.raises(FileFormatError, match="joins"):
+        dqc.load_robot(path)

@@ -15,7 +15,17 @@ PANDA = "example-robot-data:panda_description/urdf/panda.urdf"
 
 
 def test_presets():
-    arms = {"ax18", "barrett-wam", "iiwa7", "kuka-lwr4", "meka-a2", "panda", "ur5", "youbot-arm"}
+    arms = {
+        "ax18",
+        "barrett-wam",
+        "iiwa7",
+        "kuka-lwr4",
+        "meka-a2",
+        "panda",
+        "panda-hand",
+        "ur5",
+        "youbot-arm",
+    }
     assert set(robot_names()) == arms | {
         "little-john",
         "little-john-wrist",

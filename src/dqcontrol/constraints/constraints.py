@@ -285,8 +285,8 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     recovery: Annotated[float, Meta(gt=0, description="m/s or rad/s")] | None = None
 
     @property
-    def obstacles(self) -> dict[str, KeptBody]:
-        """The bodies that are kept clear of, by name.
+    def cleared(self) -> dict[str, ClearOf]:
+        """How the robot keeps clear of each body that it keeps clear of, by name.
 
         Raises
         ------
@@ -313,9 +313,15 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
                     f"{field}: '{name}' is moved by what touches it, and nothing measures where it is; leave it out, "
                     "give it 'watch', or say how it moves with 'moves'"
                 )
+        return chosen
+
+    @property
+    def obstacles(self) -> dict[str, KeptBody]:
+        """The bodies that are kept clear of, by name, with their shapes, which are made anew each time."""
+        bodies = self.world.bodies if self.world else {}
         return {
             name: KeptBody(bodies[name].shapes, bodies[name].moves or Motion(), clear)
-            for name, clear in chosen.items()
+            for name, clear in self.cleared.items()
         }
 
     @property
@@ -324,14 +330,14 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         if self.world is None:
             return self
         bodies = self.world.bodies
-        kept = {name: each.clear for name, each in self.obstacles.items()}
+        kept = self.cleared
         left = {name: clear for name, clear in kept.items() if not bodies[name].is_moved_by_physics}
         return self if len(left) == len(kept) else replace(self, clear_of=left)
 
     @property
     def names(self) -> tuple[str, ...]:
         """All names, of which no two may be one."""
-        found = [*self.obstacles, *self.zones, *self.angles, *self.sights]
+        found = [*self.cleared, *self.zones, *self.angles, *self.sights]
         for name in found:
             if found.count(name) > 1:
                 raise ValueRangeError(f"constraints: two of them have the name '{name}'")

@@ -443,8 +443,8 @@ class PreparedConstraints:
             if (each.target is None) == (each.place is None):
                 raise ShapeError(f"{field}: give either 'target', the name of a body, or 'place'")
             if each.target is not None:
-                if each.target not in self.given.obstacles:
-                    raise unknown_name(f"{field}.target", each.target, tuple(self.given.obstacles))
+                if each.target not in self._first_obstacle:
+                    raise unknown_name(f"{field}.target", each.target, tuple(self._first_obstacle))
                 target = self._first_obstacle[each.target]
                 if math.isinf(self._obstacles[target][0][BALL + 3]):
                     raise ValueRangeError(f"{field}.target: '{each.target}' has no middle to look at")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,19 +13,32 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.errors import FileFormatError, ReachError, ValueRangeError, as_array, as_positive
+from dqcontrol.constraints import Constraints
+from dqcontrol.errors import (
+    FileFormatError,
+    NoteWarning,
+    PlanError,
+    ReachError,
+    ValueRangeError,
+    as_array,
+    as_positive,
+)
+from dqcontrol.experiments.prepared_experiment import FULL_POSE
 from dqcontrol.files.text_file import read_text
 from dqcontrol.laws import Law, LinearQuadraticDQ
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Record, simulate
+from dqcontrol.planning.branches import first_through
+from dqcontrol.planning.certified_edges import CertifiedEdges
 from dqcontrol.plants import Plant, Servo
-from dqcontrol.references import Drawing, JerkLimited, Sequence as InSequence, StraightStroke
+from dqcontrol.references import Drawing, JerkLimited, Reference, Sequence as InSequence, StraightStroke
 from dqcontrol.references.drawing.drawing_file import parse_drawing
 from dqcontrol.references.drawing.pen_strokes import PenStroke, box_of, scaled
 from dqcontrol.references.drawing.svg_file import load_svg
 from dqcontrol.references.plane import Plane, plane_axes
+from dqcontrol.references.sample import POSE
 from dqcontrol.references.strokes import PenPath, Stroke
-from dqcontrol.robots import Robot, load_robot
+from dqcontrol.robots import Robot, load_robot, postures
 
 PERIOD = 0.01  # s
 LAW, PLANT = LinearQuadraticDQ(error_weight=100.0, control_weight=1.0), Servo()
@@ -35,6 +50,7 @@ _POSITION, _ORIENTATION = 1e-3, 1e-2  # m, rad
 _TRAVEL = 2.0  # times as fast with the lamp off
 _ACCELERATION, _JERK = 1.0, 12.0  # m/s², m/s³
 _LONGEST = 1200.0  # s
+_SPACED = 0.01  # m: between poses of a drawing that starts are tried with
 
 
 @dataclass(frozen=True)
@@ -131,11 +147,29 @@ def paint(
         raise ValueRangeError(
             f"speed: {pace:g} m/s makes a drawing of {reference.duration:.0f} s, at most {_LONGEST:g} s are drawn"
         )
-    first = arm.solve(reference.at(0.0).pose, q).q
+    first = _start_through(arm, reference, arm.solve(reference.at(0.0).pose, q).q, pace)
     limits = CommandLimits(velocity=True)
     record = simulate(arm, reference, law, plant, first, PERIOD, limits=limits)
     lit = np.searchsorted(switched, record.time, side="right") % 2 == 1
     return Painting(record, lit, arm, (scale * float(extent[0]), scale * float(extent[1])))
+
+
+def _start_through(arm: Robot, reference: Reference, first: Array, pace: float) -> Array:
+    """Return a configuration at the first pose from which the hand can go all of a drawing: the given one if it can.
+
+    Where none can, it is the given one, and a note says the sample that stops the farthest.
+    """
+    if arm.configuration_size < FULL_POSE or len(arm.drives):
+        return first
+    count = math.ceil(reference.duration * pace / _SPACED) + 1
+    poses = reference.samples(np.linspace(0.0, reference.duration, count))[:, POSE]
+    others = [each.q for each in postures(arm, poses[0])]
+    edges = CertifiedEdges(arm, Constraints())
+    try:
+        return first_through([(start, poses) for start in (first, *others)], edges)[0]
+    except PlanError as error:
+        warnings.warn(f"start: {error}", NoteWarning, stacklevel=3)
+        return first
 
 
 def _pens(drawing: str | Path) -> tuple[PenStroke, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.controller.controller import Controller
@@ -21,7 +22,7 @@ _STUCK = 0.1  # share of the speed that the law asks for
 _ASKED = 1e-3  # m/s: less is no wish
 
 
-def is_held(effect: Array) -> Array:
+def is_held(effect: Array) -> NDArray[np.bool_]:
     """Return from reports (…, 6 and more) whether constraints hold the hand: slower than a tenth of what is asked."""
     asked, speed = effect[..., 4], effect[..., 5]
     return (asked > _ASKED) & (speed < _STUCK * asked) & (effect[..., 0] > 0)

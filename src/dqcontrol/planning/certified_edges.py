@@ -51,7 +51,7 @@ _FINEST = 1e-4  # m or rad: of half an interval; what is not decided there is to
 _TOLERANCE = 1e-4  # m: how much less than the least room found may be the least there is
 _EASED = 3e-4  # m or rad: three times what is left undecided
 _ROUNDING = 1e-9  # rad or m: a joint that a law has led to its end may be that much beyond it
-_PERIOD = 0.01  # s, of constraints that come without one; enters rates and allowances alone
+PERIOD = 0.01  # s, of constraints that come without one; enters rates and allowances alone
 
 CERTIFIED, SHARE, ROW, ROOM = 0, 1, 2, 3  # of an answer
 ANSWER = 4
@@ -271,7 +271,7 @@ class CertifiedEdges:
     >>> edges = dqc.planning.CertifiedEdges(arm, keep)
     >>> found = edges.clear(start, goal)
     >>> found.certified, found.label
-    (False, 'post: panda_link6')
+    (False, 'post: panda_link6.1')
     >>> edges.clear(start, start).certified
     True
     """
@@ -402,7 +402,7 @@ def prepared(
 ) -> PreparedConstraints:
     """Return constraints made ready for a plan at a time (s), in which nothing moves."""
     if not isinstance(constraints, PreparedConstraints):
-        return PreparedConstraints(standing(constraints, time), robot, _PERIOD, "measured")
+        return PreparedConstraints(standing(constraints, time), robot, PERIOD, "measured")
     still = standing(constraints.given, time)
     if still is constraints.given:
         return constraints

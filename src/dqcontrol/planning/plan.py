@@ -16,7 +16,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import MissingExtraError, PlanError, ReachError, as_array, as_count, as_positive
-from dqcontrol.planning.certified_edges import CertifiedEdges
+from dqcontrol.planning.certified_edges import PERIOD, CertifiedEdges
 from dqcontrol.planning.extra import from_extra
 from dqcontrol.planning.shortcuts import shorten_way, shortened
 from dqcontrol.planning.smooth_way import SmoothWay, smooth_way
@@ -119,7 +119,8 @@ def plan(
     Parameters
     ----------
     robot, constraints
-        As of `CertifiedEdges`.
+        As of `CertifiedEdges`. What laws with a period of 10 ms keep beyond what is asked, so that it holds between
+        their samples too, is kept as well; prepared constraints say for what period and lag.
     start
         Configuration, shape (n,), rad or m.
     goal
@@ -154,7 +155,10 @@ def plan(
     """
     seed, effort = as_count("seed", seed), as_count("effort", effort)
     beyond = as_positive("clearance", clearance, zero_allowed=True)
-    exact = CertifiedEdges(robot, constraints, beyond)
+    kept = constraints
+    if isinstance(kept, Constraints):  # laws keep more than is asked, for what happens between samples
+        kept = kept.prepare(robot, PERIOD, "measured")
+    exact = CertifiedEdges(robot, kept, beyond)
     first = _start(exact, as_array("start", start, (robot.configuration_size,)))
     n = robot.configuration_size
     target = goal if isinstance(goal, DualQuaternion) else as_array("goal", goal)
@@ -240,10 +244,15 @@ def _start(edges: CertifiedEdges, given: Array) -> Array:
             "start",
             pair=name,
         )
-    rooms, rows = edges.room_at(q[None])
-    if rooms[0] < 0:
-        pair = edges.kept.labels[rows[0]]
-        raise PlanError(f"start: {pair}: {edges.said(q, rows[0])}", "start", pair=pair)
+    kept = edges.kept
+    if (
+        kept.labels
+    ):  # what is nearer than samples keep, but not than asked, may stay as near: laws start there too
+        values = kept.values(q[None], [0.0])[0]
+        row = int((values - kept.asked).argmin())
+        if values[row] - kept.asked[row] < -_ROUNDING:
+            pair = kept.labels[row]
+            raise PlanError(f"start: {pair}: {kept.text(row, values[row])}", "start", pair=pair)
     return q
 
 

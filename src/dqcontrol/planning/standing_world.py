@@ -35,10 +35,10 @@ def standing(constraints: Constraints, time: float = 0.0) -> Constraints:
     ValueRangeError
         If a plane moves, or a line of sight has a target that does.
     """
+    bodies_now = constraints.world.bodies if constraints.world else {}
+    moves = {name: bodies_now[name].moves for name in constraints.cleared}
     moving = {
-        name: kept
-        for name, kept in constraints.obstacles.items()
-        if kept.moves.velocity is not None or kept.moves.path is not None
+        name for name, each in moves.items() if each and (each.velocity is not None or each.path is not None)
     }
     if not moving:
         return constraints

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dqcontrol.errors import ShapeError, UnknownNameError, ValueRangeError, unknown_name
+from dqcontrol.errors import FileFormatError, ShapeError, UnknownNameError, ValueRangeError, unknown_name
 from dqcontrol.files.yaml_file import parse_yaml, read_text
 from dqcontrol.robots.files.installed import EXAMPLES, MENAGERIE, installed_file
-from dqcontrol.robots.files.robot_file import arm_from
+from dqcontrol.robots.files.robot_file import arm_from, with_tool
 from dqcontrol.robots.files.suffixes import MJCF, URDF, XACRO
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.serial_arm import SerialArm
@@ -245,7 +245,7 @@ def robot_from(path: str | Path, data: Any) -> Robot:
         from dqcontrol.robots.files.two_arms_file import two_arms_from
 
         return two_arms_from(path, data, load_robot)
-    return arm_from(path, data)
+    return arm_from(path, _with_its_arm(path, data))
 
 
 def _load_arm(source: str | Path, base_link: str | None, tip_link: str | None) -> SerialArm:
@@ -280,4 +280,16 @@ def _read(source: str | Path, base_link: str | None, tip_link: str | None) -> Se
     path = Path(text) if suffix in (".yaml", ".yml") else _MODELS / f"{text}.yaml"
     data = parse_yaml(path, read_text(path))
     several = isinstance(data, dict) and any(key in data for key in ("parts", "left", "right", "frames"))
-    return (path, data) if several else arm_from(path, data)
+    return (path, data) if several else arm_from(path, _with_its_arm(path, data))
+
+
+def _with_its_arm(path: str | Path, data: Any) -> Any:
+    """Return the plain data of an arm's file; of one that is another arm with a tool those of both."""
+    if not isinstance(data, dict) or "joints" in data or not isinstance(source := data.get("robot"), str):
+        return data
+    file = _MODELS / f"{source}.yaml" if source in robot_names() else Path(path).parent / source
+    if file.suffix not in (".yaml", ".yml") or "joints" not in (arm := parse_yaml(file, read_text(file))):
+        raise FileFormatError(
+            f"{path}: robot: '{source}' is no robot file with joints, which could have a tool"
+        )
+    return with_tool(path, data, arm)

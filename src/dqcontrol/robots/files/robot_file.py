@@ -172,6 +172,29 @@ class RobotFile(FilePart):
     kept_apart: list[tuple[str, str]] = []
 
 
+class ToolFile(FilePart):
+    """A file of an arm that is another one with a tool: what it says beside, in that one's unit of angles.
+
+    ``tool`` is the pose of the tool in the last frame, in place of the arm's; ``shapes`` and ``kept_apart`` are more.
+    """
+
+    name: Annotated[str, Meta(min_length=1)]
+    robot: Annotated[str, Meta(min_length=1)]
+    tool: FixedPose
+    description: str = ""
+    sources: list[str] = []
+    shapes: list[CollisionShape] = []
+    kept_apart: list[tuple[str, str]] = []
+
+
+def with_tool(path: str | Path, plain: dict[str, Any], arm: dict[str, Any]) -> dict[str, Any]:
+    """Return the plain data of an arm's file with those of a `ToolFile` on it."""
+    convert(path, plain, ToolFile)
+    joined = {key: [*arm.get(key, []), *plain.get(key, [])] for key in ("sources", "shapes", "kept_apart")}
+    said = {key: plain[key] for key in ("name", "description", "tool") if key in plain}
+    return {**arm, **said, **{key: value for key, value in joined.items() if value}}
+
+
 def load_robot_file(path: str | Path) -> SerialArm:
     """Load an arm from our YAML format.
 
