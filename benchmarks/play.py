@@ -293,7 +293,8 @@ def main() -> None:
             tab.wait_for_timeout(1000)
             late = drags(playing, tab, chosen.drags)
             print(
-                f"drag to motion: median {1e3 * np.median(late):.0f} ms, 95 % below {1e3 * np.quantile(late, 0.95):.0f} ms "
+                f"drag to motion: median {1e3 * np.median(late):.0f} ms, "
+                f"95 % below {1e3 * np.quantile(late, 0.95):.0f} ms "
                 f"({len(late)} of {chosen.drags} moves, periods of 10 ms, load {os.getloadavg()[0]:.1f})",
                 flush=True,
             )

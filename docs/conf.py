@@ -65,7 +65,7 @@ def fill(app, docname, source):
 
 
 def replay(app, spec):
-    """Run a spec, write a page that plays it beside the site's pages, and return what shows that page in one of them."""
+    """Run a spec, write a page that plays it beside the site's, and return what shows that in one of them."""
     file = Path(app.outdir, "_static", "replays", f"{Path(spec).stem}.html")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", dqcontrol.errors.NoteWarning)
@@ -74,7 +74,8 @@ def replay(app, spec):
     file.write_text(run.view().html, encoding="utf-8")
     size = file.stat().st_size / 1e6
     return (
-        f'<iframe class="replay" src="_static/replays/{file.name}" title="{spec} as it moves" loading="lazy"></iframe>\n\n'
+        f'<iframe class="replay" src="_static/replays/{file.name}" title="{spec} as it moves" loading="lazy">'
+        "</iframe>\n\n"
         f"`{spec}` as it moves: drag to look around ({size:.1f} MB, part of this site)."
     )
 
