@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dqcontrol.browser.solids import Solid, ball, box, rod
+from dqcontrol.figures.solids import Surface, ball, box, rod
 
 trimesh = pytest.importorskip("trimesh")
 TURN = trimesh.transformations.random_rotation_matrix(np.array([0.1, 0.7, 0.4]))[:3, :3]
@@ -40,7 +40,7 @@ def test_volumes_and_extents_are_those_of_the_shapes(solid, volume, low, high):
 
 def test_curves_are_smooth_and_edges_are_not():
     """A vertex belongs to faces that meet at less than 40° alone, so that light goes over no edge."""
-    joined = Solid.joined([rod([0, 0, 0], [0, 0.3, 0], 0.1), box([1, 1, 1]), ball([0, 0, 0], 1.0)])
+    joined = Surface.joined([rod([0, 0, 0], [0, 0.3, 0], 0.1), box([1, 1, 1]), ball([0, 0, 0], 1.0)])
     a, b, c = (joined.vertices[joined.faces[:, i]] for i in range(3))
     normals = np.cross(b - a, c - a)
     normals /= np.linalg.norm(normals, axis=1)[:, None]

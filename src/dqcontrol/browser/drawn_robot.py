@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.browser.robot_bodies import Colour, robot_shapes, tinted
 from dqcontrol.browser.run_view_model import wheel_angles, with_wheels
+from dqcontrol.figures.robot_bodies import Colour, robot_shapes, tinted
 from dqcontrol.robots import Robot
 from dqcontrol.robots.poses import pose7
 

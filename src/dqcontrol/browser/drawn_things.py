@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from dqcontrol.browser.robot_bodies import Colour
 from dqcontrol.browser.run_view_model import Track
-from dqcontrol.browser.solids import Solid, ball, box, rod
 from dqcontrol.constraints.constraint_view import NEAR
-from dqcontrol.geometry import Box, Capsule, Cylinder, InfiniteCylinder, Plane, Shape, Sphere
+from dqcontrol.figures.robot_bodies import Colour
+from dqcontrol.figures.solids import Surface, ball, box, rod
+from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, InfiniteCylinder, Plane, Shape, Sphere
 
 _SOLID, _CLOSE, _ZONE = (140, 90, 165), (230, 64, 26), (64, 140, 90)
 _OPACITY, _ZONE_OPACITY, _LINK_OPACITY = 0.6, 0.15, 0.4
@@ -75,7 +75,7 @@ class DrawnThings:
         return self._scene.add_mesh_simple(path, mesh.vertices, mesh.faces, color=colour, opacity=opacity)
 
 
-def shape_mesh(shape: Shape, size: float) -> Solid | None:
+def shape_mesh(shape: Shape, size: float) -> Surface | None:
     """Return the mesh of a shape; of one without end as much as a scene of this size, m, shows."""
     if isinstance(shape, Sphere):
         return ball(shape.center, shape.radius) if shape.radius else None
@@ -86,6 +86,8 @@ def shape_mesh(shape: Shape, size: float) -> Solid | None:
     if isinstance(shape, InfiniteCylinder):
         along = size * shape.direction
         return rod(shape.point - along, shape.point + along, shape.radius)
+    if isinstance(shape, Hull):
+        return Surface(shape.corners[shape.faces].reshape(-1, 3), np.arange(shape.faces.size).reshape(-1, 3))
     if isinstance(shape, Box):
         return box(shape.size, shape.row[4:7], shape.row[7:].reshape(3, 3))
     if isinstance(shape, Plane):

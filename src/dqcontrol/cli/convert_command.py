@@ -7,6 +7,7 @@ from pathlib import Path
 from dqcontrol.cli.options import Force
 
 _WORLDS = (".yaml", ".yml", ".xml", ".urdf", ".scene")
+_MAPS = (".pgm", ".png")
 
 
 def convert(run: Path, file: Path, /, *, force: Force = False) -> None:
@@ -17,7 +18,8 @@ def convert(run: Path, file: Path, /, *, force: Force = False) -> None:
     run
         Folder of a run; or the file of a world: .yaml, .xml (MJCF), .urdf or .scene (MoveIt).
     file
-        New file; its suffix chooses the format: of signals .csv, .parquet or .mat, of worlds those above.
+        New file; its suffix chooses the format: of signals .csv, .parquet or .mat, of worlds those above, or .pgm and
+        .png: a map of the floor for ROS's map server, with its .yaml beside it.
     force
         Replace an existing file.
     """
@@ -25,7 +27,15 @@ def convert(run: Path, file: Path, /, *, force: Force = False) -> None:
     from dqcontrol.experiments import load_run
     from dqcontrol.experiments.spec.world_file import load_world, world_text
     from dqcontrol.files.whole_file import whole_file
+    from dqcontrol.geometry import save_map
+    from dqcontrol.world import floor_around
 
+    if run.is_file() and file.suffix.lower() in _MAPS:
+        if file.with_suffix(".yaml").resolve() == run.resolve():
+            raise ExistsError(f"{file}: its .yaml would be {run} itself; choose another name")
+        floor = floor_around(load_world(run), "all", "world")
+        print(f"results: {file}, {save_map(floor, file, force=force)}")
+        return
     if run.is_file() and file.suffix.lower() in _WORLDS:
         text = world_text(load_world(run), file.suffix.lower())
         if file.exists() and not force:

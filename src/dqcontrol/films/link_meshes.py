@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.browser.robot_bodies import arm_meshes, chain_rows, smoothed
+from dqcontrol.figures.robot_bodies import arm_meshes, chain_rows, smoothed
 from dqcontrol.plants.mujoco.mujoco_model import RODS, import_mujoco
 from dqcontrol.robots import Robot
 from dqcontrol.robots.robot import base_coordinates

@@ -76,12 +76,12 @@ class ChartPoint(NamedTuple):
 
 
 class PlaySession:
-    """A robot that is driven, in a thread of its own at its own period; `with` starts and ends it.
+    """A robot that is driven, in a thread of its own at its own period; ``with`` starts and ends it.
 
     Parameters
     ----------
     spec
-        Plain data of a spec of one run, as `experiments.driven.spec_of_robot` gives it.
+        Plain data of a spec of one run, as ``experiments.driven.spec_of_robot`` gives it.
     folder
         That its file names start from.
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.browser.solids import Solid, box, rod
-from dqcontrol.browser.urdf_shapes import placed_shapes, pose_matrix, urdf_shapes
+from dqcontrol.figures.solids import Surface, box, rod
+from dqcontrol.figures.urdf_shapes import placed_shapes, pose_matrix, urdf_shapes
 from dqcontrol.robots import (
     CarLikeBase,
     DifferentialDrive,
@@ -65,7 +65,7 @@ def robot_shapes(robot: Robot) -> list[CarriedBody]:
     >>> {shape.carrier for shape in robot_shapes(dqc.load_robot("iiwa7"))}
     {0, 1, 2, 3, 4, 5, 6, -1}
     """
-    drawn: list[tuple[int, Solid, Colour]] = []
+    drawn: list[tuple[int, Surface, Colour]] = []
     own: set[int] = set()  # joints whose links have meshes
     for rows, found in arm_meshes(robot):
         drawn += [(carrier, smoothed(mesh), colour) for carrier, mesh, colour in found]
@@ -125,12 +125,12 @@ def _chains(robot: Robot) -> Iterator[tuple[int, int, Robot | Mover]]:
         yield first, first - 1, part
 
 
-def smoothed(mesh: Any) -> Solid:
+def smoothed(mesh: Any) -> Surface:
     """Return a mesh (trimesh) whose edges are drawn as edges and whose curves are drawn round."""
     import trimesh
 
     shaded = trimesh.graph.smooth_shade(trimesh.Trimesh(mesh.vertices, mesh.faces), angle=_SHARP)
-    return Solid(np.asarray(shaded.vertices), np.asarray(shaded.faces))
+    return Surface(np.asarray(shaded.vertices), np.asarray(shaded.faces))
 
 
 def tinted(colour: Colour, tint: Colour) -> Colour:
@@ -139,16 +139,16 @@ def tinted(colour: Colour, tint: Colour) -> Colour:
     return r, g, b
 
 
-def _merged(drawn: Iterable[tuple[int, Solid, Colour]]) -> Iterator[CarriedBody]:
+def _merged(drawn: Iterable[tuple[int, Surface, Colour]]) -> Iterator[CarriedBody]:
     """Yield one shape for each frame and colour."""
-    groups: dict[tuple[int, Colour], list[Solid]] = {}
+    groups: dict[tuple[int, Colour], list[Surface]] = {}
     for carrier, solid, colour in drawn:
         groups.setdefault((carrier, colour), []).append(solid)
     for (carrier, colour), solids in groups.items():
-        yield CarriedBody(carrier, *Solid.joined(solids), colour)
+        yield CarriedBody(carrier, *Surface.joined(solids), colour)
 
 
-def _rods(robot: Robot, own: set[int]) -> Iterator[tuple[int, Solid, Colour]]:
+def _rods(robot: Robot, own: set[int]) -> Iterator[tuple[int, Surface, Colour]]:
     """Yield a rod from each joint to the next, a drum on each axis, thinner towards the hand; and rails."""
     points, parents, ends = robot.chain[:, 4:7], robot.parents, robot.ends
     count, bases = len(robot.row_coordinates), base_coordinates(robot)
@@ -176,7 +176,7 @@ def _rods(robot: Robot, own: set[int]) -> Iterator[tuple[int, Solid, Colour]]:
             yield i, rod(*_along_z(-1.12 * below * radii[i], 1.12 * radii[i]), 0.7 * radii[i]), JOINT
 
 
-def _rail(robot: Robot, i: int, radius: float) -> Iterator[tuple[int, Solid, Colour]]:
+def _rail(robot: Robot, i: int, radius: float) -> Iterator[tuple[int, Surface, Colour]]:
     """Yield the way along which joint i slides, if it has ends."""
     way = joint_range(robot, i) + robot.joint_offsets[i]
     if np.isfinite(way).all() and np.ptp(way) > 0:
@@ -186,7 +186,7 @@ def _rail(robot: Robot, i: int, radius: float) -> Iterator[tuple[int, Solid, Col
         yield int(robot.parents[i]), rod(start, end, radius, round_ends=True), DARK
 
 
-def _chassis(robot: Robot) -> Iterator[tuple[int, Solid, Colour]]:
+def _chassis(robot: Robot) -> Iterator[tuple[int, Surface, Colour]]:
     """Yield the bases; the wheels of the k-th differential drive are carried by rows n + 1 + 2 k and one more."""
     row = robot.configuration_size + 1
     for first, part in parts_with_offsets(robot.parts if isinstance(robot, WholeBody) else ()):
@@ -215,7 +215,7 @@ def _chassis(robot: Robot) -> Iterator[tuple[int, Solid, Colour]]:
                     yield carrier, rod(ends[0], ends[1], 0.05), TYRE
 
 
-def _front(wheelbase: float, radius: float, half_width: float) -> Solid:
+def _front(wheelbase: float, radius: float, half_width: float) -> Surface:
     """Return the beam from the rear axle to the front one."""
     return box([wheelbase, 2 * half_width, 0.4 * radius], [0.5 * wheelbase, 0, 1.2 * radius])
 

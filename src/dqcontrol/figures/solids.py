@@ -18,7 +18,7 @@ _SECTIONS = 40  # around an axis
 _RINGS = 10  # of half a ball
 
 
-class Solid(NamedTuple):
+class Surface(NamedTuple):
     """A closed surface: vertices (V, 3), m, and faces (F, 3) of their indices, anticlockwise from outside.
 
     Vertices at an edge stand there once for each side, so that edges are drawn as edges and curves are drawn round.
@@ -28,7 +28,7 @@ class Solid(NamedTuple):
     faces: NDArray[np.int64]
 
     @classmethod
-    def joined(cls, solids: Iterable[Solid]) -> Solid:
+    def joined(cls, solids: Iterable[Surface]) -> Surface:
         """Return several as one: fewer and larger ones are quicker to draw."""
         parts = list(solids)
         firsts = np.cumsum([0, *(len(each.vertices) for each in parts)])
@@ -38,7 +38,7 @@ class Solid(NamedTuple):
         )
 
 
-def rod(start: ArrayLike, end: ArrayLike, radius: float, *, round_ends: bool = False) -> Solid:
+def rod(start: ArrayLike, end: ArrayLike, radius: float, *, round_ends: bool = False) -> Surface:
     """Return a cylinder between two points, or a capsule about them; a ball where they are the same.
 
     Examples
@@ -59,16 +59,16 @@ def rod(start: ArrayLike, end: ArrayLike, radius: float, *, round_ends: bool = F
         ends = [[0.0, 0.0], [0.0, radius], [length, radius], [length, 0.0]]
         bands = [np.array(ends[i : i + 2]) for i in range(3)]
     axis = (end - start) / length if length > 0 else np.array([0.0, 0.0, 1.0])
-    solid = Solid.joined(_turned(band, axis) for band in bands)
-    return Solid(solid.vertices + start, solid.faces)
+    solid = Surface.joined(_turned(band, axis) for band in bands)
+    return Surface(solid.vertices + start, solid.faces)
 
 
-def ball(centre: ArrayLike, radius: float) -> Solid:
+def ball(centre: ArrayLike, radius: float) -> Surface:
     """Return a ball."""
     return rod(centre, centre, radius, round_ends=True)
 
 
-def box(size: ArrayLike, centre: ArrayLike = (0.0, 0.0, 0.0), axes: ArrayLike | None = None) -> Solid:
+def box(size: ArrayLike, centre: ArrayLike = (0.0, 0.0, 0.0), axes: ArrayLike | None = None) -> Surface:
     """Return a box with edges of these lengths, (3,), m, along the columns of ``axes`` (3, 3).
 
     Examples
@@ -90,10 +90,10 @@ def box(size: ArrayLike, centre: ArrayLike = (0.0, 0.0, 0.0), axes: ArrayLike | 
     vertices = (0.5 * np.array(corners) * np.asarray(size, np.float64)) @ turn.T + np.asarray(
         centre, np.float64
     )
-    return Solid(vertices, np.array(faces, np.int64))
+    return Surface(vertices, np.array(faces, np.int64))
 
 
-def _turned(profile: Array, axis: Array) -> Solid:
+def _turned(profile: Array, axis: Array) -> Surface:
     """Return what a line of points [along, out], (K, 2), m, passes over as it turns about an axis (3,)."""
     across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     across /= np.linalg.norm(across)
@@ -106,4 +106,4 @@ def _turned(profile: Array, axis: Array) -> Solid:
     near, far = k * _SECTIONS, (k + 1) * _SECTIONS
     below = np.stack([near + a, near + b, far + b], axis=-1)[out[:-1] > 0]
     above = np.stack([near + a, far + b, far + a], axis=-1)[out[1:] > 0]
-    return Solid(vertices.reshape(-1, 3), np.concatenate([below.reshape(-1, 3), above.reshape(-1, 3)]))
+    return Surface(vertices.reshape(-1, 3), np.concatenate([below.reshape(-1, 3), above.reshape(-1, 3)]))
