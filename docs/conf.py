@@ -6,6 +6,8 @@ Pages stay plain Markdown, good to read on GitHub too; what only the site can sh
 import inspect
 import itertools
 import re
+import warnings
+from pathlib import Path
 
 from pygments.lexers.special import TextLexer
 
@@ -59,11 +61,28 @@ python_use_unqualified_type_names = True
 def fill(app, docname, source):
     """Put in place of a comment what it names: a program, the package's names, the command line's own help."""
     text = re.sub(r"<!-- program: (\S+) -->", r"```{literalinclude} ../\1\n:language: python\n```", source[0])
+    text = re.sub(r"<!-- replay: (\S+) -->", lambda found: replay(app, found[1]), text)
     for comment, content in (("names of the package", names), ("command line", commands)):
         marker = f"<!-- {comment} -->"
         if marker in text:
             text = text.replace(marker, content())
     source[0] = text
+
+
+def replay(app, spec):
+    """Run a spec, write a page that plays it beside the site's, and return what shows that in one of them."""
+    file = Path(app.outdir, "_static", "replays", f"{Path(spec).stem}.html")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", dqcontrol.errors.NoteWarning)
+        run = dqcontrol.run(Path(app.srcdir).parent / spec)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(run.view().html, encoding="utf-8")
+    size = file.stat().st_size / 1e6
+    return (
+        f'<iframe class="replay" src="_static/replays/{file.name}" title="{spec} as it moves" loading="lazy">'
+        "</iframe>\n\n"
+        f"`{spec}` as it moves: drag to look around ({size:.1f} MB, part of this site)."
+    )
 
 
 def names():

@@ -11,8 +11,13 @@ from dqcontrol.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
+    from dqcontrol.constraints import Constraints
     from dqcontrol.experiments.run import Run
+    from dqcontrol.loop import Record
+    from dqcontrol.plants.plant import Plant
+    from dqcontrol.robots import Robot
 
 # As in all packages: what is offered stands in `__init__.pyi`, and is imported when it is first used.
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
@@ -30,4 +35,10 @@ def _replay(runs: Mapping[str, Run]) -> str:
     return replay_of_runs(runs)
 
 
-_result_pages.hand_in(_report_pages, _replay)
+def _clip(robot: Robot, plant: Plant, record: Record, path: Path, kept: Constraints | None) -> None:
+    from dqcontrol.films import render_clip
+
+    render_clip(robot, plant, record, path, kept=kept)
+
+
+_result_pages.hand_in(_report_pages, _replay, _clip)

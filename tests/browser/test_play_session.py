@@ -2,13 +2,15 @@
 
 import sys
 import threading
+import time
 
 import numpy as np
 import pytest
 
 import dqcontrol as dqc
 from dqcontrol import algebra
-from dqcontrol.browser.play import PlaySession
+from dqcontrol.browser.play import SCENES, PlaySession
+from dqcontrol.browser.play.learnt import learn_in
 from dqcontrol.browser.play.recorded_rows import RecordedRows
 from dqcontrol.browser.play.session import law_data, law_from
 from dqcontrol.errors import Error, ExistsError
@@ -203,3 +205,35 @@ def test_words_are_said_while_the_thread_adds_to_what_happened():
         noting.join()
     finally:
         sys.setswitchinterval(before)
+
+
+def test_a_circle_is_learnt_repeat_by_repeat_until_the_robot_is_told_something_else():
+    (scene,) = (scene for scene in SCENES if scene.learns)
+    session = PlaySession(dict(scene.spec))
+    learning = learn_in(session, 2)
+    while learning.is_alive():
+        with session.lock:
+            for _ in range(50):
+                session.step()
+        time.sleep(1e-3)  # the learner's turn
+    said = session.told[-1]
+    errors = [float(each) for each in said.split(" by ")[1].split(" mm")[0].split(", ")]
+    assert len(errors) == 3, list(session.told)
+    assert errors[2] < 0.4 * errors[0]
+
+    session.begin(dict(scene.spec))
+    learning = learn_in(session, 2)
+    rows = session.rows
+    while session.rows is rows:
+        time.sleep(1e-3)
+    session.hold()
+    learning.join()
+    assert session.told[-1] == said
+
+
+def test_the_scene_of_a_board_presses_with_what_it_says():
+    (scene,) = (scene for scene in SCENES if "board" in scene.title)
+    session = PlaySession(dict(scene.spec))
+    steps(session, 1500)
+    forces = [moment.force for moment in list(session.history)[-60:]]
+    assert np.median(forces) == pytest.approx(2.0, abs=0.5)

@@ -58,21 +58,7 @@ def start_server(port: int, title: str = "dqcontrol") -> Any:
     server.scene.add_light_ambient("/light", intensity=_AMBIENT)
     server.gui.configure_theme(control_width="large", show_share_button=False)
     server.gui.main_panel.dock_right()
-    server.on_client_connect(_fold_on_phones)
     return server
-
-
-def _fold_on_phones(client: Any) -> None:
-    """Fold the controls where the window is higher than wide, as they would hide the scene; a tap unfolds them."""
-    is_new = True
-
-    def look(camera: Any) -> None:
-        nonlocal is_new
-        if is_new and camera.image_width < camera.image_height:
-            client.gui.main_panel.minimize()
-        is_new = False
-
-    client.camera.on_update(look)
 
 
 def address(server: Any) -> str:

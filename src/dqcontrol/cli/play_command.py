@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from dqcontrol.cli.options import BaseLink, Port, TipLink
 
 if TYPE_CHECKING:
+    from dqcontrol.devices import Input
     from dqcontrol.loop import Live
 
 _ROBOT = "panda"
@@ -21,7 +23,7 @@ def play(
     *,
     base_link: BaseLink = None,
     tip_link: TipLink = None,
-    device: Literal["gamepad", "space-mouse"] | None = None,
+    device: Literal["gamepad", "space-mouse", "web-xr", "ros2"] | None = None,
     out: Path = Path(),
     port: Port = 8080,
 ) -> None:
@@ -32,7 +34,7 @@ def play(
     source
         A robot's name or file; a spec of one run; or the folder of a run, which begins where that began.
     device
-        What drives the hand beside the mouse.
+        What drives the hand beside the mouse: web-xr is a page for a phone or headset, ros2 topics of poses and twists.
     out
         Folder where recordings are saved.
     port
@@ -52,9 +54,13 @@ def play(
     from dqcontrol.experiments.driven import driven_spec
 
     spec, folder = driven_spec(source, (base_link, tip_link))
-    driver = _driver(device) if device else None
-    with PlaySession(spec, folder) as session:
-        session.driver = driver
+    with ExitStack() as stack:
+        session = PlaySession(spec, folder)
+        if device:
+            held = _held(device, stack)
+            stack.callback(held.close)
+            session.driver = _driver(held)
+        stack.enter_context(session)
         loading.remove()
         page = PlayPage(session, out, server=server)
         if not is_known:
@@ -62,11 +68,36 @@ def play(
         page.serve()
 
 
-def _driver(device: str) -> Callable[[Live], None]:
-    """Return what a device makes of a robot in each period."""
-    from dqcontrol.devices import Gamepad, SpaceMouse, Teleoperation
+def _held(device: str, stack: ExitStack) -> Input:
+    """Return a device."""
+    if device == "gamepad":
+        from dqcontrol.devices import Gamepad
 
-    held = Gamepad() if device == "gamepad" else SpaceMouse()
+        return Gamepad()
+    if device == "space-mouse":
+        from dqcontrol.devices import SpaceMouse
+
+        return SpaceMouse()
+    if device == "web-xr":
+        from dqcontrol.devices import WebXr
+
+        page = WebXr()
+        print(f"web-xr: {page.url}; on a cable: adb reverse tcp:{page.port} tcp:{page.port}", flush=True)
+        return page
+    from dqcontrol.browser.play.session import SPEEDS
+    from dqcontrol.ros2 import middleware
+
+    middleware.check_installed()
+    stack.enter_context(middleware.ros((), ["dqcontrol_hand"]))
+    from dqcontrol.ros2.hand_topics import HandTopics
+
+    return HandTopics(speeds=SPEEDS)
+
+
+def _driver(held: Input) -> Callable[[Live], None]:
+    """Return what a device makes of a robot in each period."""
+    from dqcontrol.devices import Teleoperation
+
     driven: list[Teleoperation] = []
 
     def drive(live: Live) -> None:

@@ -67,7 +67,7 @@ class Teleoperation:
     stale
         Age from which what is told no longer counts, s.
     of_hand
-        Whether twists are in the axes of the hand, or of the base.
+        Whether twists and poses are in the axes of the hand, or of the base.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class Teleoperation:
         else:
             device = self._scaled(told.pose)
             if self._clutch is None:
-                self._clutch = Clutch(self.live.state.pose, device)
+                self._clutch = Clutch(self.live.state.pose, device, of_hand=self._of_hand)
             self.live.target = algebra.renormalise(self._clutch.goal(device))
         self.is_engaged = True
 

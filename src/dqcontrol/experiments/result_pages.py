@@ -7,16 +7,19 @@ Reports import experiments, so experiments cannot import reports: they know only
 from __future__ import annotations
 
 from html import escape
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
+    from dqcontrol.constraints import Constraints
     from dqcontrol.experiments.ranking import Ranking
     from dqcontrol.experiments.run import Run
     from dqcontrol.experiments.study import Study
     from dqcontrol.loop.record import Record
+    from dqcontrol.plants.plant import Plant
+    from dqcontrol.robots import Robot
     from dqcontrol.tables.tables import Table
     from dqcontrol.tuning import Learning, Tuning
 
@@ -81,21 +84,36 @@ class ShownPage:
         return f'<iframe srcdoc="{page}" width="100%" height="{self.height}" style="border:none"></iframe>'
 
 
-_handed_in: list[tuple[Callable[[], ResultPages], Callable[[Mapping[str, Run]], str]]] = []
+class _HandedIn(NamedTuple):
+    """What packages above make of runs."""
+
+    load: Callable[[], ResultPages]
+    replay: Callable[[Mapping[str, Run]], str]
+    clip: Callable[[Robot, Plant, Record, Path, Constraints | None], None]
 
 
-def hand_in(load: Callable[[], ResultPages], replay: Callable[[Mapping[str, Run]], str]) -> None:
-    """Take what loads the writer of figures and reports, called when the first is written, and what makes replays."""
-    _handed_in[:] = [(load, replay)]
+_handed_in: list[_HandedIn] = []
+
+
+def hand_in(
+    load: Callable[[], ResultPages],
+    replay: Callable[[Mapping[str, Run]], str],
+    clip: Callable[[Robot, Plant, Record, Path, Constraints | None], None],
+) -> None:
+    """Take what loads the writer of figures and reports, and what makes replays and clips."""
+    _handed_in[:] = [_HandedIn(load, replay, clip)]
 
 
 def result_pages() -> ResultPages:
     """Return what writes them."""
-    ((load, _),) = _handed_in
-    return load()
+    return _handed_in[0].load()
 
 
 def replay(runs: Mapping[str, Run]) -> str:
     """Return a page of HTML that plays runs by their labels."""
-    ((_, make),) = _handed_in
-    return make(runs)
+    return _handed_in[0].replay(runs)
+
+
+def clip(robot: Robot, plant: Plant, record: Record, path: Path, kept: Constraints | None) -> None:
+    """Write a clip of what a robot did, with what its constraints keep clear of."""
+    _handed_in[0].clip(robot, plant, record, path, kept)

@@ -139,10 +139,15 @@ class PoseTarget(MovingTarget):
 
 
 class Clutch:
-    """Poses of a device as poses of the hand, from where both are when it is engaged: x_h x_d0* x_d.
+    """Poses of a device as poses of the hand, from where both are when it is engaged, which moves nothing.
 
-    Engaging it moves nothing, wherever the device is then. Its axes are those of the hand: a device that is turned
-    about its own x axis turns the hand about the hand's.
+    Parameters
+    ----------
+    hand, device
+        Poses then, shape (8,).
+    of_hand
+        Whether the device's own axes are those of the hand, x_h x_d0* x_d: a device that is turned about its own x axis
+        turns the hand about the hand's. Else both move alike in the room: p_h + p_d − p_d0 and r_d r_d0* r_h.
 
     Examples
     --------
@@ -154,12 +159,22 @@ class Clutch:
     True
     """
 
-    def __init__(self, hand: Array, device: Array) -> None:
-        self._offset = algebra.multiply(hand, algebra.conjugate(device))
+    def __init__(self, hand: Array, device: Array, *, of_hand: bool = True) -> None:
+        self._hand, self._device, self._of_hand = hand, device, of_hand
 
     def goal(self, device: Array) -> Array:
         """Return where the hand is to be with the device at a pose, both of shape (8,)."""
-        return algebra.multiply(self._offset, device)
+        if self._of_hand:
+            return algebra.multiply(algebra.multiply(self._hand, algebra.conjugate(self._device)), device)
+        turn = algebra.multiply(_turn(device), algebra.conjugate(_turn(self._device)))
+        shift = algebra.translation(device) - algebra.translation(self._device)
+        rotation = algebra.multiply(turn, _turn(self._hand))[:4]
+        return algebra.pose(rotation / np.linalg.norm(rotation), algebra.translation(self._hand) + shift)
+
+
+def _turn(pose: Array) -> Array:
+    """Return the rotation of a pose alone, shape (8,)."""
+    return np.concatenate([pose[:4], np.zeros(4)])
 
 
 class TwistTarget(MovingTarget):

@@ -10,7 +10,7 @@ import numpy as np
 from dqcontrol.browser.play.session import SHOWN, ChartPoint
 from dqcontrol.figures.style import COLOURS
 
-_HEIGHT = 128  # px
+_HEIGHT = 112  # px: one is seen whole in a window of 720
 _WIDTH = 1.5  # px
 _LEAST_ERROR, _LEAST_FORCE = 1.0, 10.0  # mm, N: less fills no chart
 _STROKES = {"robot": COLOURS[0], "ghost": COLOURS[1]}

@@ -84,7 +84,8 @@ class PlayPage(ServedPage):
         self._stage()
         gui = self.server.gui
         self._words = gui.add_html("")
-        tabs = gui.add_tab_group()
+        # Panels beside the first one are folded on phones, where that one would hide the scene.
+        tabs, charts = gui.add_panel(), gui.add_panel()
         with tabs.add_tab("Target"):
             self._target = TargetTab(self.server, session, folder)
         with tabs.add_tab("Law"):
@@ -95,8 +96,11 @@ class PlayPage(ServedPage):
             self._world = WorldTab(self.server, session)
         with tabs.add_tab("Record"):
             self._replay = RecordTab(self.server, session, folder)
-        with gui.add_folder("The last 10 s"):
+        with charts.add_tab("The last 10 s"):
             self._charts = Charts(gui)
+        tabs.dock_right()
+        gui.main_panel.dock_below(tabs)
+        charts.dock_below(gui.main_panel)  # each takes half of what it is docked to
         self._add_keys()
         self.tick()
 

@@ -12,6 +12,7 @@ from dqcontrol.browser.play.session import PlaySession
 from dqcontrol.browser.replay import replay_page
 from dqcontrol.browser.run_view_model import Track
 from dqcontrol.errors import Error, writing
+from dqcontrol.experiments.result_pages import clip
 from dqcontrol.loop.record import Record
 
 
@@ -91,13 +92,11 @@ class RecordTab:
         return f"{path}: {len(page) / 1e6:.1f} MB, opens in any browser"
 
     def _save_clip(self) -> str:
-        from dqcontrol.films import render_clip  # MuJoCo draws it
-
         path, session = self._path(".webp"), self._session
         self._said.content = "The clip is being drawn …"
         (case,) = session.setting.cases
         kept = session.live.law.constraints
-        render_clip(session.robot, case.plant, session.record(), path, kept=kept)
+        clip(session.robot, case.plant, session.record(), path, kept)
         return f"{path}: {path.stat().st_size / 1e6:.1f} MB"
 
     def _show_python(self) -> str:

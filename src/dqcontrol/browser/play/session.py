@@ -139,6 +139,11 @@ class PlaySession:
         self._thread.join()
         self.live.brake()
 
+    @property
+    def is_closed(self) -> bool:
+        """Whether it has ended."""
+        return self._closed.is_set()
+
     # What it is made from
 
     def _take(self, spec: dict[str, Any]) -> None:
@@ -187,7 +192,7 @@ class PlaySession:
         """Begin anew where the robot is now, at rest, with other keys of the spec; say why not if that cannot be."""
         with self.lock:
             here = self._here()
-        return self._try({**self.spec, "start": here, "reference": _REST, **keys})
+        return self.begin({**self.spec, "start": here, "reference": _REST, **keys})
 
     def follow(self, reference: dict[str, Any]) -> bool:
         """Follow a reference, as a spec says it, from where the hand is now."""
@@ -195,17 +200,18 @@ class PlaySession:
 
     def reset(self) -> None:
         """Put the robot back to where it began, at rest."""
-        self._try({**self.spec, "start": self._home})
+        self.begin({**self.spec, "start": self._home})
 
     def play(self, spec: dict[str, Any], ghost: dict[str, Any] | None = None) -> bool:
         """Begin with another spec altogether, and a second robot's law, as a spec says it."""
         self._ghost_law = law_from(ghost) if ghost else None
-        if done := self._try(spec):
+        if done := self.begin(spec):
             self._home = list(self.spec["start"])
             self.history.clear()
         return done
 
-    def _try(self, spec: dict[str, Any]) -> bool:
+    def begin(self, spec: dict[str, Any]) -> bool:
+        """Begin anew, at rest, from a spec; say why not if that cannot be."""
         try:
             self._take(spec)
         except Error as error:

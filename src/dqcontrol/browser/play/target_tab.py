@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.browser.play.board import LEVEL, UPRIGHT, Board
+from dqcontrol.browser.play.learnt import learn_in
 from dqcontrol.browser.play.scenes import SCENES
 from dqcontrol.browser.play.session import PlaySession
 from dqcontrol.errors import Error, writing
@@ -68,6 +69,8 @@ class TargetTab:
             self._session.play(self._own)
         else:
             self._session.play(dict(scene.spec), scene.ghost)
+            if scene.learns:
+                learn_in(self._session, scene.learns)
 
     def _shape(self, kind: str) -> None:
         reach = float(describe(self._session.robot).reach)

@@ -9,6 +9,7 @@ import numpy as np
 from dqcontrol import algebra
 from dqcontrol.browser.drawn_things import shape_mesh
 from dqcontrol.browser.play.session import PlaySession
+from dqcontrol.geometry import Plane
 
 _SIZE = 0.12  # m
 _FIRST = (0.15, 0.15, 0.0)  # m, from the hand: new bodies are there
@@ -52,6 +53,8 @@ class WorldTab:
         world = self._session.setting.spec.surroundings
         for name, body in world.bodies.items() if world else ():
             is_plane = body.kind == "plane"
+            if is_plane and all(isinstance(each, Plane) and each.normal[2] == 1.0 for each in body.shapes):
+                continue  # the grid shows it
             gizmo = None
             if not is_plane and body.moves is None:
                 gizmo = self._server.scene.add_transform_controls(

@@ -1,0 +1,38 @@
+"""Reports that `dqcontrol report` writes move, in one file that asks for nothing."""
+
+import html
+import re
+
+import pytest
+
+import dqcontrol as dqc
+from dqcontrol.reports import rewrite_reports, run_report
+
+pytest.importorskip("viser", reason="replays need viser: pip install 'dqcontrol[view]'")
+SPEC = {
+    "name": "circle",
+    "robot": "iiwa7",
+    "start": [0, 0.6, 0, 1.6, 0, 0.6, 0],
+    "period": 0.02,
+    "reference": {"kind": "circle", "radius": 0.05, "duration": 1.0},
+    "law": {"kind": "proportional", "gain": 5},
+    "plant": {"kind": "integrator"},
+}
+
+
+def test_a_report_holds_its_replay_and_says_how_large_it_is(tmp_path, monkeypatch):
+    dqc.run(SPEC).save(tmp_path / "run")
+    page = tmp_path / "run/report.html"
+    assert "<iframe" not in page.read_text(encoding="utf-8")  # runs write theirs at once, without
+    rewrite_reports([tmp_path / "run"])
+    text = page.read_text(encoding="utf-8")
+    (replay,) = re.findall(r'<iframe srcdoc="(.*?)"', text, re.DOTALL)
+    replay = html.unescape(replay)
+    assert "__VISER_EMBED_DATA__" in replay
+    assert len(replay.encode()) < 3e6
+    assert f"part of this page ({len(replay.encode()) / 1e6:.1f} MB)" in text
+    assert 'alt="The robot at its start' in text  # for paper
+
+    monkeypatch.setattr(run_report, "_MOST_BYTES", 1000)
+    rewrite_reports([tmp_path / "run"])
+    assert "<iframe" not in page.read_text(encoding="utf-8")
