@@ -58,7 +58,7 @@ LEROBOT_PYTHON ?= python3.12
 $(LEROBOT)/lerobot: pyproject.toml
 	@$(LEROBOT_PYTHON) -m venv $(LEROBOT)
 	@echo "installing LeRobot in $(LEROBOT) (about 5 GB)"
-	@$(LEROBOT)/bin/python -m pip install --disable-pip-version-check --no-input 'lerobot[dataset]==0.6.1' -e '.[physics]'
+	@$(LEROBOT)/bin/python -m pip install --disable-pip-version-check --no-input 'lerobot[dataset,kinematics]==0.6.1' -e '.[physics]' -e lerobot_plug
 	@touch $@
 
 lerobot: $(LEROBOT)/lerobot
