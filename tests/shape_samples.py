@@ -4,7 +4,7 @@ import numpy as np
 
 from dqcontrol import algebra, geometry
 
-KINDS = ("point", "line", "sphere", "infinite cylinder", "capsule", "plane", "box")
+KINDS = ("point", "line", "sphere", "infinite cylinder", "capsule", "plane", "box", "hull")
 
 
 def random_pose(rng, spread=1.0):
@@ -32,6 +32,8 @@ def random_shape(kind, rng, spread=0.5):
             return geometry.Plane(along, rng.uniform(-spread, spread))
         case "box":
             return geometry.Box(random_pose(rng, spread), rng.uniform(0.05, 0.5, 3))
+        case "hull":
+            return geometry.Hull(random_pose(rng, spread), rng.uniform(-0.3, 0.3, (rng.integers(6, 40), 3)))
     raise AssertionError(kind)
 
 
@@ -44,6 +46,11 @@ def coal_shape(coal, shape):
         return coal.Sphere(shape.radius), coal.Transform3s(np.eye(3), shape.center)
     if isinstance(shape, geometry.Plane):
         return coal.Halfspace(shape.normal, shape.offset), coal.Transform3s(np.eye(3), np.zeros(3))
+    if isinstance(shape, geometry.Hull):
+        points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+        points.extend(shape.corners)
+        triangles.extend([coal.Triangle(*map(int, face)) for face in shape.faces])
+        return coal.Convex(points, triangles), coal.Transform3s(np.eye(3), np.zeros(3))
     axis = shape.end - shape.start
     length = np.linalg.norm(axis)
     z = axis / length

@@ -65,6 +65,8 @@ def test_boxes_against_coal(other):
 
 def support(shape, directions):
     """Return how far a cylinder, capsule or box reaches along directions (N, 3)."""
+    if isinstance(shape, geometry.Hull):
+        return (directions @ shape.corners.T).max(axis=1)
     if isinstance(shape, geometry.Box):
         half, centre, turn = shape.row[1:4], shape.row[4:7], shape.row[7:].reshape(3, 3)
         return directions @ centre + np.abs(directions @ turn) @ half
@@ -75,8 +77,14 @@ def support(shape, directions):
     return ends + shape.radius * np.sqrt(np.maximum(1 - (directions @ axis) ** 2 / (axis @ axis), 0))
 
 
-@pytest.mark.parametrize("other", ["sphere", "capsule", "plane", "box", "cylinder"])
-def test_cylinders_against_coal(other):
+@pytest.mark.parametrize(
+    ("kind", "other"),
+    [
+        *(("cylinder", other) for other in ("sphere", "capsule", "plane", "box", "cylinder")),
+        *(("hull", other) for other in ("sphere", "capsule", "plane", "box", "cylinder", "hull")),
+    ],
+)
+def test_cylinders_and_hulls_against_coal(kind, other):
     """Apart they are as far as Coal says; in each other no direction separates them by less, and theirs does."""
     coal = pytest.importorskip("coal", reason="Coal is the reference")
     rng = np.random.default_rng(11)
@@ -84,7 +92,7 @@ def test_cylinders_against_coal(other):
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     apart = inside = 0
     for _ in range(300):
-        a, b = random_shape("cylinder", rng), random_shape(other, rng)
+        a, b = random_shape(kind, rng), random_shape(other, rng)
         found, back = geometry.distance(a, b), geometry.distance(b, a)
         check_points(found)
         assert abs(found.distance - back.distance) < 1e-9
@@ -93,7 +101,7 @@ def test_cylinders_against_coal(other):
             apart += 1
             theirs = coal_distance(coal, a, b)
             assert abs(found.distance - theirs) < 1e-6
-        elif other in ("capsule", "box", "cylinder"):
+        elif other in ("capsule", "box", "cylinder", "hull"):
             inside += 1
             depths = support(a, directions) + support(b, -directions)
             assert -found.distance <= depths.min() + 1e-9
@@ -116,11 +124,12 @@ def test_a_ball_and_a_cylinder_on_paper():
         assert abs(geometry.distance(can, ball).distance - (expected - ball.radius)) < 1e-9
 
 
+@pytest.mark.parametrize("solid", ["cylinder", "hull"])
 @pytest.mark.parametrize("kind", ["line", "infinite cylinder", "point"])
-def test_a_cylinder_and_what_has_no_end(kind):
+def test_a_cylinder_or_hull_and_what_has_no_end(kind, solid):
     rng = np.random.default_rng(13)
     for _ in range(50):
-        can, other = random_shape("cylinder", rng), random_shape(kind, rng)
+        can, other = random_shape(solid, rng), random_shape(kind, rng)
         found = geometry.distance(can, other)
         if kind == "point":
             long = geometry.Sphere(other.position, 0.0)

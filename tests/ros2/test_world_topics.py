@@ -93,3 +93,38 @@ def test_markers_are_where_bodies_are():
     moved = pose([1, 0, 0, 0], [0, 0, 1])
     (cube,) = body_markers(messages, "cube", CUBE, moved)
     assert (cube.type, cube.pose.position.z, cube.scale.y) == (messages.Marker.CUBE, 1.0, 0.1)
+
+
+def test_markers_of_meshes_are_their_triangles(tmp_path):
+    messages = pytest.importorskip("visualization_msgs.msg")
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.creation.box([0.2, 0.4, 0.6]).export(tmp_path / "block.stl")
+    block = Body(mesh=str(tmp_path / "block.stl"), position=(1, 2, 3))
+    (marker,) = body_markers(messages, "block", block, block.pose)
+    assert marker.type == messages.Marker.TRIANGLE_LIST
+    assert len(marker.points) == 3 * 12
+    corners = np.array([[point.x, point.y, point.z] for point in marker.points])
+    place = np.array([getattr(marker.pose.position, axis) for axis in "xyz"])
+    assert np.abs(corners).max(axis=0) == pytest.approx([0.1, 0.2, 0.3], abs=1e-6)
+    assert place == pytest.approx([1, 2, 3])
+
+
+def test_a_node_says_its_world(node):
+    """Five times a second, watched bodies where a transform put them."""
+    messages = pytest.importorskip("visualization_msgs.msg")
+    law = dqc.laws.Proportional(
+        gain=2.0, constraints=Constraints(world=WORLD, clear_of="all", self_collision=False)
+    )
+    control = Fields(law=law.prepare(ARM, None, 0.01), time=0.0)
+    world = WorldTopics(node, control, WORLD, "base_link", lambda hear: hear)
+    got = []
+    node.create_subscription(messages.MarkerArray, f"/{node.get_name()}/world", got.append, 1)
+    world.hear(transform("cube", (0.4, 0.5, 0.6)))
+    assert node.serve(lambda: got)
+    cube, table = got[-1].markers
+    assert (cube.ns, table.ns) == ("cube", "table")
+    assert [cube.pose.position.x, cube.pose.position.y, cube.pose.position.z] == pytest.approx(
+        [0.4, 0.5, 0.6]
+    )
+    assert {cube.header.frame_id, table.header.frame_id} == {"base_link"}
+    assert (cube.id, table.id) == (0, 1)

@@ -7,9 +7,10 @@ import dqcontrol as dqc
 from dqcontrol.algebra import matrix_from_pose
 from dqcontrol.cli.convert_command import convert
 from dqcontrol.experiments.spec import read_spec
+from dqcontrol.experiments.spec.world_file import world_text
 from dqcontrol.experiments.spec.world_formats import foreign_text
-from dqcontrol.geometry import Sphere, distance
-from dqcontrol.world import Body, Hinge, Slide, Solid, World
+from dqcontrol.geometry import FloorMap, Sphere, distance, load_map, save_map
+from dqcontrol.world import Body, Hinge, Slide, Solid, World, floor_around
 
 pytest.importorskip("mujoco")
 
@@ -180,3 +181,46 @@ def test_the_command_writes_worlds(tmp_path, capsys):
     assert table.position == pytest.approx((0.6, 0, 0.38))
     with pytest.raises(dqc.Error, match=r"b\.yaml: exists already"):
         convert(tmp_path / "a.xml", tmp_path / "b.yaml")
+
+
+@pytest.mark.parametrize("suffix", [".pgm", ".png"])
+def test_what_stands_on_the_floor_is_written_as_a_map_and_read_again(tmp_path, suffix):
+    """Boxes on cells come back exactly; round and turned things as the cells that they are in."""
+    world = World(
+        bodies={
+            "floor": Body(plane=(0, 0, 1)),
+            "wall": Body(box=[2.0, 0.1, 1.5], position=(0.5, 0.55, 0.75)),
+            "column": Body(cylinder=(0.2, 1.0), position=(1.5, -0.4, 0.5)),
+            "chest": Body(box=[0.5, 0.3, 0.4], position=(-0.8, -0.5, 0.2), rpy=(0, 0, 0.5)),
+            "cube": Body(box=0.1, position=(0, 0, 0.05), mass=0.1),
+        }
+    )
+    (tmp_path / "room.yaml").write_text(world_text(world, ".yaml"))
+    convert(tmp_path / "room.yaml", tmp_path / f"map{suffix}")
+    with pytest.raises(dqc.Error, match=r"would be .*room\.yaml itself"):
+        convert(tmp_path / "room.yaml", tmp_path / f"room{suffix}", force=True)
+    again = load_map(tmp_path / "map.yaml")
+    assert again.height == pytest.approx(1.5)
+    floor = floor_around(world, "all", "world")
+    points = np.random.default_rng(0).uniform([-1.5, -1.2], [2.2, 1.0], (4000, 2))
+    room, back = floor.clearance(points), again.clearance(points)
+    assert back[room <= 0].max() <= 1e-9  # nothing is lost
+    assert (room - back).max() < 0.05 * np.sqrt(2) + 1e-9  # and no cell is taken that nothing is in
+    wall = np.array([[x, y] for x in np.linspace(-0.5, 1.5, 41) for y in (0.49, 0.61)])
+    assert again.clearance(wall) == pytest.approx(floor.clearance(wall), abs=1e-9)
+    world_again = World(bodies={"room": Body(map=str(tmp_path / "map.yaml"))})
+    save_map(floor_around(world_again, "all", "world"), tmp_path / f"again{suffix}")
+    assert (tmp_path / f"again{suffix}").read_bytes() == (tmp_path / f"map{suffix}").read_bytes()
+
+
+def test_maps_that_cannot_be_written_are_refused(tmp_path):
+    column = FloorMap((np.array([[0, 0], [1, 0], [1, 1]]),))
+    save_map(column, tmp_path / "a.pgm")
+    for make, words in (
+        (lambda: save_map(column, tmp_path / "a.jpg"), "a map's image is a .pgm or .png"),
+        (lambda: save_map(column, tmp_path / "a.pgm"), "a.pgm: exists already"),
+        (lambda: save_map(column, tmp_path / "b.pgm", 1e-5), "resolution: 1e-05 m makes"),
+        (lambda: save_map(FloorMap(()), tmp_path / "b.pgm"), "nothing stands on it"),
+    ):
+        with pytest.raises(dqc.Error, match=words):
+            make()

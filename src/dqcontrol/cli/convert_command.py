@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from dqcontrol.robots import Robot
 
 _WORLDS = (".yaml", ".yml", ".xml", ".urdf", ".scene")
+_MAPS = (".pgm", ".png")
 
 
 def convert(
@@ -38,8 +39,9 @@ def convert(
         Folder of a run; or the file of a world: .yaml, .xml (MJCF), .urdf or .scene (MoveIt). With --to lerobot also a
         folder of several runs, each an episode, or a log.
     file
-        New file; its suffix chooses the format: of signals .csv, .parquet or .mat, of worlds those above. With
-        --to lerobot a new folder; default: results/NAME-lerobot.
+        New file; its suffix chooses the format: of signals .csv, .parquet or .mat, of worlds those above, or .pgm and
+        .png: a map of the floor for ROS's map server, with its .yaml beside it. With --to lerobot a new folder;
+        default: results/NAME-lerobot.
     to
         lerobot: a dataset of version 3.0 (extra lerobot); see docs/lerobot.md.
     fps
@@ -57,6 +59,8 @@ def convert(
     from dqcontrol.experiments import load_run
     from dqcontrol.experiments.spec.world_file import load_world, world_text
     from dqcontrol.files.whole_file import whole_file
+    from dqcontrol.geometry import save_map
+    from dqcontrol.world import floor_around
 
     if to == "lerobot":
         _write_dataset(run, file, fps, task, robot, {**options.arguments(), "targets": targets}, force=force)
@@ -66,6 +70,12 @@ def convert(
         raise ValueRangeError(f"{option}: is for datasets: give --to lerobot, too")
     if file is None:
         raise ValueRangeError("file: expected a new file, as run.csv; its suffix chooses the format")
+    if run.is_file() and file.suffix.lower() in _MAPS:
+        if file.with_suffix(".yaml").resolve() == run.resolve():
+            raise ExistsError(f"{file}: its .yaml would be {run} itself; choose another name")
+        floor = floor_around(load_world(run), "all", "world")
+        print(f"results: {file}, {save_map(floor, file, force=force)}")
+        return
     if run.is_file() and file.suffix.lower() in _WORLDS:
         text = world_text(load_world(run), file.suffix.lower())
         if file.exists() and not force:

@@ -34,6 +34,8 @@ class Head(NamedTuple):
     ----------
     inputs, frames, screws, tree, shapes, obstacles, rows, names, moving, capacity, drives
         How many there are of each; of rows in one program.
+    hull
+        How many numbers the corners of the largest hull among obstacles have.
     program, solver, levels, sets
         How many numbers these parts of the scratch have.
     integrates
@@ -57,6 +59,7 @@ class Head(NamedTuple):
     tree: float
     shapes: float
     obstacles: float
+    hull: float
     rows: float
     names: float
     moving: float
@@ -212,7 +215,7 @@ class RobotScene(NamedTuple):
     bodies
         Frame of each shape of the robot, and its numbers in that frame.
     obstacles
-        Numbers of each, where it is at the start.
+        Numbers of each, where it is at the start; of hulls the corners last.
     table
         Shift and velocity (6) of each obstacle that moves by it, one row a sample.
     """
@@ -221,7 +224,7 @@ class RobotScene(NamedTuple):
     screws: Annotated[Array, "screws", SCREW]
     tree: Annotated[Array, "tree", COLUMNS]
     bodies: Annotated[Array, "shapes", BODY + 1]
-    obstacles: Annotated[Array, "obstacles", OBSTACLE]
+    obstacles: Annotated[Array, "obstacles", f"hull + {OBSTACLE}"]
     table: Annotated[Array, ..., "6 * moving + 1"]
 
 
@@ -229,7 +232,7 @@ limits_of: MemoryLayout[InputLimits] = MemoryLayout(InputLimits, "m")
 way_of: MemoryLayout[Way] = MemoryLayout(Way, "n", "m", "points")
 kept_of: MemoryLayout[KeptRows] = MemoryLayout(KeptRows, "m", "rows", "drives")
 scene_of: MemoryLayout[RobotScene] = MemoryLayout(
-    RobotScene, "frames", "screws", "tree", "shapes", "obstacles", "moving"
+    RobotScene, "frames", "screws", "tree", "shapes", "obstacles", "hull", "moving"
 )
 
 
@@ -335,7 +338,7 @@ class Placed(NamedTuple):
     places: Annotated[Array, "frames + 1", 12]
     screws: Annotated[Array, 6, "screws"]
     first_screws: Annotated[Array, 6, "screws"]
-    world: Annotated[Array, "shapes + obstacles", BODY]
+    world: Annotated[Array, "shapes + obstacles", f"hull + {OBSTACLE}"]
     drift: Annotated[Array, "obstacles", 3]
     found: Annotated[Array, FOUND]
     buffer: Annotated[Array, "8 + 14 * m"]
@@ -413,7 +416,7 @@ class Objective(NamedTuple):
 
 
 box_of: MemoryLayout[InputBox] = MemoryLayout(InputBox, "m")
-placed_of: MemoryLayout[Placed] = MemoryLayout(Placed, "m", "frames", "screws", "shapes", "obstacles")
+placed_of: MemoryLayout[Placed] = MemoryLayout(Placed, "m", "frames", "screws", "shapes", "obstacles", "hull")
 path_of: MemoryLayout[Path] = MemoryLayout(Path, "n", "m")
 lines_of: MemoryLayout[Lines] = MemoryLayout(Lines, "m", "capacity", "rows")
 objective_of: MemoryLayout[Objective] = MemoryLayout(Objective, "m")
@@ -434,7 +437,7 @@ class ConstraintWork(NamedTuple):
 
     report: Annotated[Array, report_of.sized("names")]
     box: Annotated[Array, box_of.sized("m")]
-    placed: Annotated[Array, placed_of.sized("m", "frames", "screws", "shapes", "obstacles")]
+    placed: Annotated[Array, placed_of.sized("m", "frames", "screws", "shapes", "obstacles", "hull")]
     path: Annotated[Array, path_of.sized("n", "m")]
     lines: Annotated[Array, lines_of.sized("m", "capacity", "rows")]
     objective: Annotated[Array, objective_of.sized("m")]
@@ -456,6 +459,7 @@ work_of: MemoryLayout[ConstraintWork] = MemoryLayout(
     "screws",
     "shapes",
     "obstacles",
+    "hull",
     "rows",
     "names",
     "capacity",
@@ -499,6 +503,7 @@ def scene_parts(given, settings):
         int(settings.tree),
         int(settings.shapes),
         int(settings.obstacles),
+        int(settings.hull),
         int(settings.moving),
     )
 
@@ -514,6 +519,7 @@ def work_parts(scratch, settings, n, m):
         int(settings.screws),
         int(settings.shapes),
         int(settings.obstacles),
+        int(settings.hull),
         int(settings.rows),
         int(settings.names),
         int(settings.capacity),
@@ -528,7 +534,8 @@ def work_parts(scratch, settings, n, m):
 def placed_parts(work, settings, m):
     """Return by name where everything is."""
     frames, screws = int(settings.frames), int(settings.screws)
-    return placed_of(work.placed, m, frames, screws, int(settings.shapes), int(settings.obstacles))
+    sizes = int(settings.shapes), int(settings.obstacles), int(settings.hull)
+    return placed_of(work.placed, m, frames, screws, *sizes)
 
 
 __all__ = [

@@ -24,6 +24,9 @@ from dqcontrol.geometry.distance_kernels import (
     BOX,
     CENTER,
     CORE,
+    CORNERS,
+    FIRST_CORNER,
+    HULL,
     KIND,
     NORMAL,
     OFFSET,
@@ -160,11 +163,15 @@ def _shift(scene, at, sample, ahead, period):
 @shared
 def place_obstacles(scene, placed, time, sample, ahead, span, period):
     """Write the obstacles where they are some time after a sample, and how they move in a span after that."""
-    first = scene.bodies.shape[0]
+    robot = scene.bodies.shape[0]
     for o in range(scene.obstacles.shape[0]):
-        body, out, drift = scene.obstacles[o], placed.world[first + o], placed.drift[o]
+        body, out, drift = scene.obstacles[o], placed.world[robot + o], placed.drift[o]
         for k in range(SHAPE + 4):
             out[k] = body[k]
+        if body[KIND] == HULL:
+            first = int(body[FIRST_CORNER])
+            for k in range(first, first + 3 * int(body[CORNERS])):
+                out[k] = body[k]
         for k in range(3):
             drift[k] = 0.0
         motion = body[MOTION]
@@ -183,7 +190,7 @@ def place_obstacles(scene, placed, time, sample, ahead, span, period):
         if body[KIND] == PLANE:
             out[OFFSET] += x * body[NORMAL] + y * body[NORMAL + 1] + z * body[NORMAL + 2]
         else:
-            at = CENTER if body[KIND] == BOX else CORE
+            at = CENTER if body[KIND] == BOX or body[KIND] == HULL else CORE
             out[at], out[at + 1], out[at + 2] = out[at] + x, out[at + 1] + y, out[at + 2] + z
         out[BALL], out[BALL + 1], out[BALL + 2] = out[BALL] + x, out[BALL + 1] + y, out[BALL + 2] + z
 

@@ -49,8 +49,8 @@ from dqcontrol.constraints.constraints import HAND, Constraints, unit
 from dqcontrol.constraints.lag_path import WayToTargets, lag_path
 from dqcontrol.constraints.moving_frames import HandFrame, moving_frames
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, error_prefix, unknown_name
-from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
-from dqcontrol.geometry.shape_rows import KIND, PLANE, RADIUS, ROUND
+from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, Plane, Shape, Sphere
+from dqcontrol.geometry.shape_rows import FIRST_CORNER, KIND, PLANE, RADIUS, ROUND, SHAPE
 from dqcontrol.robots.command_mode import AT_ONCE, Lag
 from dqcontrol.robots.link_shapes import LinkShape
 from dqcontrol.robots.robot import Robot
@@ -208,12 +208,12 @@ class PreparedConstraints:
         """
         if name not in self._watched:
             return
-        count = len(self._obstacles) * OBSTACLE
+        count = len(self._obstacles) * (OBSTACLE + self._hull)
         first = self.parameters.size - self._after_obstacles - count
-        rows = parameters[first : first + count].reshape(-1, OBSTACLE)
+        rows = parameters[first : first + count].reshape(-1, OBSTACLE + self._hull)
         for number, shape in self._watched[name]:
             moved = shape.moved(pose)
-            rows[number, : len(moved.row)] = moved.row
+            _put_shape(moved, rows[number])
             rows[number, BALL : BALL + 4] = ball_around(moved)
 
     def pair(self, row: int) -> ShapePair:
@@ -338,8 +338,8 @@ class PreparedConstraints:
         return found
 
     def _add_obstacle(self, shape: Shape, moving: Motion = _STILL) -> int:
-        numbers = np.zeros(OBSTACLE)
-        numbers[: len(shape.row)] = shape.row
+        numbers = np.zeros(OBSTACLE + max(len(shape.row) - SHAPE, 0))
+        _put_shape(shape, numbers)
         numbers[BALL : BALL + 4] = ball_around(shape)
         self._obstacles.append((numbers, moving))
         return len(self._obstacles) - 1
@@ -551,6 +551,10 @@ class PreparedConstraints:
             row[1 : 1 + len(each.shape.row)] = each.shape.row
             row[1 + BALL :] = ball_around(each.shape)
         table = self._motions()
+        self._hull: int = max((len(each) for each, _ in self._obstacles), default=OBSTACLE) - OBSTACLE
+        stored = np.zeros((obstacles, OBSTACLE + self._hull))
+        for row, (each, _) in zip(stored, self._obstacles, strict=True):
+            row[: len(each)] = each
         rows = np.zeros((len(self._lines), row_of.size()))
         for k, line in enumerate(self._lines):
             found = line.row
@@ -575,6 +579,7 @@ class PreparedConstraints:
             tree=len(frames.tree),
             shapes=shapes,
             obstacles=obstacles,
+            hull=self._hull,
             rows=len(rows),
             names=len(self.names),
             moving=(table.shape[1] - 1) // 6,
@@ -586,7 +591,7 @@ class PreparedConstraints:
             late=self.way.late,
             rate=self.rate,
             recovery=given.recovery or _RECOVERY,
-            escape=given.escape or 0.0,
+            escape=0.0 if given.escape in (None, "plan") else given.escape,
             angular=_ANGULAR,
             free=_FREE,
         )
@@ -612,7 +617,7 @@ class PreparedConstraints:
             screws=frames.screws,
             tree=frames.tree,
             bodies=bodies,
-            obstacles=np.array([each for each, _ in self._obstacles]).reshape(obstacles, OBSTACLE),
+            obstacles=stored,
             table=table,
         )
         self.parameters: Array = parameters_of.pack(
@@ -630,6 +635,7 @@ class PreparedConstraints:
             "screws": len(frames.screws),
             "shapes": shapes,
             "obstacles": obstacles,
+            "hull": self._hull,
             "rows": len(rows),
             "names": len(self.names),
             "capacity": capacity,
@@ -667,6 +673,14 @@ def _row(**values: float | Array) -> Row:
     return Row(**(empty | values))  # type: ignore[arg-type]
 
 
+def _put_shape(shape: Shape, numbers: Array) -> None:
+    """Write the numbers of a shape into those of an obstacle, the corners of a hull last."""
+    numbers[:SHAPE] = shape.row[:SHAPE]
+    if isinstance(shape, Hull):
+        numbers[FIRST_CORNER] = OBSTACLE
+        numbers[OBSTACLE : OBSTACLE + len(shape.row) - SHAPE] = shape.row[SHAPE:]
+
+
 def ball_around(shape: Shape) -> Array:
     """Return centre and radius of a ball around a shape."""
     if isinstance(shape, Sphere):
@@ -677,6 +691,9 @@ def ball_around(shape: Shape) -> Array:
     if isinstance(shape, Capsule):
         half = 0.5 * float(np.linalg.norm(shape.end - shape.start))
         return np.array([*(0.5 * (shape.start + shape.end)), half + shape.radius])
+    if isinstance(shape, Hull):
+        middle = 0.5 * (shape.corners.min(axis=0) + shape.corners.max(axis=0))
+        return np.array([*middle, np.linalg.norm(shape.corners - middle, axis=1).max()])
     if isinstance(shape, Box):
         return np.array([*shape.row[4:7], float(np.linalg.norm(shape.row[1:4]))])
     middle = np.zeros(3) if shape.row[0] == PLANE else shape.row[2:5]

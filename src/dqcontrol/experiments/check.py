@@ -14,6 +14,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, NoteWarning, StabilityWarning
 from dqcontrol.experiments.contact_check import contact_table
 from dqcontrol.experiments.feasibility import run_remarks, task_remarks
+from dqcontrol.experiments.mesh_cost import mesh_remarks
 from dqcontrol.experiments.prepared_experiment import Combination, Names, PreparedExperiment, prepare
 from dqcontrol.experiments.spec import AnyPlant, Spec
 from dqcontrol.limits import CommandLimits, Compensation
@@ -244,7 +245,8 @@ class Checks(Sequence[LoopCheck]):
     rows
         The loops of each combination.
     tasks
-        What speaks against its doing what is asked: joints that are too few, velocities beyond their limits.
+        What speaks against its doing what is asked: joints that are too few, velocities beyond their limits;
+        and what meshes cost.
     contact
         What the knobs of its contact loops mean; None without contact.
     """
@@ -359,7 +361,7 @@ def check(source: str | Path | dict[str, Any]) -> Checks:
     """
     setting = prepare(source, leaving_out=("tune", "learn"))
     rows, contact = tuple(loop_checks(setting)), contact_table(setting.spec, setting.cases)
-    return Checks(setting.spec.name, rows, tuple(task_remarks(setting)), contact)
+    return Checks(setting.spec.name, rows, (*task_remarks(setting), *mesh_remarks(setting)), contact)
 
 
 def warn_unstable(setting: PreparedExperiment, *, stacklevel: int) -> list[LoopCheck]:

@@ -13,13 +13,13 @@ from dqcontrol.geometry.shape_rows import (
     CENTER,
     CORE,
     DISTANCE,
+    HULL,
     KIND,
     NORMAL,
     OFFSET,
     PLANE,
     ROTATION,
     ROUND,
-    SHAPE,
 )
 
 
@@ -30,7 +30,7 @@ def pair_distances(frames, shapes, pairs, shifts, placed, found, out):
     for i in range(out.shape[0]):
         for s in range(shapes.shape[0]):
             body, row = shapes[s, 1:], placed[s]
-            for k in range(SHAPE):
+            for k in range(row.shape[0]):
                 row[k] = body[k]
             if shapes[s, 0] > 0.0:
                 first = 8 * (int(shapes[s, 0]) - 1)
@@ -85,7 +85,7 @@ def _shift(x, y, z, out):
     if out[KIND] == PLANE:
         out[OFFSET] += out[NORMAL] * x + out[NORMAL + 1] * y + out[NORMAL + 2] * z
     else:
-        at = CENTER if out[KIND] == BOX else CORE
+        at = CENTER if out[KIND] == BOX or out[KIND] == HULL else CORE
         out[at] += x
         out[at + 1] += y
         out[at + 2] += z

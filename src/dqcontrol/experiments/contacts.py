@@ -132,14 +132,15 @@ class Contacts:
             self._watched += [*self._obstacles(constraints), *self._bodies_of(world, constraints)]
         shapes = list({id(each): each for pair in self._watched for each in pair[:2]}.values())
         number = {id(each): k for k, each in enumerate(shapes)}
-        self._shapes: Array = np.zeros((len(shapes), 1 + kernels.SHAPE))
+        wide = max((len(each.shape.row) for each in shapes), default=kernels.SHAPE)
+        self._shapes: Array = np.zeros((len(shapes), 1 + wide))
         for row, each in zip(self._shapes, shapes, strict=True):
-            row[0], row[1:] = each.frame, each.shape.row
+            row[0], row[1 : 1 + len(each.shape.row)] = each.frame, each.shape.row
         self._pairs: Array = np.array(
             [[number[id(a)], number[id(b)]] for a, b, *_ in self._watched], np.float64
         )
         self._moved = {number[id(b)]: shifts for _, b, _, shifts in self._watched if shifts is not None}
-        self._work = np.empty((len(shapes), kernels.SHAPE)), np.empty(kernels.FOUND)
+        self._work = np.empty((len(shapes), wide)), np.empty(kernels.FOUND)
 
     def of_run(self, record: Record) -> list[Contact]:
         """Return where a run went through something, the deepest first."""
@@ -277,8 +278,7 @@ def check_floor(robot: Robot, q0: Array, samples: Array) -> None:
     inside = max(-hand[2], _inside_chassis(robot, q0[None], hand[None])[0])
     if inside > 0:
         warnings.warn(
-            f"start: the hand of {robot.name} is {1e3 * inside:.0f} mm inside its chassis or the floor; nothing stops "
-            "it there",
+            f"start: the hand of {robot.name} is {1e3 * inside:.0f} mm inside its chassis or the floor",
             CollisionWarning,
             stacklevel=4,
         )
@@ -287,7 +287,7 @@ def check_floor(robot: Robot, q0: Array, samples: Array) -> None:
     if height[lowest] < 0:
         warnings.warn(
             f"reference: at t = {samples[lowest, TIME]:.3g} s the hand shall be {-1e3 * height[lowest]:.0f} mm below "
-            "the floor (z = 0), which does not stop it",
+            "the floor (z = 0)",
             CollisionWarning,
             stacklevel=4,
         )

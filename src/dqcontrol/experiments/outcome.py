@@ -201,7 +201,7 @@ def felt(record: Record, links: tuple[str, ...]) -> list[str]:
         if not (force.values[:, i] > 0).any():
             continue
         k = int(force.values[:, i].argmax())
-        by = links[int(link[k, i])] if 0 <= link[k, i] < len(links) else "a link"
+        by = links[int(link[k, i])] if 0 <= link[k, i] < len(links) else "chassis"
         deep = 1e3 * float(depth[:, i].max())
         found.append(
             f"hit {name}: {by} {force_text(float(force.values[k, i]))}, {deep:.2g} mm deep at {record.time[k]:.3g} s"

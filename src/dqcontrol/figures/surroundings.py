@@ -10,7 +10,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.constraints.constraint_view import Surroundings
-from dqcontrol.geometry import Box, Capsule, Cylinder, InfiniteCylinder, Plane, Shape, Sphere
+from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, InfiniteCylinder, Plane, Shape, Sphere
 from dqcontrol.loop.kept_signals import DISTANCE
 
 if TYPE_CHECKING:
@@ -188,6 +188,8 @@ def faces_of(shape: Shape, size: float) -> Iterator[Array]:
             for side in (-1.0, 1.0):
                 corners = np.insert(_CORNERS.astype(float), axis, side, axis=1)
                 yield center + (corners * half) @ turn.T
+    elif isinstance(shape, Hull):
+        yield from shape.corners[shape.faces]
     elif isinstance(shape, Plane):
         middle = shape.offset * shape.normal
         yield middle + size * _CORNERS @ shape.axes[:, :2].T

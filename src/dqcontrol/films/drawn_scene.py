@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dqcontrol.constraints.constraint_view import NEAR, ConstraintView
-from dqcontrol.geometry import Box, Capsule, Cylinder, InfiniteCylinder, Plane, Shape, Sphere
+from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, InfiniteCylinder, Plane, Shape, Sphere
 from dqcontrol.world.whereabouts import poses_of
 
 if TYPE_CHECKING:
@@ -36,7 +36,8 @@ class DrawnScene:
             for solid in body.solids
         ]
         self.moves: bool = bool(self._free) or bool(np.ptp(self._shifts, axis=1).any())
-        self.most: int = len(kept.things) + sum(len(shapes) for shapes, _ in self._free) + 2
+        drawn = [thing.shape for thing in kept.things] + [each for shapes, _ in self._free for each in shapes]
+        self.most: int = 2 + sum(len(each.faces) if isinstance(each, Hull) else 1 for each in drawn)
 
     def add(self, mujoco: Any, scene: Any, k: int) -> None:
         """Add what belongs to sample k."""
@@ -75,6 +76,10 @@ class DrawnScene:
             kind = mujoco.mjtGeom.mjGEOM_CYLINDER
             self._connect(mujoco, scene, shape.start + shift, shape.end + shift, shape.radius, rgba, kind)
             return
+        if isinstance(shape, Hull):
+            for corners in shape.corners[shape.faces] + shift:
+                self._triangle(mujoco, scene, corners, rgba)
+            return
         turn, middle = np.eye(3), np.zeros(3)
         if isinstance(shape, Sphere):
             kind, size, middle = mujoco.mjtGeom.mjGEOM_SPHERE, np.full(3, shape.radius), shape.center
@@ -91,6 +96,17 @@ class DrawnScene:
         mujoco.mjv_initGeom(
             geom, kind, np.array(size), np.array(middle) + shift, np.ravel(turn).copy(), colour
         )
+        scene.ngeom += 1
+
+    @staticmethod
+    def _triangle(mujoco: Any, scene: Any, corners: Array, rgba: tuple[float, ...]) -> None:
+        """Add a triangle, whose sides are the first two axes of its geom, of their lengths."""
+        sides = np.diff(corners[[0, 1, 0, 2]], axis=0)[::2]
+        axes = np.vstack([sides, np.cross(*sides)])
+        size = np.linalg.norm(axes, axis=1)
+        turn, colour = (axes / size[:, None]).T, np.array(rgba, dtype=np.float32)
+        kind = mujoco.mjtGeom.mjGEOM_TRIANGLE
+        mujoco.mjv_initGeom(scene.geoms[scene.ngeom], kind, size, corners[0], turn.ravel(), colour)
         scene.ngeom += 1
 
     def _is_floor(self, plane: Plane) -> bool:

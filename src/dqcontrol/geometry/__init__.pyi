@@ -2,12 +2,14 @@ from .bounding_capsule import bounding_capsule as bounding_capsule
 from .floor_map import (
     FloorMap as FloorMap,
     load_map as load_map,
+    save_map as save_map,
 )
 from .shapes import (
     Box as Box,
     Capsule as Capsule,
     Cylinder as Cylinder,
     HalfSpace as HalfSpace,
+    Hull as Hull,
     InfiniteCylinder as InfiniteCylinder,
     Line as Line,
     Plane as Plane,

@@ -1,4 +1,4 @@
-"""Distances of a finite cylinder and another convex shape, compiled, by their support points.
+"""Distances of a finite cylinder, or a hull of points, and another convex shape, compiled, by their support points.
 
 Apart: Gilbert, Johnson and Keerthi (1988), on the difference A − B of the two. In each other: the expanding polytope
 of van den Bergen (2001), which starts from any tetrahedron of support points and grows around the origin. Both end
@@ -12,7 +12,22 @@ import math
 
 from dqcontrol.compiled.compile import inline, shared
 from dqcontrol.compiled.intrinsics import stack_array
-from dqcontrol.geometry.shape_rows import BOX, CYLINDER, FIRST, KIND, LAST, RADIUS, ROUND
+from dqcontrol.geometry.shape_rows import (
+    BOX,
+    CENTER,
+    CORNERS,
+    CYLINDER,
+    EXTENT,
+    FIRST,
+    FIRST_CORNER,
+    HULL,
+    KIND,
+    LAST,
+    NORMAL,
+    OFFSET,
+    RADIUS,
+    ROUND,
+)
 
 _EXACT = 1e-10  # m
 _FLAT = 1e-13  # of a triangle's sides squared: below it three points are on one line
@@ -35,6 +50,33 @@ def _sign(value):
     return 1.0 if value > 0.0 else (-1.0 if value < 0.0 else 0.0)
 
 
+@inline
+def _corner(row, at):
+    """Return a corner of a hull in the world, from where it stands in the row."""
+    u, v, w = row[at], row[at + 1], row[at + 2]
+    return (
+        row[4] + row[7] * u + row[8] * v + row[9] * w,
+        row[5] + row[10] * u + row[11] * v + row[12] * w,
+        row[6] + row[13] * u + row[14] * v + row[15] * w,
+    )
+
+
+@shared
+def _support_of_hull(row, x, y, z):
+    """Return the corner of a hull that lies farthest along a vector."""
+    u = row[7] * x + row[10] * y + row[13] * z
+    v = row[8] * x + row[11] * y + row[14] * z
+    w = row[9] * x + row[12] * y + row[15] * z
+    at = best = int(row[FIRST_CORNER])
+    most = -math.inf
+    for _ in range(int(row[CORNERS])):
+        far = u * row[at] + v * row[at + 1] + w * row[at + 2]
+        if far > most:
+            most, best = far, at
+        at += 3
+    return _corner(row, best)
+
+
 @shared
 def _support(row, low, high, x, y, z):
     """Return the point of a shape, or of the core of a round one, that lies farthest along a vector."""
@@ -47,6 +89,8 @@ def _support(row, low, high, x, y, z):
             row[5] + row[10] * u + row[11] * v + row[12] * w,
             row[6] + row[13] * u + row[14] * v + row[15] * w,
         )
+    if row[KIND] == HULL:
+        return _support_of_hull(row, x, y, z)
     dx, dy, dz = row[5], row[6], row[7]
     along = dx * x + dy * y + dz * z
     s = high if along > 0.0 else low
@@ -198,20 +242,22 @@ def _write(out, distance, x, y, z, px, py, pz, ra, rb, gap):
 
 @inline
 def _ends(row, other):
-    """Return where the core of a shape begins and ends; of an infinite one what is beside a cylinder or box."""
-    if row[KIND] == BOX or row[LAST] < math.inf:
+    """Return where the core of a shape begins and ends; of an infinite one what is beside a cylinder or hull."""
+    if row[KIND] == BOX or row[KIND] == HULL or row[LAST] < math.inf:
         return row[FIRST], row[LAST]
-    x, y, z = other[2] + 0.5 * other[5], other[3] + 0.5 * other[6], other[4] + 0.5 * other[7]
+    if other[KIND] == HULL:
+        x, y, z, reach = other[CENTER], other[CENTER + 1], other[CENTER + 2], other[EXTENT]
+    else:
+        x, y, z = other[2] + 0.5 * other[5], other[3] + 0.5 * other[6], other[4] + 0.5 * other[7]
+        reach = 0.5 * math.sqrt(other[5] ** 2 + other[6] ** 2 + other[7] ** 2) + other[RADIUS]
     dx, dy, dz = row[5], row[6], row[7]
     foot = dx * (x - row[2]) + dy * (y - row[3]) + dz * (z - row[4])
-    half = 0.5 * math.sqrt(other[5] ** 2 + other[6] ** 2 + other[7] ** 2)
-    reach = half + other[RADIUS]
     return foot - reach, foot + reach
 
 
 @shared
 def convex_distance(a, b, out):
-    """Find the distance of two shapes of which one is a cylinder, and the other round, a box or a cylinder."""
+    """Find the distance of two shapes of which one is a cylinder or hull, and the other not a plane."""
     low, high = _ends(a, b)
     first, last = _ends(b, a)
     ends = (low, high, first, last)
@@ -344,7 +390,29 @@ def _expand(a, b, ends, ra, rb, out):
                 break
             _add_face(p, faces, count, int(rim[2 * e]), int(rim[2 * e + 1]), new)
             count += 1
+    if a[KIND] != CYLINDER and b[KIND] != CYLINDER:
+        px, py, pz = _point_on_face(p, faces, count, depth, px, py, pz)
     _write(out, -depth - ra - rb, -nx, -ny, -nz, px, py, pz, ra, rb, -depth)
+
+
+@shared
+def _point_on_face(p, faces, count, depth, px, py, pz):
+    """Return the point of A at the foot of the origin on the nearest face, which several triangles may make up.
+
+    Where corners meet edges or edges each other, the corner of A that lies farthest is not that point.
+    """
+    nearest = math.inf
+    for f in range(count):
+        at = _FACE * f
+        if faces[at + 6] <= depth + _EXACT:
+            i, j, k = int(faces[at]), int(faces[at + 1]), int(faces[at + 2])
+            u, v, w, square = _nearest_on_triangle(p, i, j, k)
+            if square < nearest:
+                nearest = square
+                px = u * p[i + 3] + v * p[j + 3] + w * p[k + 3]
+                py = u * p[i + 4] + v * p[j + 4] + w * p[k + 4]
+                pz = u * p[i + 5] + v * p[j + 5] + w * p[k + 5]
+    return px, py, pz
 
 
 @inline
@@ -359,8 +427,32 @@ def _toggle(rim, edges, i, j):
     return edges + 1
 
 
+@inline
+def convex_plane(a, b, out):
+    """Find the distance of a cylinder or a hull and a plane."""
+    if a[KIND] == HULL:
+        _hull_plane(a, b, out)
+    else:
+        _cylinder_plane(a, b, out)
+
+
 @shared
-def cylinder_plane(a, b, out):
+def _hull_plane(a, b, out):
+    """Find the distance of a hull and a plane: of its lowest corner, or the middle of those that are as low."""
+    nx, ny, nz = b[NORMAL], b[NORMAL + 1], b[NORMAL + 2]
+    px, py, pz = _support_of_hull(a, -nx, -ny, -nz)
+    height = nx * px + ny * py + nz * pz - b[OFFSET]
+    at, count, sx, sy, sz = int(a[FIRST_CORNER]), 0, 0.0, 0.0, 0.0
+    for _ in range(int(a[CORNERS])):
+        x, y, z = _corner(a, at)
+        if nx * x + ny * y + nz * z - b[OFFSET] <= height + _SEEN:
+            count, sx, sy, sz = count + 1, sx + x, sy + y, sz + z
+        at += 3
+    _write(out, height, nx, ny, nz, sx / count, sy / count, sz / count, 0.0, 0.0, height)
+
+
+@shared
+def _cylinder_plane(a, b, out):
     """Find the distance of a cylinder and a plane: of its lowest rim point, or an end's middle."""
     nx, ny, nz = b[2], b[3], b[4]
     dx, dy, dz = a[5], a[6], a[7]

@@ -2,7 +2,7 @@
 
 A shape is a row of 16 numbers; the first is its kind. Spheres, capsules, cylinders, points and lines are *round*: all
 points within a radius of a core p + s d with s from `FIRST` to `LAST` (point: 0 to 0; segment: 0 to 1; line: −∞ to ∞).
-Planes, boxes and finite cylinders are the other kinds.
+Planes, boxes, finite cylinders and hulls of points are the other kinds; a hull's corners stand behind its 16.
 
 What is found about a pair is a row of 10: the signed distance of the surfaces, the unit normal n from b to a, and the
 point on a and on b. Both points, and those of the cores, lie on one line along n, so that for any motion of the two
@@ -15,18 +15,22 @@ from __future__ import annotations
 import math
 
 from dqcontrol.compiled.compile import READ, READ2, STATUS, WRITE, WRITE2, inline, kernel, shared
-from dqcontrol.geometry.convex_kernels import convex_distance, cylinder_plane
+from dqcontrol.geometry.convex_kernels import convex_distance, convex_plane
 from dqcontrol.geometry.shape_rows import (
     ALONG as ALONG,
     BOX,
     CENTER as CENTER,
     CORE as CORE,
+    CORNERS as CORNERS,
     CYLINDER,
     DIRECTION as DIRECTION,
     DISTANCE as DISTANCE,
+    EXTENT as EXTENT,
     FIRST,
+    FIRST_CORNER as FIRST_CORNER,
     FOUND as FOUND,
     HALF as HALF,
+    HULL as HULL,
     KIND,
     LAST,
     NORMAL,
@@ -547,11 +551,11 @@ def find_distance(a, b, out):
     if first == ROUND and second == ROUND:
         round_round(a, b, out)
         return True
-    if first == CYLINDER or second == CYLINDER:
+    if first >= CYLINDER or second >= CYLINDER:
         if second == PLANE:
-            cylinder_plane(a, b, out)
+            convex_plane(a, b, out)
         elif first == PLANE:
-            cylinder_plane(b, a, out)
+            convex_plane(b, a, out)
             _swap(out)
         else:
             convex_distance(a, b, out)

@@ -1,4 +1,4 @@
-"""Maps of floors: polygons, or a grid as ROS's map server writes it, which bases and arms keep out of."""
+"""Maps of floors that bases and arms keep out of: polygons, or a grid as of ROS's map server, read and written."""
 
 from __future__ import annotations
 
@@ -13,7 +13,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.errors import (
+    ExistsError,
+    FileFormatError,
+    ShapeError,
+    ValueRangeError,
+    as_array,
+    as_positive,
+    writing,
+)
+from dqcontrol.files.plain_data import yaml_text
+from dqcontrol.files.whole_file import whole_file
 from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
 from dqcontrol.geometry.shapes import Box
 
@@ -22,6 +32,8 @@ _EDGE = 0.01  # m; thickness of the walls that stand for a polygon that is no re
 _SQUARE = 1e-6  # of a rectangle's sides
 _MOST_POLYGONS = 2000
 _MOST_CELLS = 16_000_000
+_CELL = 0.05  # m, as most maps of indoor robots have
+_ALIGNED = 1e-6  # cells; what is nearer than this to a cell's rim is there by rounding
 _NEITHER = "expected 'polygons', a list of lists of points [x, y] in m, or 'image' and 'resolution'"
 
 
@@ -191,6 +203,101 @@ def load_map(path: str | Path, height: float | None = None) -> FloorMap:
     grid = convert(path, data, _GridFile)
     found = _of_grid(path, _occupied(path, grid), grid)
     return found if height is None else FloorMap(found.polygons, height)
+
+
+def save_map(floor: FloorMap, image: str | Path, resolution: float = _CELL, *, force: bool = False) -> Path:
+    """Write a map as ROS's map server reads it: an image, and a YAML file of its name beside it; return that.
+
+    A cell is occupied if something stands in any part of it, all others are free; `load_map` reads it again.
+
+    Parameters
+    ----------
+    floor
+        The map.
+    image
+        New file, PGM or PNG.
+    resolution
+        m a cell.
+    force
+        Replace existing files.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError, FileFormatError, ExistsError
+        If nothing stands there, it has too many cells, the suffix is another one, or a file exists already.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile, dqcontrol as dqc
+    >>> column = dqc.geometry.FloorMap([[[1, 0], [1.4, 0], [1.4, 0.4], [1, 0.4]]])
+    >>> written = dqc.geometry.save_map(column, pathlib.Path(tempfile.mkdtemp()) / "room.pgm")
+    >>> dqc.geometry.load_map(written).clearance([[0, 0], [1.2, 0.1]]).round(3).tolist()
+    [1.0, -0.1]
+    """
+    file, size = Path(image), as_positive("resolution", resolution)
+    if file.suffix.lower() not in (".pgm", ".png"):
+        raise FileFormatError(f"{file}: a map's image is a .pgm or .png, got '{file.suffix}'")
+    if not floor.polygons:
+        raise ShapeError("floor: nothing stands on it, so its map has no cells")
+    corners = np.vstack(floor.polygons) / size
+    low = np.floor(corners.min(axis=0) + _ALIGNED).astype(int) - 1
+    columns, rows = np.ceil(corners.max(axis=0) - _ALIGNED).astype(int) + 1 - low
+    if columns * rows > _MOST_CELLS:
+        raise ValueRangeError(
+            f"resolution: {size:g} m makes {columns * rows:,} cells of it, at most {_MOST_CELLS:,}"
+        )
+    shade = np.where(_touched(floor, low, columns, rows, size), 0, 254).astype(np.uint8)[::-1]
+    description = file.with_suffix(".yaml")
+    for path in (file, description):
+        if path.exists() and not force:
+            raise ExistsError(f"{path}: exists already")
+    numbers = {
+        "image": file.name,
+        "mode": "trinary",
+        "resolution": size,
+        "origin": [*(size * low).tolist(), 0.0],
+    }
+    numbers |= {"negate": 0, "occupied_thresh": 0.65, "free_thresh": 0.196, "height": floor.height}
+    with writing(file), whole_file(file, overwrite=force) as draft:
+        draft.write_bytes(_image(shade, file.suffix.lower()))
+    with writing(description), whole_file(description, overwrite=force) as draft:
+        draft.write_text(yaml_text(numbers), encoding="utf-8")
+    return description
+
+
+def _image(shade: NDArray[np.uint8], suffix: str) -> bytes:
+    """Return grey cells, the highest row first, as a file's contents."""
+    if suffix == ".pgm":
+        return f"P5\n{shade.shape[1]} {shade.shape[0]}\n255\n".encode() + shade.tobytes()
+    from io import BytesIO
+
+    from matplotlib.image import imsave
+
+    out = BytesIO()
+    imsave(out, np.repeat(shade[..., None], 3, axis=2), format="png")
+    return out.getvalue()
+
+
+def _touched(
+    floor: FloorMap, low: NDArray[np.intp], columns: int, rows: int, size: float
+) -> NDArray[np.bool_]:
+    """Return which cells something stands in, shape (rows, columns), the lowest row first."""
+    found = np.zeros((rows, columns), dtype=bool)
+    x = size * (low[0] + 0.5 + np.arange(columns))
+    half = 0.5 * size * (1 - _ALIGNED)  # what only touches a cell's rim is beside it
+    for row in range(rows):
+        y = size * (low[1] + 0.5 + row)
+        heights = floor._edges[:, 1::2]
+        near = (heights.min(axis=1) < y + half) & (heights.max(axis=1) > y - half)
+        for x1, y1, x2, y2 in floor._edges[near]:
+            across = np.abs((y2 - y1) * (x - x1) - (x2 - x1) * (y - y1))
+            found[row] |= (
+                (across < half * (abs(y2 - y1) + abs(x2 - x1)))
+                & (x + half > min(x1, x2))
+                & (x - half < max(x1, x2))
+            )
+        found[row] |= floor.holds(np.column_stack([x, np.full(columns, y)]))
+    return found
 
 
 def _cross(a: Array, b: Array) -> Array:

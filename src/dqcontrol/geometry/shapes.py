@@ -1,16 +1,16 @@
-"""Points, lines, planes, spheres, cylinders, capsules and boxes: numbers of a body that keeps its form.
+"""Points, lines, planes, spheres, cylinders, capsules, boxes and hulls: numbers of a body that keeps its form.
 
 All lengths are in m, in whatever frame their owner says; `moved` carries a shape from a frame into another.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
@@ -27,12 +27,12 @@ class Shape:
     _lengths: ClassVar[tuple[str, ...]] = ()  # and that it leaves alone, ≥ 0
 
     def __post_init__(self) -> None:
-        for field in self._positions:
-            _keep(self, field)
-        for field in self._directions:
-            _keep_direction(self, field)
-        for field in self._lengths:
-            object.__setattr__(self, field, as_positive(field, getattr(self, field), zero_allowed=True))
+        for name in self._positions:
+            _keep(self, name)
+        for name in self._directions:
+            _keep_direction(self, name)
+        for name in self._lengths:
+            object.__setattr__(self, name, as_positive(name, getattr(self, name), zero_allowed=True))
 
     def moved(self, pose: ArrayLike) -> Self:
         """Return the shape where a pose takes it: from the frame of the link that carries it to the inertial frame.
@@ -61,8 +61,8 @@ class Shape:
         return self._carried(matrix[:3, :3], matrix[:3, 3])
 
     def _carried(self, rotation: Array, position: Array) -> Self:
-        positions = {field: rotation @ getattr(self, field) + position for field in self._positions}
-        directions = {field: rotation @ getattr(self, field) for field in self._directions}
+        positions = {name: rotation @ getattr(self, name) + position for name in self._positions}
+        directions = {name: rotation @ getattr(self, name) for name in self._directions}
         return replace(self, **positions, **directions)
 
     @cached_property
@@ -343,10 +343,7 @@ class Box(Shape):
     size: Array
 
     def __post_init__(self) -> None:
-        x = as_array("pose", self.pose, (8,))
-        if x.ndim != 1:
-            raise ShapeError(f"pose: expected one pose, shape (8,), got {x.shape}")
-        _freeze(self, "pose", algebra.as_unit("pose", x))
+        _keep_pose(self)
         _keep(self, "size")
         if (self.size <= 0).any():
             raise ValueRangeError(f"size: must be > 0, got {self.size.tolist()}")
@@ -363,10 +360,99 @@ class Box(Shape):
         row[kernels.ROTATION :] = matrix[:3, :3].ravel()
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class Hull(Shape):
+    """The convex hull of points, solid.
+
+    Parameters
+    ----------
+    pose
+        Unit dual quaternion (8,) of the frame of the points.
+    points
+        Shape (N, 3), m, not all in one plane; those inside are dropped.
+
+    Attributes
+    ----------
+    faces
+        Numbers of the three corners of each triangle of its surface, shape (F, 3); they turn left as seen from outside.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If a shape or a value is wrong.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> wedge = dqc.geometry.Hull([1, 0, 0, 0, 0, 0, 0, 0], [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    >>> round(dqc.geometry.distance(dqc.geometry.Sphere([1, 1, 1], 0.1), wedge).distance, 9)  # (3 − 1)/√3 − 0.1
+    1.054700538
+    """
+
+    pose: Array
+    points: Array
+    faces: NDArray[np.intp] = field(init=False)
+
+    def __post_init__(self) -> None:
+        from scipy.spatial import ConvexHull, QhullError
+
+        _keep_pose(self)
+        given = as_array("points", self.points, (None, 3))
+        if given.ndim != 2:
+            raise ShapeError(f"points: expected shape (N, 3), got {given.shape}")
+        try:
+            hull = ConvexHull(given)
+        except (QhullError, ValueError):
+            raise ValueRangeError(f"points: {len(given)} of them span no volume") from None
+        faces = np.searchsorted(hull.vertices, hull.simplices)
+        _freeze(self, "points", given[hull.vertices])
+        a, b, c = (self.points[faces[:, k]] for k in range(3))
+        inward = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0
+        faces[inward] = faces[inward][:, ::-1]
+        object.__setattr__(self, "faces", faces)
+
+    @property
+    def corners(self) -> Array:
+        """Its corners in the frame of the pose's, shape (N, 3), m."""
+        matrix = algebra.matrix_from_pose(self.pose)
+        return self.points @ matrix[:3, :3].T + matrix[:3, 3]
+
+    def _carried(self, rotation: Array, position: Array) -> Self:
+        found = object.__new__(type(self))
+        moved = algebra.pose(algebra.rotation_from_matrix(rotation), position)
+        _freeze(found, "pose", algebra.multiply(moved, self.pose))
+        object.__setattr__(found, "points", self.points)
+        object.__setattr__(found, "faces", self.faces)
+        return found
+
+    @cached_property
+    def row(self) -> Array:
+        """The numbers that compiled code takes, shape (16 + 3 N,), corners in the axes of the pose last."""
+        row = np.concatenate([np.zeros(kernels.SHAPE), self.points.ravel()])
+        matrix = algebra.matrix_from_pose(self.pose)
+        row[kernels.KIND] = kernels.HULL
+        row[kernels.FIRST_CORNER], row[kernels.CORNERS] = kernels.SHAPE, len(self.points)
+        row[kernels.EXTENT] = np.linalg.norm(self.points, axis=1).max()
+        row[kernels.CENTER : kernels.CENTER + 3] = matrix[:3, 3]
+        row[kernels.ROTATION : kernels.SHAPE] = matrix[:3, :3].ravel()
+        row.flags.writeable = False
+        return row
+
+    def __repr__(self) -> str:
+        return f"Hull(pose={_text(self.pose)}, points={len(self.points)})"
+
+
 def _freeze(shape: Shape, field: str, value: Array) -> None:
     value = value.copy()
     value.flags.writeable = False
     object.__setattr__(shape, field, value)
+
+
+def _keep_pose(shape: Box | Hull) -> None:
+    x = as_array("pose", shape.pose, (8,))
+    if x.ndim != 1:
+        raise ShapeError(f"pose: expected one pose, shape (8,), got {x.shape}")
+    _freeze(shape, "pose", algebra.as_unit("pose", x))
 
 
 def _keep(shape: Shape, field: str) -> None:

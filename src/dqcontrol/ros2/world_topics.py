@@ -13,7 +13,7 @@ from rclpy.qos import QoSProfile
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
+from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, Plane, Shape, Sphere
 from dqcontrol.loop.control import Control
 from dqcontrol.ros2.base_transform import TF, tf_message
 from dqcontrol.ros2.messages import RefusedError
@@ -118,6 +118,8 @@ def body_markers(messages: Any, name: str, body: Body, pose: Array) -> Iterator[
             for kind, scale, place in _forms(messages.Marker, shape.moved(pose)):
                 marker = messages.Marker(ns=name, type=kind, action=messages.Marker.ADD, pose=_pose(place))
                 marker.scale.x, marker.scale.y, marker.scale.z = (float(each) for each in scale)
+                if isinstance(shape, Hull):
+                    marker.points = [_point(corner) for corner in shape.points[shape.faces].reshape(-1, 3)]
                 marker.color.r, marker.color.g, marker.color.b, marker.color.a = _COLOUR
                 yield marker
 
@@ -127,6 +129,8 @@ def _forms(marker: Any, shape: Shape) -> Iterator[tuple[int, Any, Array]]:
     still = [1.0, 0, 0, 0]
     if isinstance(shape, Box):
         yield marker.CUBE, shape.size, shape.pose
+    elif isinstance(shape, Hull):
+        yield marker.TRIANGLE_LIST, [1.0] * 3, shape.pose
     elif isinstance(shape, Sphere):
         yield marker.SPHERE, [2 * shape.radius] * 3, algebra.pose(still, shape.center)
     elif isinstance(shape, Plane):
@@ -143,9 +147,13 @@ def _forms(marker: Any, shape: Shape) -> Iterator[tuple[int, Any, Array]]:
             yield marker.SPHERE, [wide] * 3, algebra.pose(still, end)
 
 
+def _point(at: Array) -> Point:
+    return Point(x=float(at[0]), y=float(at[1]), z=float(at[2]))
+
+
 def _pose(pose: Array) -> Pose:
     at, turn = algebra.translation(pose), algebra.rotation(pose)
-    found = Pose(position=Point(x=float(at[0]), y=float(at[1]), z=float(at[2])))
+    found = Pose(position=_point(at))
     orientation = found.orientation
     orientation.w, orientation.x, orientation.y, orientation.z = (float(each) for each in turn)
     return found

@@ -15,7 +15,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, error_prefix
 from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere, load_map
 from dqcontrol.named_fields import NamedFields
-from dqcontrol.world.mesh import box_around, convex_parts
+from dqcontrol.world.mesh import hulls
 
 Number3 = tuple[float, float, float]
 Place = Annotated[Number3, Meta(description="m")]
@@ -47,7 +47,7 @@ class Solid(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     container
         Inside of an open box, m, whose ``position`` is the middle of its bottom's underside.
     mesh
-        STL, OBJ or PLY file in m. It is taken for convex parts, in physics, and for the boxes around them elsewhere.
+        STL, OBJ or PLY file in m, taken apart into convex parts.
     map
         Map of a floor, see `geometry.load_map`.
     height
@@ -109,7 +109,7 @@ class Solid(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
         if kind == "map":
             return [each.moved(self.pose) for each in _boxes_of_map(str(self.map), self.height)]
         if kind == "mesh":
-            return [box_around(part).moved(self.pose) for part in convex_parts(str(self.mesh))]
+            return [each.moved(self.pose) for each in hulls(str(self.mesh))]
         if kind == "container":
             return [each.moved(self.pose) for each in self._walls()]
         return [self._convex().moved(self.pose)]
@@ -156,12 +156,15 @@ class Motion(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True)
         by these rows [t, x, y, z] (s, m): shifts from its place, straight between them, resting at both ends.
     speed
         At most this fast it may also come nearer than that, m/s.
+    announced
+        Whether plans know how it is going to move; where not, it stands for them where it is when they are made.
     """
 
     spec_key: ClassVar[str] = "world.moves"
     velocity: Annotated[Number3, Meta(description="m/s")] | None = None
     path: Annotated[list[tuple[float, float, float, float]], Meta(min_length=2)] | None = None
     speed: Annotated[float, Meta(ge=0, description="m/s")] = 0.0
+    announced: bool = True
 
     def __post_init__(self) -> None:
         if self.velocity is not None and self.path is not None:
@@ -344,6 +347,12 @@ class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
         if self.watch is not None and role not in _BY_PHYSICS:
             raise ShapeError(f"watch: measures where physics moves a body, and this is {role}; take it away")
         return role
+
+    @property
+    def is_floor(self) -> bool:
+        """Whether it is the floor z = 0, which a mobile base has anyway."""
+        plane = self.shapes[0] if self.plane is not None else None
+        return isinstance(plane, Plane) and plane.normal[2] > 1 - 1e-9 and abs(plane.offset) < 1e-9
 
     @property
     def is_moved_by_physics(self) -> bool:

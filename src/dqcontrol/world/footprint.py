@@ -9,7 +9,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
-from dqcontrol.geometry import Box, Capsule, Cylinder, FloorMap, Shape, Sphere, load_map
+from dqcontrol.geometry import Box, Capsule, Cylinder, FloorMap, Hull, Shape, Sphere, load_map
 from dqcontrol.world.body import Body
 from dqcontrol.world.world import World
 
@@ -113,6 +113,8 @@ def _top(shape: Shape) -> float:
         along = shape.end - shape.start
         level = np.linalg.norm(along[:2]) / np.linalg.norm(along) if isinstance(shape, Cylinder) else 1.0
         return float(max(shape.start[2], shape.end[2]) + level * shape.radius)
+    if isinstance(shape, Hull):
+        return float(shape.corners[:, 2].max())
     assert isinstance(shape, Box)
     return float(shape.row[6] + np.abs(shape.row[7:].reshape(3, 3)[2]) @ shape.row[1:4])
 
@@ -133,6 +135,8 @@ def _shadow(shape: Shape) -> Array:
             return np.array([*shape.start[:2], shape.radius])
         rim = _rim(shape.radius)
         return _hull(np.vstack([shape.start[:2] + rim, shape.end[:2] + rim]))
+    if isinstance(shape, Hull):
+        return _hull(shape.corners[:, :2])
     if isinstance(shape, Box):
         signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], np.float64)
         corners = shape.row[4:7] + (signs * shape.row[1:4]) @ shape.row[7:].reshape(3, 3).T

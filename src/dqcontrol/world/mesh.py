@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from dqcontrol import algebra
-from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, MissingExtraError
-from dqcontrol.geometry import Box
+from dqcontrol.geometry import Hull
 
 _MOST_FACES = 500_000  # taking them apart takes minutes beyond
 _THRESHOLD = 0.05  # of CoACD: concavity that a part may have, as a share of the mesh's size
 _CONVEX = 0.999  # of a hull's volume
+_HERE = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
 
 
 @lru_cache(maxsize=16)
@@ -55,23 +54,7 @@ def convex_parts(file: str) -> tuple[Any, ...]:
     return tuple(trimesh.Trimesh(*part).convex_hull for part in parts)
 
 
-def box_around(hull: Any) -> Box:
-    """Return the smallest box around a convex part."""
-    to_box, size = (
-        hull.bounding_box_oriented.primitive.transform,
-        hull.bounding_box_oriented.primitive.extents,
-    )
-    matrix = np.asarray(to_box, np.float64)
-    return Box(
-        algebra.pose(algebra.rotation_from_matrix(matrix[:3, :3]), matrix[:3, 3]),
-        np.asarray(size, np.float64),
-    )
-
-
-def excess(hull: Any, box: Box) -> float:
-    """Return how far a corner of the box around a part is from the part, m."""
-    import trimesh
-
-    signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], np.float64)
-    corners: Array = box.row[4:7] + (signs * box.row[1:4]) @ box.row[7:].reshape(3, 3).T
-    return float(trimesh.proximity.closest_point_naive(hull, corners)[1].max())
+@lru_cache(maxsize=16)
+def hulls(file: str) -> tuple[Hull, ...]:
+    """Return the convex parts of a mesh as shapes, in its own axes; see `convex_parts`."""
+    return tuple(Hull(_HERE, np.asarray(part.vertices)) for part in convex_parts(file))

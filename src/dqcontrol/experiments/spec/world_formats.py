@@ -17,7 +17,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, ValueRangeError, error_prefix
 from dqcontrol.files.yaml_file import read_text
-from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
+from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, Plane, Shape, Sphere
 from dqcontrol.plants.mujoco.world_model import add_world
 from dqcontrol.robots.files.mujoco_package import import_mujoco
 from dqcontrol.world import Body, World
@@ -312,7 +312,8 @@ def _primitive(shape: Shape) -> tuple[str, Array, Array]:
             np.array([shape.radius, length]),
             algebra.pose(algebra.rotation_from_matrix(plane.axes), middle),
         )
-    raise ValueRangeError(f"this format has no {type(shape).__name__.lower()}")
+    kind = "mesh" if isinstance(shape, Hull) else type(shape).__name__.lower()
+    raise ValueRangeError(f"this format has no {kind}")
 
 
 def _pose_of(position: list[float], quaternion: list[float]) -> Array:

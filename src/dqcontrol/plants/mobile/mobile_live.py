@@ -19,7 +19,7 @@ from dqcontrol.plants.mobile.wheeled_base import yaw_of
 from dqcontrol.plants.mujoco.gripper import GRIPPER_OPENING, LiveGripper
 from dqcontrol.plants.mujoco.mujoco_live import LOST, JointEncoders, check_rate
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
-from dqcontrol.plants.mujoco.world_model import WorldBodies
+from dqcontrol.plants.mujoco.world_model import WorldBodies, WorldContacts
 from dqcontrol.plants.plant import as_command
 from dqcontrol.robots.whole_body import WholeBody
 
@@ -43,7 +43,8 @@ class LiveMobile(LivePlant):
     channels, readings
         What is recorded beside them: angles, torques and slip of the wheels (slip of a drive: speed of each wheel's
         contact along the heading, and of the axle across it; of wheels with rollers: along the axis of the roller),
-        tilt and pose of the base, opening of the gripper, where bodies of the world are that physics moves,
+        tilt and pose of the base, opening of the gripper, what links touch, where
+        bodies of the world are that physics moves,
         and with a camera the age of its last frame and the share of the commands that is obeyed.
     dofs
         MuJoCo's indices of the arm's joint velocities.
@@ -72,13 +73,17 @@ class LiveMobile(LivePlant):
         self.dofs: NDArray[np.intp] = dofs_of(model, joints)
         self._wheels, self._wheel_dofs = coordinates_of(model, gear.joints), dofs_of(model, gear.joints)
         self._gripper = LiveGripper(plant.gripper, model, self.data) if plant.gripper is not None else None
-        self._bodies = WorldBodies(plant.bodies, model, self.data, run[0], run[2])
+        world, period, seed = plant.world, run[0], run[2]
+        self._world = WorldContacts(world, robot, model, self.data, period, seed) if world else None
+        self._bodies = self._world.bodies if self._world else WorldBodies({}, model, self.data, period, seed)
         self.seen = self._bodies.seen
         self._encoders = JointEncoders(plant, len(joints), run[2])
         self._slid = 0.0  # s
         inputs = robot.in_form("constrained").acceleration_limits("plant")
         self._acceleration, self._moving = inputs[: gear.inputs], np.zeros(gear.inputs)
-        self.channels: tuple[Channel, ...] = _channels(plant, gear, self._bodies.channels)
+        self.channels: tuple[Channel, ...] = _channels(
+            plant, gear, self._world.channels if self._world else ()
+        )
         wheels, slips = len(gear.wheels), len(gear.slips)
         self._tilt = 2 * wheels + slips  # among the readings
         self._slip = slice(2 * wheels, self._tilt)
@@ -101,6 +106,11 @@ class LiveMobile(LivePlant):
         data.qpos[:7] = q[0], q[1], 0.0, math.cos(q[2] / 2), 0.0, 0.0, math.sin(q[2] / 2)
         data.qpos[self._wheels] = 0.0
         data.qpos[self._joints] = q[3:]
+
+    def check_start(self) -> None:
+        """Raise if a link starts in a body of the world, or in another link."""
+        if self._world is not None:
+            self._world.check_start()
 
     def settle(self, start: Array, steps: int) -> None:
         """Let the robot come to rest on its contacts, and start the clock there."""
@@ -236,8 +246,11 @@ class LiveMobile(LivePlant):
         if self._gripper is not None:
             self._gripper.read(out[at : at + 1])
             at += 1
-        self._bodies.read(out[at : at + self._bodies.size])
-        at += self._bodies.size
+        if self._world is not None:
+            self._world.read()
+            size = len(self._world.readings)
+            out[at : at + size] = self._world.readings
+            at += size
         if self._sight is not None:
             out[at : at + 2] = self._sight.age, self._sight.share
 
@@ -268,7 +281,7 @@ def dofs_of(model: Any, joints: Sequence[str]) -> NDArray[np.intp]:
     return np.array([int(model.joint(name).dofadr[0]) for name in joints], dtype=np.intp)
 
 
-def _channels(plant: MobilePlant, gear: RunningGear, bodies: tuple[Channel, ...]) -> tuple[Channel, ...]:
+def _channels(plant: MobilePlant, gear: RunningGear, world: tuple[Channel, ...]) -> tuple[Channel, ...]:
     """Return what is read, in the order of `LiveMobile.readings`."""
     return (
         Channel("wheel_angle", gear.wheels, "rad"),
@@ -278,6 +291,6 @@ def _channels(plant: MobilePlant, gear: RunningGear, bodies: tuple[Channel, ...]
         Channel(BASE_POSITION, ("x", "y", "z"), "m"),
         Channel(BASE_QUATERNION, ("w", "x", "y", "z"), ""),
         *([Channel(GRIPPER_OPENING, (), "m")] if plant.gripper is not None else []),
-        *bodies,
+        *world,
         *(CAMERA_CHANNELS if plant.location in SEEN else ()),
     )

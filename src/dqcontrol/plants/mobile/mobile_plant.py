@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from msgspec import Meta
@@ -10,7 +10,6 @@ from msgspec.structs import replace
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each, unknown_name
-from dqcontrol.geometry import Plane
 from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.mobile.live_camera import SEEN
 from dqcontrol.plants.mobile.mobile_live import LiveMobile, dofs_of
@@ -26,7 +25,7 @@ from dqcontrol.plants.mobile.wheeled_base import (
 from dqcontrol.plants.mujoco.gripper import Gripper, add_gripper
 from dqcontrol.plants.mujoco.mujoco_model import add_arm, add_inertias, compiled, import_mujoco
 from dqcontrol.plants.mujoco.mujoco_servos import JointServos
-from dqcontrol.plants.mujoco.world_model import add_world
+from dqcontrol.plants.mujoco.world_model import add_links, add_world
 from dqcontrol.plants.plant import PhysicsPicture, plants_that_drive, start_within_limits
 from dqcontrol.robots.bases import DifferentialDrive
 from dqcontrol.robots.roller_bases import RollerBase
@@ -50,10 +49,10 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
     The base, a differential drive or one on mecanum or omni wheels, is a free body; its wheels touch the floor with
     friction and are turned by speed controllers, which get ω_r = (v + b ω)/r and ω_l = (v − b ω)/r, or what
     ``RollerBase.wheel_speeds`` says, all scaled down where the rims would be too fast. The arm's joints have
-    the position servos of `MujocoPlant`, with the same parameters. The arm touches nothing; fingers and chassis touch
-    cubes, baskets and the floor. A base that does not stand under its arm in all postures within the joint limits is
-    refused; a run ends as toppled when the base tilts by more than ``TOPPLED``, and as slipping when a wheel has slid
-    faster than ``SLIDING`` for ``SLIDES_FOR``.
+    the position servos of `MujocoPlant`, with the same parameters. In a world chassis, links and fingers touch bodies
+    and the floor, and those links each other that the robot's file keeps apart. A base that does not stand under its
+    arm in all postures within the joint limits is refused; a run ends as toppled when the base tilts by more than
+    ``TOPPLED``, and as slipping when a wheel has slid faster than ``SLIDING`` for ``SLIDES_FOR``.
 
     Configuration x, y and φ are those of the point of the floor below the middle of the axle, or of all wheels; the
     whole pose of the base is recorded beside it.
@@ -79,7 +78,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
     gripper
         At the hand of one arm; none if omitted.
     world
-        What chassis and fingers touch; the floor is there anyway. A spec gives its own.
+        What chassis, links and fingers touch; the floor is there anyway. A spec gives its own.
 
     Examples
     --------
@@ -101,6 +100,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
     armature: Annotated[float | list[float], Meta(description="kg m² or kg")] = 0.02
     gripper: Gripper | None = None
     world: World | None = None
+    touches_world: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -110,14 +110,14 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             raise ValueRangeError(f"plant.link_mass: must be > 0, got {self.link_mass}")
 
     def in_world(self, world: World) -> Self:
-        """Return it with what its chassis and fingers touch."""
+        """Return it with what its chassis, links and fingers touch."""
         return replace(self, world=world)
 
     @property
     def bodies(self) -> dict[str, Body]:
         """What stands on the floor, by name."""
         given = {} if self.world is None else self.world.bodies
-        return {name: body for name, body in given.items() if not _is_floor(body)}
+        return {name: body for name, body in given.items() if not body.is_floor}
 
     def body_of(self, robot: Robot) -> Robot:
         """Return the robot with the chassis of this plant."""
@@ -153,6 +153,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             If the robot has another base, one whose body is unknown, or one that falls over under its arm, or something
             does not fit it.
         """
+        robot = self.body_of(robot)
         gear, arm = self._parts_of(robot)
         if arm is not None:
             check_standing(robot.name, gear, arm)
@@ -163,6 +164,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         live.place(start)
         mujoco = import_mujoco()
         mujoco.mj_forward(model, live.data)
+        live.check_start()
         if arm is not None:
             self.set_servos(arm, model, live.data, start[3:], live.dofs)
         live.settle(start, round(_SETTLING / self.timestep))
@@ -256,6 +258,9 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         """Return the model, with contacts that grip: friction is nearly rigid below its limit."""
         mujoco = import_mujoco()
         spec = self._spec(robot, gear, arm, self.bodies)
+        if self.world is not None and arm is not None:
+            base = robot.configuration_size - arm.configuration_size
+            add_links(spec, robot, self.timestep, gripper=self.gripper, base=base)
         option = spec.option
         option.timestep, option.gravity = self.timestep, self.gravity
         option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -267,9 +272,3 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         names = robot.joint_names[3:]
         damping[dofs_of(model, names)] = as_each("plant.viscous_friction", self.viscous_friction, len(names))
         return model
-
-
-def _is_floor(body: Body) -> bool:
-    """Return whether a body is the floor z = 0, which a mobile base has anyway."""
-    plane = next(iter(body.shapes)) if body.plane is not None else None
-    return isinstance(plane, Plane) and plane.normal[2] > 1 - 1e-9 and abs(plane.offset) < 1e-9

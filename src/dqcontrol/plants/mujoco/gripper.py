@@ -8,8 +8,10 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from msgspec import Meta
 
+from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
+from dqcontrol.geometry import Capsule, Shape
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.channels import Channel
 from dqcontrol.robots.files.mujoco_package import import_mujoco
@@ -20,7 +22,7 @@ _HANDS = ("first", "second", "third", "fourth")
 _AXES: dict[str, tuple[int, int, int]] = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
 _METAL = (0.35, 0.37, 0.40, 1.0)
 _PAD = (0.95, 0.45, 0.10, 1.0)
-_BODIES = 2  # bit of MuJoCo's contacts that bodies of the world have
+BODIES = 2  # bit of MuJoCo's contacts of bodies of the world: what moves the robot has it as affinity alone
 _PAST = 0.012  # m; the fingers reach so far beyond the hand's point
 
 
@@ -88,6 +90,28 @@ class Gripper(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True
         if any(later <= earlier for earlier, later in pairwise(times)):
             raise ValueRangeError(f"plant.gripper.schedule: times must increase, got {times}")
 
+    def behind_fingers(self, shape: Shape, tool: Array) -> Shape:
+        """Return a link's capsule up to where the fingers begin, a ball at least; other shapes as they are.
+
+        Parameters
+        ----------
+        shape
+            In the frame of the link that carries the hand.
+        tool
+            Orientation and position of the hand in it, shape (7,) or longer, as in a robot's chain.
+        """
+        if not isinstance(shape, Capsule):
+            return shape
+        ahead = algebra.matrix_from_pose(algebra.pose(tool[:4], tool[4:7]))[:3, "xyz".index(self.points)]
+        palm = float(ahead @ tool[4:7]) + _PAST - self.length - shape.radius
+        start, end = float(ahead @ shape.start) - palm, float(ahead @ shape.end) - palm
+        if max(start, end) <= 0.0 or start == end:
+            return shape
+        middle = shape.start + np.clip(start / (start - end), 0.0, 1.0) * (shape.end - shape.start)
+        if start < end:
+            return Capsule(shape.start, middle, shape.radius)
+        return Capsule(middle, shape.end, shape.radius)
+
     def is_closed(self, time: float) -> bool:
         """Return whether it closes at a time, s."""
         closed = False
@@ -149,7 +173,7 @@ def add_gripper(spec: Any, gripper: Gripper, link: Any, tool: Any, timestep: flo
             rgba=_PAD,
             mass=0,
         )
-        bar.contype, bar.conaffinity, bar.condim, bar.friction = 0, _BODIES, 4, [0, 0, 0]
+        bar.contype, bar.conaffinity, bar.condim, bar.friction = 0, BODIES, 4, [0, 0, 0]
         motor = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         motor.gainprm[0] = gripper.force
     first, second = fingers(hand)

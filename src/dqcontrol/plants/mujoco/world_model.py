@@ -15,21 +15,23 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
 from dqcontrol.plants.channels import Channel
-from dqcontrol.plants.mujoco.gripper import fingers
+from dqcontrol.plants.mujoco.gripper import BODIES, Gripper, fingers
 from dqcontrol.plants.mujoco.pads import GRIP_FORCE, PADS
 from dqcontrol.plants.mujoco.watched_bodies import WatchedBodies, seen_channels
+from dqcontrol.plants.mujoco.wrist_sensor import TOOL
 from dqcontrol.robots.files.mujoco_package import import_mujoco
 from dqcontrol.world import Body, World
 from dqcontrol.world.mesh import convex_parts
+from dqcontrol.world.world import FLOOR
 
 if TYPE_CHECKING:
+    from dqcontrol.robots.link_shapes import LinkShape
     from dqcontrol.robots.robot import Robot
 
 FORCE, DEPTH, LINK = "contact_force", "penetration", "contact_link"
 ITSELF = "itself"
 
-# bits of MuJoCo's contacts: links touch bodies, bodies touch both, links each other by pairs
-_LINKS, _BODIES = 1, 2
+CHASSIS, GROUND = "chassis", "ground"  # geoms of a mobile base and of the floor that it stands on
 _SOLREF = 4.0  # time steps in which a contact comes to rest, as stiff as these allow
 _PLATE = 0.2  # kg of what hangs on a stiffness: it gives way to 0.2 % of N/m (docs/world.md)
 _STEADY = 2.0 / 3.0  # of √(m/K): longer time steps let such a plate ring
@@ -44,7 +46,16 @@ _COLOURS = {
 }
 
 
-def add_links(spec: Any, robot: Robot, timestep: float, hand: str = "", *, padded: bool = False) -> None:
+def add_links(
+    spec: Any,
+    robot: Robot,
+    timestep: float,
+    hand: str = "",
+    *,
+    padded: bool = False,
+    gripper: Gripper | None = None,
+    base: int = 0,
+) -> None:
     """Give the links of a `skeleton` their collision shapes, and let those touch that the robot's file keeps apart.
 
     Parameters
@@ -57,30 +68,39 @@ def add_links(spec: Any, robot: Robot, timestep: float, hand: str = "", *, padde
         Body at the tool's pose that has the last link's shapes in the link's place; none if empty.
     padded
         Whether hands touch bodies with their pads instead of the shapes of their links.
+    gripper
+        Of each hand, whose links' shapes end where its fingers begin.
+    base
+        Coordinates of the base that carries the skeleton, whose chassis is there already.
 
     Raises
     ------
     ValueRangeError
         If the robot has no shapes.
     """
-    if robot.shapes is None:
+    if robot.shapes is None or all(each.frame <= base for each in robot.shapes.shapes):
         raise ValueRangeError(
             f"world: {robot.name} has no shapes to touch it with; give it some ('dqcontrol robots shapes' fits them)"
         )
     shapes, last = robot.shapes.shapes, robot.configuration_size
-    ends = {int(robot.parents[row]) + 1 for row in robot.ends}
+    ends = {int(robot.parents[row]) + 1: row for row in robot.ends}
     for each in shapes:
-        body, shape = spec.body(f"link_{each.frame}") if each.frame else spec.worldbody, each.shape
+        if base and each.frame <= base:
+            continue
+        body, shape = spec.body(f"link_{each.frame - base}") if each.frame else spec.worldbody, each.shape
         if hand and each.frame == last:
             tool = algebra.pose(robot.chain[-1, :4], robot.chain[-1, 4:7])
             body, shape = spec.body(hand), each.shape.moved(algebra.conjugate(tool))
+        bare = padded and each.frame in ends
+        if gripper is not None and each.frame in ends:
+            shape = gripper.behind_fingers(shape, robot.chain[ends[each.frame]])
         geom = _add_geom(body, shape)
         geom.name, geom.mass, geom.group = _link_name(each.name), 0.0, 3  # drawn where links have no meshes
-        bare = padded and each.frame in ends
-        geom.contype, geom.conaffinity, geom.friction = 0 if bare else _LINKS, 0, [0.0, 0.0, 0.0]
+        geom.contype, geom.conaffinity, geom.friction = 0, 0 if bare else BODIES, [0.0, 0.0, 0.0]
         geom.solref[:2] = _SOLREF * timestep, 1.0
     for a, b in robot.shapes.pairs:
-        pair = spec.add_pair(geomname1=_link_name(shapes[a].name), geomname2=_link_name(shapes[b].name))
+        names = [_geom_of_link(shapes[k], base) for k in (a, b)]
+        pair = spec.add_pair(geomname1=names[0], geomname2=names[1])
         pair.solref[:2] = _SOLREF * timestep, 1.0
 
 
@@ -126,7 +146,7 @@ def add_world(spec: Any, bodies: Mapping[str, Body], timestep: float) -> None:
         volume = sum(each for _, each in geoms) or 1.0
         for geom, share in geoms:
             geom.mass = mass * share / volume if role not in ("fixed", "moving") else 0.0
-            geom.rgba, geom.contype, geom.conaffinity = _COLOURS[role], _BODIES, _LINKS | _BODIES
+            geom.rgba, geom.contype, geom.conaffinity = _COLOURS[role], BODIES, BODIES
             still = role in ("fixed", "moving")
             across = 0.0 if still else 0.1 * _width(body) * body.friction  # of turning on a face, m
             geom.friction, geom.condim = [body.friction, across, 0.0], 3 if still else 4
@@ -212,6 +232,11 @@ def _volume(shape: Shape) -> float:
 
 def _link_name(name: str) -> str:
     return f"link: {name}"
+
+
+def _geom_of_link(shape: LinkShape, base: int) -> str:
+    """Return the geom that has a link's shape; those of a mobile base are its chassis."""
+    return CHASSIS if base and shape.frame <= base else _link_name(shape.name)
 
 
 def _body_name(name: str) -> str:
@@ -312,6 +337,13 @@ def write_coordinates(
 class WorldContacts:
     """What links touch, how hard and how deep, and the bodies of the world.
 
+    Parameters
+    ----------
+    world, robot, model, data
+        What stands around whom, and both in MuJoCo: of a mobile robot the floor is the ground that is there anyway.
+    period, seed
+        Of the run, s.
+
     Attributes
     ----------
     bodies
@@ -322,22 +354,30 @@ class WorldContacts:
 
     def __init__(self, world: World, robot: Robot, model: Any, data: Any, period: float, seed: int) -> None:
         mujoco = import_mujoco()
-        assert robot.shapes is not None
-        self.bodies: WorldBodies = WorldBodies(world.bodies, model, data, period, seed)
+        shapes = () if robot.shapes is None else robot.shapes.shapes
+        names = [model.geom(i).name for i in range(model.ngeom)]
+        grounded = GROUND in names
+        bodies = {name: body for name, body in world.bodies.items() if not (grounded and body.is_floor)}
+        self.bodies: WorldBodies = WorldBodies(bodies, model, data, period, seed)
         self._model, self._data, self._force = model, data, mujoco.mj_contactForce
-        self._names, self._links = list(world.bodies), robot.shapes.names
-        number = {
-            model.body(_geoms_of(name, body)).id: i for i, (name, body) in enumerate(world.bodies.items())
-        }
+        self._names, self._links = list(bodies), (*(each.name for each in shapes), CHASSIS)
+        number = {model.body(_geoms_of(name, body)).id: i for i, (name, body) in enumerate(bodies.items())}
         # of each geom
         self._body_of: NDArray[np.intp] = np.array([number.get(int(each), -1) for each in model.geom_bodyid])
-        links = {model.geom(_link_name(name)).id: i for i, name in enumerate(self._links)}
-        names = [model.geom(i).name for i in range(model.ngeom)]
+        if grounded:
+            self._body_of[names.index(GROUND)] = len(self._names)
+            self._names.append(FLOOR)
+        links = {names.index(CHASSIS): len(shapes)} if CHASSIS in names else {}
+        for i, each in enumerate(shapes):
+            link = _link_name(each.name)
+            links[names.index(link if link in names else CHASSIS)] = i
         self._pads = [names.index(name) for name in PADS if name in names]
         for k, row in enumerate(robot.ends):  # what a hand has counts as the link that carries it
             carrier = int(robot.parents[row]) + 1
-            last = max((i for i, each in enumerate(robot.shapes.shapes) if each.frame == carrier), default=0)
-            held = {names.index(name): last for name in (*fingers(k), *PADS[k : k + 1]) if name in names}
+            last = max((i for i, each in enumerate(shapes) if each.frame == carrier), default=0)
+            held = {
+                names.index(name): last for name in (*fingers(k), *PADS[k : k + 1], TOOL) if name in names
+            }
             links.update(held)
         self._link_of: NDArray[np.intp] = np.array([links.get(i, -1) for i in range(model.ngeom)])
         self._wrench = np.zeros(6)
