@@ -14,7 +14,7 @@ LOCKED := $(if $(CI),-c ci.lock)
 # Without bytecode kept beside them, each process that a test starts would compile all modules anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-all test-oldest test-newest lint style types pytest pytest-all docs gallery chromium format bench lock release-check clean
+.PHONY: demo test test-all test-oldest test-newest lint style types pytest pytest-all docs gallery chromium lerobot format bench lock release-check clean
 .DEFAULT_GOAL := help
 
 help:
@@ -22,6 +22,7 @@ help:
 	@echo "make test      check style, run the tests"
 	@echo "make test-all  also the long tests and the types"
 	@echo "make types     check the types"
+	@echo "make lerobot   install LeRobot (5 GB) beside, so that make test-all tests with it"
 	@echo "make test-oldest, make test-newest   the tests with the oldest and the newest dependencies"
 	@echo "make lock      write anew which versions CI installs (ci.lock)"
 	@echo "make release-check   build wheel and sdist, install the wheel elsewhere and run it, check types and layout"
@@ -49,6 +50,18 @@ $(VENV)/test: $(VENV)/created pyproject.toml
 	@$(PIP) -q '$(WITH_GROUPS)'
 	@$(PIP) $(LOCKED) -e '$(TESTED)' --group dev
 	@touch $@
+
+# LeRobot's own library, for the slow tests that meet it; it needs Python 3.12 and pulls a CUDA build of PyTorch.
+LEROBOT := $(VENV)-lerobot
+LEROBOT_PYTHON ?= python3.12
+
+$(LEROBOT)/lerobot: pyproject.toml
+	@$(LEROBOT_PYTHON) -m venv $(LEROBOT)
+	@echo "installing LeRobot in $(LEROBOT) (about 5 GB)"
+	@$(LEROBOT)/bin/python -m pip install --disable-pip-version-check --no-input 'lerobot[dataset,kinematics]==0.6.1' -e '.[physics]' -e lerobot_plug
+	@touch $@
+
+lerobot: $(LEROBOT)/lerobot
 
 chromium:
 	@command -v chromium >/dev/null || command -v google-chrome >/dev/null \

@@ -94,7 +94,9 @@ def test_the_command_lists_them_or_says_why_not(wheel, capsys, monkeypatch):
 def test_show_says_which_velocity_limits_are_missing(wheel, capsys, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["dqcontrol", "robots", "show", "toys:lever/lever.xml"])
     main()
-    assert "no velocity limit: hinge; docs/own-robot.md says how to give one" in capsys.readouterr().out
+    assert (
+        "joints without velocity limit: 1; docs/own-robot.md says how to give one" in capsys.readouterr().out
+    )
 
 
 def test_models_of_menagerie(tmp_path, monkeypatch):

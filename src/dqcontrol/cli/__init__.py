@@ -51,7 +51,7 @@ GROUPS = {  # of commands, as files of this folder, imported when called: `--hel
         "excite": "Generate an excitation trajectory for identify, and say how precise the estimate will be.",
         "identify": "Estimate servo lag, delay, gain, sag and encoder resolution from logs, with intervals.",
         "calibrate": "Correct the geometry of an arm from measured poses of its end effector.",
-        "convert": "Write all signals of a run for other programs: CSV, Parquet or MATLAB.",
+        "convert": "Write all signals of a run for other programs: CSV, Parquet, MATLAB, a LeRobot dataset.",
     },
     "Tune and learn": {
         "gains": "Say which gains a robot's period, delay and lag allow each law, and what to expect.",

@@ -71,7 +71,7 @@ def show(
     print_table(Table(columns, rows, f"{about.name}: {base}reach {about.reach:.3g} m{mass}"))
     unlimited = [j.name for j in about.joints if j.velocity == math.inf and not about.bases]
     if unlimited:
-        print(f"no velocity limit: {', '.join(unlimited)}; docs/own-robot.md says how to give one")
+        print(f"joints without velocity limit: {len(unlimited)}; docs/own-robot.md says how to give one")
     if about.links:
         print(f"links from base to tip, for --base-link and --tip-link: {', '.join(about.links)}")
 

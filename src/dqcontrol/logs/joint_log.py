@@ -11,6 +11,8 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError
+from dqcontrol.files.lerobot_dataset import episode_of, only_episode
+from dqcontrol.logs.dataset_log import read_episode_log
 from dqcontrol.logs.joint_messages import held, is_recording, read_commands, read_joint_states
 from dqcontrol.logs.joint_table import Angles, read_joint_table
 from dqcontrol.logs.log_quality import remarks
@@ -69,7 +71,7 @@ def read_joint_log(
     targets: str | Sequence[str] | None = None,
     missing: Missing = "interpolate",
 ) -> JointLog:
-    r"""Read a joint log: a table, an MCAP file, a ROS 1 or ROS 2 bag.
+    r"""Read a joint log: a table, an MCAP file, a ROS 1 or ROS 2 bag, an episode of a LeRobot dataset.
 
     A table is a text file with a line of column names, separated by commas, semicolons, tabs or blanks, and one
     line a sample. Its columns, in any order: ``time`` (or ``timestamp``, ``t``, ``stamp``; s, or dates as ISO 8601
@@ -85,10 +87,15 @@ def read_joint_log(
     In recordings, positions come from a topic of type sensor_msgs/JointState at the times in the headers (at the
     times of recording, where the headers have none); messages that name no joint of the robot are left out.
 
+    In LeRobot datasets (version 3.0; ``FOLDER``, or ``FOLDER:EPISODE`` where there are several) positions are the parts
+    ``JOINT.pos`` of ``observation.state``, commanded positions those of ``action``, and commanded velocities the parts
+    ``INPUT.vel`` of ``command`` or ``action``; angles are rad where the dataset tells no unit.
+
     Parameters
     ----------
     path
-        ``.mcap``; ``.bag`` or the folder of a ROS 2 bag (both need rosbags); the folder of a run; else a table.
+        ``.mcap``; ``.bag`` or the folder of a ROS 2 bag (both need rosbags); the folder of a run, or of a dataset
+        (needs pyarrow); else a table.
     robot
         Whose joints to look for.
     joints
@@ -133,12 +140,20 @@ def read_joint_log(
             f"joints: {robot.name} has {robot.configuration_size} joints; "
             f"expected as many different names, got {', '.join(names) or 'none'}"
         )
+    if (dataset := episode_of(path)) is not None:
+        number = only_episode(path, *dataset)
+        _refuse_topics(path, "dataset", joint_topic, command_topic)
+        if targets is not None:
+            raise ShapeError(
+                f"targets: {path} is a dataset, whose commanded positions are its action; leave it out"
+            )
+        found = read_episode_log(path, dataset[0], number, robot, names, angles)
+        notes = (*found.notes, *remarks(found.time, found.q, robot, names))
+        return JointLog(path, found.time, found.q, found.command, target=found.target, notes=notes)
     if path.is_dir() and not (path / "metadata.yaml").exists() and (path / "record.mcap").is_file():
         path = path / "record.mcap"
     if not is_recording(path):
-        for field, topic in (("joint_topic", joint_topic), ("command_topic", command_topic)):
-            if topic is not None:
-                raise ShapeError(f"{field}: {path} is a table and has no topics, got '{topic}'")
+        _refuse_topics(path, "table", joint_topic, command_topic)
         table = read_joint_table(path, robot, names, angles=angles, targets=targets, missing=missing)
         notes = (*table.notes, *remarks(table.time, table.q, robot, names))
         return JointLog(
@@ -159,6 +174,12 @@ def read_joint_log(
         command = held(*read_commands(path, names, command_topic), stamps)
     time = (stamps - stamps[0]) / 1e9
     return JointLog(path, time, q, command, int(stamps[0]), notes=remarks(time, q, robot, names))
+
+
+def _refuse_topics(path: Path, what: str, joint_topic: str | None, command_topic: str | None) -> None:
+    for field, topic in (("joint_topic", joint_topic), ("command_topic", command_topic)):
+        if topic is not None:
+            raise ShapeError(f"{field}: {path} is a {what} and has no topics, got '{topic}'")
 
 
 def is_own(path: Path) -> bool:

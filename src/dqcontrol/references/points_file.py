@@ -13,6 +13,7 @@ from dqcontrol.algebra import pose, renormalise
 from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ValueRangeError, as_positive, suggest
+from dqcontrol.files.lerobot_dataset import POSE, Dataset, episode_of, only_episode
 from dqcontrol.files.text_file import as_number, read_text
 from dqcontrol.references.points import Points
 from dqcontrol.references.sample import as_pose
@@ -40,6 +41,9 @@ def load_points(
     A file that begins with a line of three numbers has no names: every line is ``x y z``, divided by blanks, as [P16
     4.5] wrote its paths, one point a sample.
 
+    Of a LeRobot dataset (``FOLDER``, or ``FOLDER:EPISODE``) the points are its ``observation.pose``, which datasets
+    written by `dqcontrol convert` have.
+
     Parameters
     ----------
     path
@@ -66,6 +70,8 @@ def load_points(
     >>> load_points(file, start=[1, 0, 0, 0, 0, 0, 0, 0], duration=2.0).corners.tolist()
     [2.0]
     """
+    if (dataset := episode_of(path)) is not None:
+        return _points_of_episode(path, *dataset, duration, streamed)
     lines, values, text = [], [], read_text(path)
     if _is_plain(text):
         names, rows = list(POSITION), _rows(text, plain=True)
@@ -86,6 +92,22 @@ def load_points(
         raise FileFormatError(f"{path}: expected at least two points, got {len(values)}")
     table = dict(zip(names, np.array(values).T, strict=True))
     return Points(_times(path, table, lines, duration), _poses(path, table, lines, start), streamed)
+
+
+def _points_of_episode(
+    path: str | os.PathLike[str], data: Dataset, number: int | None, duration: float | None, streamed: bool
+) -> Points:
+    if POSE not in data.features:
+        raise FileFormatError(f"{path}: has no column {POSE}; it has {', '.join(data.features) or 'none'}")
+    if duration is not None:
+        raise ValueRangeError(f"duration: {path} has its own time; leave it out")
+    poses = data.episode(only_episode(path, data, number))[POSE]
+    if poses.shape[1] != 8 or len(poses) < 2:
+        raise FileFormatError(
+            f"{path}: {POSE}: expected at least two dual quaternions, got shape {poses.shape}"
+        )
+    poses = _units(poses, [f"{path}: frame {i}" for i in range(len(poses))], POSE)
+    return Points(np.arange(len(poses)) / data.fps, poses, streamed)
 
 
 def _rows(text: str, *, plain: bool = False) -> Iterator[tuple[int, list[str]]]:

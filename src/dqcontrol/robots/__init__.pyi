@@ -32,6 +32,7 @@ from .inverse.postures import (
     ReachingPosture as ReachingPosture,
     postures as postures,
 )
+from .inverse.robot_kinematics import RobotKinematics as RobotKinematics
 from .kinematics.joined_chains import chain_as_tree as chain_as_tree
 from .limits import (
     Inertia as Inertia,

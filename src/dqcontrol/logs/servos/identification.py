@@ -16,6 +16,7 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError
 from dqcontrol.experiments.results_folder import made_folder
+from dqcontrol.files.lerobot_dataset import episode_of, episode_paths
 from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
 from dqcontrol.logs.joint_log import JointLog, read_joint_log
 from dqcontrol.logs.joint_messages import is_recording, read_targets
@@ -312,8 +313,9 @@ def identify(
     Parameters
     ----------
     log
-        One or more logs, see `read_joint_log`, of the same robot. Commanded positions count before velocities. Samples
-        with empty cells are left out. A clock of the commands that is not that of the positions counts as delay.
+        One or more logs, see `read_joint_log`, of the same robot; a dataset stands for all its episodes. Commanded
+        positions count before velocities. Samples with empty cells are left out. A clock of the commands that is not
+        that of the positions counts as delay.
     robot
         As for `load_robot`, or a robot.
     base_link, tip_link
@@ -338,6 +340,7 @@ def identify(
     """
     arm = robot if isinstance(robot, Robot) else load_robot(robot, base_link, tip_link)
     paths = [Path(log)] if isinstance(log, str | Path) else [Path(each) for each in log]
+    paths = [part for path in paths for part in episode_paths(path)]
     if not paths:
         raise ShapeError("log: expected at least one file, got none")
     commanded, notes = [], []
@@ -377,7 +380,7 @@ def identify(
 
 def _check_joints(path: Path, arm: Robot) -> None:
     """Raise if a table has a column of a joint that the robot has not."""
-    if is_recording(path):
+    if is_recording(path) or episode_of(path) is not None:
         return
     more = f"q{arm.configuration_size + 1}"
     if more in column_names(path, [more]):

@@ -89,7 +89,7 @@ def nearest_pose(robot: Robot, pose: ArrayLike, start: ArrayLike, seed: int = 0)
         starts[1:, first : first + 2] = q0[first : first + 2]
     found = robot.solve(np.tile(target, (_STARTS, 1)), starts, restarts=0)
     order = np.argsort(found.position_error + _ANGULAR * found.orientation_error)
-    refined = [_descend(free, target, found.q[i]) for i in order[:_REFINED]]
+    refined = [descended(free, target, found.q[i]) for i in order[:_REFINED]]
     q = min(refined, key=lambda each: float(np.linalg.norm(_error(free, target, each))))
     left = _error(free, target, q)
     return NearestPose(
@@ -100,33 +100,34 @@ def nearest_pose(robot: Robot, pose: ArrayLike, start: ArrayLike, seed: int = 0)
     )
 
 
-def _error(robot: Robot, target: Array, q: Array) -> Array:
-    """Return the rotation vector (times 0.3 m) and the way that are left to a pose, shape (6,), m."""
+def _error(robot: Robot, target: Array, q: Array, angular: float = _ANGULAR) -> Array:
+    """Return the rotation vector (times ``angular``, m) and the way that are left to a pose, shape (6,), m."""
     here = robot.fkm(q)
     turn = algebra.short(algebra.multiply(target, algebra.conjugate(here)))
     sine = float(np.linalg.norm(turn[1:4]))
     angle = 2.0 * math.atan2(sine, float(turn[0]))
     axis = turn[1:4] / sine if sine > 0 else np.zeros(3)
-    return np.r_[_ANGULAR * angle * axis, algebra.translation(target) - algebra.translation(here)]
+    return np.r_[angular * angle * axis, algebra.translation(target) - algebra.translation(here)]
 
 
-def _jacobian(robot: Robot, q: Array) -> Array:
-    return np.r_[_ANGULAR, _ANGULAR, _ANGULAR, 1, 1, 1][:, None] * robot.hand_jacobian(q)
+def _jacobian(robot: Robot, q: Array, angular: float) -> Array:
+    return np.r_[angular, angular, angular, 1, 1, 1][:, None] * robot.hand_jacobian(q)
 
 
-def _descend(robot: Robot, target: Array, q: Array) -> Array:
-    """Return the end of a descent within the limits."""
+def descended(robot: Robot, target: Array, q: Array, angular: float = _ANGULAR, steps: int = _STEPS) -> Array:
+    """Return the end of a descent of |Δp|² + ``angular``² θ² within the limits, from a configuration (n,)."""
     lower, upper = robot.limits.lower, robot.limits.upper
-    q, left, damping = np.clip(q, lower, upper), _error(robot, target, q), 1e-3
-    for _ in range(_STEPS):
-        jacobian = _jacobian(robot, q)
+    q = np.clip(q, lower, upper)
+    left, damping = _error(robot, target, q, angular), 1e-3
+    for _ in range(steps):
+        jacobian = _jacobian(robot, q, angular)
         pull = jacobian.T @ left
         free = ~(((q <= lower) & (pull < 0)) | ((q >= upper) & (pull > 0)))
         matrix = jacobian[:, free]
         step = np.zeros(len(q))
         step[free] = np.linalg.solve(matrix.T @ matrix + damping * np.eye(matrix.shape[1]), pull[free])
         there = np.clip(q + step, lower, upper)
-        then = _error(robot, target, there)
+        then = _error(robot, target, there, angular)
         if then @ then < left @ left:
             gained = left @ left - then @ then
             q, left, damping = there, then, max(0.3 * damping, 1e-9)
@@ -141,7 +142,7 @@ def _descend(robot: Robot, target: Array, q: Array) -> Array:
 
 def _pressed(robot: Robot, q: Array, left: Array) -> tuple[str, ...]:
     """Return the limits that keep an error from shrinking."""
-    pull = _jacobian(robot, q).T @ left
+    pull = _jacobian(robot, q, _ANGULAR).T @ left
     named = []
     for i in np.argsort(-np.abs(pull)):
         for side, bound, pressing in (
