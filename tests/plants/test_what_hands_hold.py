@@ -101,7 +101,7 @@ def test_a_box_that_slips_is_said(tmp_path):
     world = {**LIFT["world"], "box": {**LIFT["world"]["box"], "friction": 0.05}}
     run = lifted(tmp_path, world=world)
     assert run.verdict.failure == "outcome"
-    assert re.match(r"not so: box \d+ mm from crate", run.verdict.words), run.verdict.words
+    assert re.match(r"not so: box [\d.]+ mm from crate", run.verdict.words), run.verdict.words
 
 
 def test_what_is_refused():
