@@ -72,5 +72,6 @@ def film_arm(
         decorate=decorate,
         is_overlaid=not (around and around.moves),
         decorations=(1 + len(actual)) * _PIECES + (around.most if around else 0),
+        has_balls=around is not None,
         further=[lambda _, q=each.q: skeleton_positions(robot, q) for each in further],
     )
