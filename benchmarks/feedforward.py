@@ -14,7 +14,8 @@ that the hand keeps its direction, and falls behind on its way. A row of its own
 
 Printed are medians over arms and paths: position error (RMS and largest, from 0.5 s on), samples with a joint faster
 than its limit, jerk of the joints (RMS) and the time of a step; then of each peer where it is ahead, and why. A peer
-that is not installed, or fails, says so.
+that is not installed, or fails, says so. Before it, what a Panda misses of a circle at 1 rad/s: K+FF as printed, with
+a preview and of second order, and going to the next pose at once.
 
     python benchmarks/feedforward.py [--short]
 """
@@ -33,6 +34,7 @@ import numpy as np
 import dqcontrol as dqc
 from dqcontrol import algebra, references
 from dqcontrol.laws import ProportionalFeedforward
+from dqcontrol.laws.desired_twist import Feedforward
 from dqcontrol.limits import CommandLimits
 from dqcontrol.plants import Integrator, Servo
 from dqcontrol.robots import Robot
@@ -50,6 +52,7 @@ ARMS = {
 PERIOD, DURATION, SKIPPED, GAIN = 0.01, 3.0, 0.5, 10.0
 UNLIMITED = 10.0  # rad/s: for an arm whose speeds are not known, as not all programs take it without limits
 LAG, DELAY, BOUND = 0.05, 0.02, 0.7
+CIRCLE_LASTS = 5.0  # s
 CASES = ("ideal joints", "at limits", "servos")
 OURS, CUT = "K+FF", "K+FF, joints cut alone"
 RMS, JERK = "RMS [µm]", "jerk [rad/s³]"
@@ -226,7 +229,7 @@ def by_placo(task: Task) -> Step:
     solver.mask_fbase(True)
     solver.enable_velocity_limits(True)
     solver.enable_joint_limits(True)
-    solver.period = PERIOD
+    solver.dt = PERIOD
     frame = solver.add_frame_task("hand", np.eye(4))
     frame.configure("hand", "soft", 1.0, 0.3)
     solver.add_regularization_task(1e-9)  # seven joints for six
@@ -370,12 +373,56 @@ def measure(arms: list[str]) -> dict[tuple[str, str], list[Array]]:
     return found
 
 
+def next_pose_error(arm: Robot, q: Array, reference: references.Reference, period: float) -> float:
+    """Return the RMS distance from a path, µm, of ideal joints that go to the next pose at once: u = J⁺ log(…)/T."""
+    apart = []
+    for pose in reference.samples(period * np.arange(1, round(CIRCLE_LASTS / period)))[:, :8]:
+        way = 2 * algebra.log_inertial(algebra.multiply(pose, algebra.conjugate(arm.fkm(q))))
+        q = q + np.linalg.pinv(arm.twist_jacobian(q)) @ way
+        apart.append(algebra.translation(arm.fkm(q)) - algebra.translation(pose))
+    late = np.array(apart)[round(CIRCLE_LASTS / 5 / period) :]
+    return 1e6 * float(np.sqrt(np.mean(np.sum(late**2, axis=1))))
+
+
+def circle_table() -> str:
+    """Return the errors on a circle of 10 cm, of ideal joints and of servos, µm RMS from 1 s to 5 s."""
+    arm, q = dqc.load_robot("panda"), np.array(ARMS["panda"])
+    circle = references.Circle(arm.fkm(q), radius=0.1, duration=2 * np.pi)
+
+    def error(period: float, servo: Servo | None, kind: Feedforward, led: float | None = None) -> float:
+        path = circle if led is None else references.Previewed(circle, delay=DELAY + led, lag=LAG)
+        law = ProportionalFeedforward(gain=GAIN, feedforward=kind)
+        record = dqc.simulate(arm, path, law, servo or Integrator(), q, period, CIRCLE_LASTS)
+        return 1e6 * float(np.sqrt(np.mean(record.position_error[record.time > CIRCLE_LASTS / 5] ** 2)))
+
+    servo, rows = Servo(time_constant=LAG, delay=DELAY), []
+    for period in (0.005, 0.01, 0.033):
+        printed, second = (error(period, None, kind) for kind in ("printed", "second-order"))
+        reached = next_pose_error(arm, q, circle, period)
+        rows.append(["ideal", 1e3 * period, printed, np.nan, second, reached])
+    for period in (0.005, 0.01, 0.033):
+        printed, former = (error(period, servo, "printed", led) for led in (None, 0.0))
+        rows.append(
+            [
+                "servos",
+                1e3 * period,
+                printed,
+                former,
+                error(period, servo, "second-order", period / 2),
+                np.nan,
+            ]
+        )
+    names = ("T [ms]", "printed", "printed, preview of lag and delay", "second order", "next pose")
+    return Table([Column("joints"), *(Column(name, "", ".3g") for name in names)], rows).markdown()
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--short", action="store_true", help="one arm only")
     short = parser.parse_args().short
+    print(circle_table(), flush=True)
     found = measure(list(ARMS)[: 1 if short else None])
     names = (RMS, "largest [µm]", "too fast", JERK, "step [µs]")
     columns = [Column("joints"), Column("program"), *(Column(name, "", ".3g") for name in names)]

@@ -7,6 +7,7 @@ python benchmarks/instructions.py --laws      a table of all laws; --before FOLD
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
 import os
 import re
@@ -54,6 +55,12 @@ DRIVE_LAWS = {
     "drive: K": ("Proportional", {"gain": 2.0}),
     "drive: feedback linearisation": ("FeedbackLinearization", SECOND_ORDER),
 }
+DEFAULT_LAWS = {"K": "Proportional", "K+FF": "ProportionalFeedforward"}  # with the inverse that they have
+STARTS = {"panda": [0, -0.3, 0, -2.0, 0, 1.7, 0.7], "youbot-arm": [0.1, 0.4, -0.6, 0.3, 0.2]}
+AWAY = {
+    "1 mm away": 1e-3,
+    "20 cm away": 0.2,
+}  # m, towards the base; the hand hardly moves in so few, short steps
 
 
 def main(steps: int) -> None:
@@ -88,6 +95,27 @@ def loops() -> Iterator[tuple[str, Callable[[int], object]]]:
             close_loop(prepared, plant.start(robot, start, PERIOD, steps, 0), samples[:steps])
 
         yield name, run
+    yield from default_loops()
+
+
+def default_loops() -> Iterator[tuple[str, Callable[[int], object]]]:
+    """Yield the same for laws as they are by default, near and far from a resting target and along a circle."""
+    for (robot_name, start), (name, law_name) in itertools.product(STARTS.items(), DEFAULT_LAWS.items()):
+        arm, q = dqc.load_robot(robot_name), np.array(start, dtype=float)
+        pose, law = arm.fkm(q), getattr(dqc.laws, law_name)(gain=10.0)
+        circle = dqc.references.Circle(pose, radius=0.07, duration=MANY * PERIOD)
+        tasks: dict[str, tuple[dqc.references.Circle | None, float, np.ndarray]] = {}
+        tasks["circle"] = (circle, PERIOD, circle.samples(PERIOD * np.arange(MANY)))
+        for label, away in AWAY.items():
+            there = dqc.algebra.pose(pose[:4], dqc.algebra.translation(pose) - [away, 0.0, 0.0])
+            tasks[label] = None, 1e-6, np.repeat(dqc.Sample(there).numbers[None], MANY, axis=0)
+        for label, (reference, period, samples) in tasks.items():
+            prepared = law.prepare(arm, reference, period)
+
+            def run(steps, arm=arm, q=q, period=period, prepared=prepared, samples=samples):
+                close_loop(prepared, Integrator().start(arm, q, period, steps, 0), samples[:steps])
+
+            yield f"{robot_name}, {name}, {label}", run
 
 
 def run_loops() -> None:

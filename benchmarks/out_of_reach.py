@@ -1,6 +1,6 @@
 """How calm laws stay where a target is out of reach, and what that costs within reach; goals stand beside the values.
 
-python benchmarks/out_of_reach.py             all tables, about 5 minutes
+python benchmarks/out_of_reach.py             all tables, about 15 minutes
 python benchmarks/out_of_reach.py --growth 0  as if damping did not grow
 """
 
@@ -13,6 +13,7 @@ from collections.abc import Callable
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 import dqcontrol as dqc
@@ -20,6 +21,7 @@ from dqcontrol import algebra, controller, laws
 from dqcontrol.arrays import Array
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import close_loop
+from dqcontrol.loop.targets import PoseTarget, Speeds
 from dqcontrol.plants import Integrator, Servo
 
 SEED = 38
@@ -34,7 +36,11 @@ STARTS = {
     "youbot-arm": [0.1, 0.4, -0.6, 0.3, 0.2],
     "little-john": [0, 0, 0, 0.3, -0.8, 1.2, 0.6, 0.4],
 }
+ARMS = ("panda", "ur5", "iiwa7", "youbot-arm")
+# The youBot's arm starts upright: σ is below ε there, and the filter damps whatever the error.
+MIDDLES = STARTS | {"youbot-arm": [0.1, 0.9, -1.3, 0.9, 0.2]}
 PERIODS = (0.001, 0.01, 0.033)  # s
+JITTER = 0.003  # m, of a camera at 30 Hz, and three times as many rad: 0.5°
 SCALED = CommandLimits(velocity=True)
 SERVOS = ((0.0, 0.0), (0.03, 0.0), (0.1, 0.02), (0.3, 0.05), (0.0, 0.05))  # lag and delay, s
 
@@ -119,11 +125,16 @@ def follow(
     return sent, gone
 
 
-def reversing(sent: Array, least: float = TURNING) -> float:
-    """Return the share of periods in which some joint turns back, faster than ``least`` before and after, rad/s."""
+def turning_back(sent: Array, least: float = TURNING) -> NDArray[np.bool_]:
+    """Return in which periods some joint turns back, faster than ``least`` before and after, rad/s."""
     before, after = sent[:-1], sent[1:]
     turning = (before * after < 0) & (np.minimum(np.abs(before), np.abs(after)) > least)
-    return float(turning.any(axis=1).mean())
+    return np.any(turning, axis=1)
+
+
+def reversing(sent: Array, least: float = TURNING) -> float:
+    """Return the share of these periods."""
+    return float(turning_back(sent, least).mean())
 
 
 def worst_at_rest(
@@ -151,6 +162,12 @@ def worst_at_rest(
         if share > worst:
             worst, where = share, target
     return worst, where
+
+
+def shaken(pose: Array, position: Array, noise: Array) -> Array:
+    """Return a pose at a position, moved by noise (6,): three times as large in rad as in m."""
+    turn = algebra.exp_screw(np.array([*(1.5 * noise[3:]), 0, 0, 0]))
+    return placed(algebra.multiply(np.concatenate([pose[:4], np.zeros(4)]), turn), position + noise[:3])
 
 
 def streams(robot: dqc.Robot, q: Array, period: float) -> dict[str, Array]:
@@ -181,9 +198,7 @@ def streams(robot: dqc.Robot, q: Array, period: float) -> dict[str, Array]:
         return frame(time, rate) / rate
 
     def jittered(time: float, position: Array, size: float) -> Array:
-        """Return a target with noise of a camera at 30 Hz: three times as large in rad as in dm."""
-        shaken = noise[frame(time, 30.0) % 400] * size
-        return at(position + shaken[:3], algebra.exp_screw(np.array([*(1.5 * shaken[3:]), 0, 0, 0])))
+        return shaken(home, position, noise[frame(time, 30.0) % 400] * size)
 
     def gapped(time: float) -> float:
         """Return when the last frame came where frames of 30 Hz come in bursts, with gaps of up to 1 s."""
@@ -217,8 +232,8 @@ def streams(robot: dqc.Robot, q: Array, period: float) -> dict[str, Array]:
         "gaps, line in and out": lambda t: at((1 + 0.5 * np.sin(1.5 * gapped(t))) * out * reach),
         "gaps of 0.3 s": lambda t: at(circle(held(t, 3.0), 1.2 * reach, 0.5)),
         "jitter of 1 mm, outside": lambda t: jittered(t, 1.2 * reach * out, 0.001),
-        "jitter of 3 mm, outside": lambda t: jittered(t, 1.5 * reach * out, 0.003),
-        "jitter of 3 mm, at the edge": lambda t: jittered(t, 1.01 * reach * out, 0.003),
+        "jitter of 3 mm, outside": lambda t: jittered(t, 1.5 * reach * out, JITTER),
+        "jitter of 3 mm, at the edge": lambda t: jittered(t, 1.01 * reach * out, JITTER),
     }
 
     before, after = (np.repeat(dqc.Sample(home).numbers[None], round(s / period), axis=0) for s in (3.0, 5.0))
@@ -232,16 +247,17 @@ def stream_table() -> None:
     """Print shares of reversing periods of streams, over robots, servos and ways to close the loop."""
     print(
         "\n28 hostile streams × 5 servos, decoupled law, k = min(10, 0.3/(lag + delay + T)): reversing periods, %, mean"
-        "\n(goal 0.5) and worst (goal 5); without growth; greatest step / (limit · T) (goal 1); where most"
+        "\n(goal 0.5) and worst (goal 5); worst while the target rests; without growth: mean, worst, worst while it"
+        "\nrests; greatest step / (limit · T) (goal 1); where most"
     )
     everything: dict[str, float] = {}
     for period in (0.01, 0.033):
-        for name in ("panda", "ur5", "iiwa7", "youbot-arm"):
+        for name in ARMS:
             robot, q = dqc.load_robot(name), np.array(STARTS[name], dtype=float)
             given, limit = streams(robot, q, period), robot.limits.velocity * period
             hostile = slice(round(3.0 / period), round(13.0 / period))
             shares: dict[str, float] = {}
-            without, most = [], 0.0
+            resting, without, most = [0.0], [], 0.0
             for lag, delay in SERVOS:
                 servo = Servo(time_constant=lag, delay=delay, position_limit=False)
                 law = laws.DecoupledProportional(gain=min(10.0, 0.3 / (lag + delay + period)))
@@ -252,10 +268,13 @@ def stream_table() -> None:
                     for stream, samples in given.items():
                         plant = servo.start(robot, q, period, len(samples), SEED)
                         trace = close_loop(prepared, plant, samples)
-                        share = reversing(trace.command[hostile], HONEST * period)
+                        turns = turning_back(trace.command[hostile], HONEST * period)
+                        share, rests = turns.mean(), ~np.diff(samples[hostile], axis=0).any(axis=1)
+                        alone = float((turns & rests).mean())
                         if growth == 0.0:
-                            without.append(share)
+                            without.append((share, alone))
                             continue
+                        resting.append(alone)
                         shares[f"{stream}; {1e3 * lag:g} + {1e3 * delay:g} ms"] = share
                         most = max(most, float((np.abs(np.diff(trace.q, axis=0)) / limit).max()))
             worst = sorted(shares, key=lambda place: -shares[place])[:3]
@@ -263,12 +282,117 @@ def stream_table() -> None:
             found = 100 * np.array(list(shares.values()))
             print(
                 f"  {name:10} {1e3 * period:3.0f} ms  {found.mean():5.2f} {found.max():6.2f}"
-                f"   {100 * np.mean(without):5.1f} {100 * max(without):6.1f}   {most:.3f}   "
+                f" {100 * max(resting):6.2f}   {100 * np.mean(without, axis=0)[0]:5.1f}"
+                + "".join(f" {100 * share:6.1f}" for share in np.max(without, axis=0))
+                + f"   {most:.3f}   "
                 + ", ".join(f"{100 * shares[place]:.1f} {place}" for place in worst),
                 flush=True,
             )
     found = 100 * np.array(list(everything.values()))
     print(f"  all {len(found)}: {found.mean():.2f} in the mean, {found.max():.2f} at worst")
+
+
+def command_table() -> None:
+    """Print what is left of the streams' reversing periods where they come through the product's own target."""
+    speeds = Speeds(linear=0.5, angular=1.5, acceleration=3.0)
+    print(
+        f"\nthe same streams through PoseTarget, as jog and ROS 2 send them, with {speeds.linear} m/s, {speeds.angular}"
+        f" rad/s, {speeds.acceleration} m/s²;\nideal joints: reversing periods, %, mean and worst"
+    )
+    for period in (0.01, 0.033):
+        for name in ARMS:
+            robot, q = dqc.load_robot(name), np.array(STARTS[name], dtype=float)
+            law = laws.DecoupledProportional(gain=min(10.0, 0.3 / period))
+            prepared, shares = law.prepare(robot, None, period, SCALED), {}
+            for stream, samples in streams(robot, q, period).items():
+                sent = follow_asked(prepared, q, samples[: round(13.0 / period)], speeds)
+                shares[stream] = 100 * reversing(sent[round(3.0 / period) :], HONEST * period)
+            worst = max(shares, key=lambda stream: shares[stream])
+            mean = np.mean(list(shares.values()))
+            print(
+                f"  {name:10} {1e3 * period:3.0f} ms  {mean:5.2f} {shares[worst]:6.2f}   {worst}", flush=True
+            )
+
+
+def follow_asked(prepared: controller.Controller, q: Array, samples: Array, speeds: Speeds) -> Array:
+    """Let the hand follow a target that each new pose of samples is asked of; return the commands."""
+    robot, period = prepared.robot, prepared.period
+    state, target, sent = prepared.initial_state(q), PoseTarget(speeds), np.empty((len(samples), q.size))
+    target.start(robot.fkm(q))
+    for k, sample in enumerate(samples):
+        if k == 0 or not np.array_equal(sample, samples[k - 1]):
+            target.ask(k * period, sample[:8])
+        row = target.sample(k * period, robot.fkm(q))
+        u = prepared.command(q, dqc.Sample.of_row(row), state)
+        sent[k] = u / max(1.0, np.max(np.abs(u) / robot.limits.velocity))
+        prepared.sent(state, sent[k])
+        q = robot.integrate(q, sent[k], period)
+    return sent
+
+
+def jitter_table(period: float = 0.01) -> None:
+    """Print what joints do where the target jitters, within reach, at its edge and beyond."""
+    print(
+        "\njitter of 3 mm and 0.5° at 30 Hz, T = 10 ms, ideal joints, k = 10: reversing periods, %; those where no"
+        "\nnew target had come, %; RMS speed of the fastest joint, rad/s; standard deviation of the joint that"
+        "\nmoves most, °; each with growth | without"
+    )
+    noise = JITTER * np.random.default_rng(SEED).normal(size=(400, 6))
+    times = period * np.arange(round(13.0 / period))
+    frames = (30.0 * times + 1e-9).astype(int)
+    fresh = np.diff(frames)[round(3.0 / period) :] > 0
+    for name in ARMS:
+        robot, q = dqc.load_robot(name), np.array(STARTS[name], dtype=float)
+        home = robot.fkm(q)
+        here = algebra.translation(home)
+        far = algebra.translation(furthest(robot, q, here / np.linalg.norm(here)))
+        places = {"start": here, "0.95 reach": 0.95 * far, "1.01 reach": 1.01 * far, "1.1 reach": 1.1 * far}
+        for place, position in places.items():
+            poses = [shaken(home, position, each) for each in noise]
+            samples = np.array([dqc.Sample(poses[frame % 400]).numbers for frame in frames])
+            cells = []
+            for growth in (None, 0.0):
+                law = with_growth(laws.DecoupledProportional(gain=10.0), growth)
+                plant = Integrator().start(robot, q, period, len(samples), SEED)
+                trace = close_loop(law.prepare(robot, None, period, SCALED), plant, samples)
+                sent, moved = trace.command[round(3.0 / period) :], trace.q[round(3.0 / period) :]
+                turns = turning_back(sent, HONEST * period)
+                speed, swing = np.sqrt((sent**2).mean(axis=0)).max(), np.rad2deg(moved.std(axis=0).max())
+                cells.append(
+                    f"{100 * turns.mean():6.1f} {100 * (turns & ~fresh).mean():5.1f} {speed:6.2f} {swing:5.2f}"
+                )
+            print(f"  {name:10} {place:10}" + "  |".join(cells), flush=True)
+
+
+def drive_table() -> None:
+    """Print what the unconstrained form of a drive does, whose Jacobian says that it can move sideways."""
+    print(
+        "\nlittle-john in its unconstrained form, worst of nine resting targets out of reach, 45 to 60 s: reversing"
+        "\nperiods, %; fastest turn back and fastest input, rad/s or m/s"
+    )
+    robot = dqc.load_robot("little-john").in_form("unconstrained")
+    q, targets = np.array(STARTS["little-john"]), resting_targets(robot, np.array(STARTS["little-john"]))
+    for period in (0.01, 0.033):
+        for k in (10.0, 0.5 / period):
+            for name, law in all_laws(k, period).items():
+                prepared, worst, steps = (
+                    law.prepare(robot, None, period, SCALED),
+                    np.zeros(3),
+                    round(60 / period),
+                )
+                for pose in targets.values():
+                    samples = np.repeat(dqc.Sample(pose).numbers[None], steps, axis=0)
+                    trace = close_loop(prepared, Integrator().start(robot, q, period, steps, SEED), samples)
+                    late = trace.command[-steps // 4 :]
+                    back = np.where(
+                        late[:-1] * late[1:] < 0, np.minimum(np.abs(late[:-1]), np.abs(late[1:])), 0.0
+                    )
+                    worst = np.maximum(worst, [100 * reversing(late), back.max(), np.abs(late).max()])
+                print(
+                    f"  {period * 1e3:3.0f} ms kT {k * period:4.2g} {name:23}"
+                    f" {worst[0]:6.2f} {worst[1]:6.3f} {worst[2]:6.2f}",
+                    flush=True,
+                )
 
 
 def rest_table(growth: float | None) -> None:
@@ -311,8 +435,8 @@ def reach_table() -> None:
         "\nwithin reach, kT 0.33: RMS error over that without growth (goal 1.02) of K and K+FF, almost stretched"
     )
     print("and back; and in the middle, where commands are to be equal to the bit")
-    for name in ("panda", "ur5", "iiwa7", "youbot-arm"):
-        robot, q = dqc.load_robot(name), np.array(STARTS[name], dtype=float)
+    for name in ARMS:
+        robot, q = dqc.load_robot(name), np.array(MIDDLES[name], dtype=float)
         far = stretched(robot, q)
         cells = []
         for middle, swing in ((far + 0.15 * (q - far), 0.12 * (q - far)), (q, np.full(q.size, 0.1))):
@@ -333,7 +457,7 @@ def reach_table() -> None:
 
 
 def step_table(rounds: int = 15, steps: int = 3000) -> None:
-    """Print what a step takes over that without growth, least of several interleaved rounds."""
+    """Print the processor's time of a step over that without growth, least of several interleaved rounds."""
     print(
         "\na step of the compiled loop over that without growth (goal 1.1): 1 mm, 2 cm, 20 cm away; at rest outside"
     )
@@ -354,9 +478,9 @@ def step_table(rounds: int = 15, steps: int = 3000) -> None:
             both = [with_growth(law, growth).prepare(robot, None, 1e-6) for growth in (None, 0.0)]
             for _ in range(rounds):
                 for i, each in enumerate(both):
-                    plant, started = Integrator().start(robot, begin, 1e-6, steps, 0), time.perf_counter()
+                    plant, started = Integrator().start(robot, begin, 1e-6, steps, 0), time.process_time()
                     close_loop(each, plant, samples)
-                    best[i] = min(best[i], time.perf_counter() - started)
+                    best[i] = min(best[i], time.process_time() - started)
             cells.append(best[0] / best[1])
         print(f"  {name:12}" + "".join(f"{cell:8.2f}" for cell in cells), flush=True)
 
@@ -367,7 +491,9 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--growth", type=float, help="c of the inverse; by the law's loop if omitted")
-    parser.add_argument("--tables", default="reach,steps,rest,streams", help="which of them")
+    parser.add_argument(
+        "--tables", default="reach,steps,rest,streams,commands,jitter,drives", help="which of them"
+    )
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
     print(f"seed {SEED}")
@@ -376,6 +502,9 @@ def main() -> None:
         "steps": step_table,
         "rest": lambda: rest_table(asked.growth),
         "streams": stream_table,
+        "commands": command_table,
+        "jitter": jitter_table,
+        "drives": drive_table,
     }
     for name in asked.tables.split(","):
         tables[name]()

@@ -1,30 +1,40 @@
 """Plans among shelves, tables, boxes and cages: how many are found, how long they take, and whether all are clear.
 
-    python benchmarks/planning.py [--problems 20] [--edges 100000]
+    python benchmarks/planning.py [--problems 20] [--edges 100000] [--guests 43]
 
 Seven types of scenes in the manner of MotionBenchMaker [Chamzas et al. 2022], made here: a Panda with its hand as a
 capsule more, 5 mm of margin; start and goal are poses of its hand in or before the furniture, and each problem has
 configurations for both that keep the margin. Judge: distances by `geometry` at 2000 configurations of each way. Then
 random edges of 0.8 rad: certified against sampled every 0.05 rad, time of processor of both in one process, and
-certified ones sampled 1000 times.
+certified ones sampled 1000 times. Then scenes of balls, as in `reactive_scenes.py`, whose ways another ball crosses
+that no plan foresees, or on which it stays; margins of 10 mm.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+import warnings
 from itertools import pairwise
 
+import msgspec
 import numpy as np
+import reactive_scenes
+from constraint_peers import PERIOD
+from constraints import fenced
 
 import dqcontrol as dqc
 from dqcontrol import algebra
+from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import PlanError
-from dqcontrol.geometry import Capsule
+from dqcontrol.geometry import Capsule, Sphere, distance
 from dqcontrol.planning import CertifiedEdges, plan
 from dqcontrol.robots import LinkShape, LinkShapes
 
 MARGIN = 0.005  # m
+SPEED = 0.25  # m/s, of guests
+SHOULDER = 0.2  # m: guests stay so far from the axes of the first two links
+AT_GOAL = 2e-3  # of the entries of poses: 4 mm, 0.2°
 Body = dqc.world.Body
 FORWARDS, DOWN = algebra.rotation_from_rpy([0, np.pi / 2, 0]), algebra.rotation_from_rpy([np.pi, 0, 0])
 
@@ -112,6 +122,87 @@ def scene(kind: str, rng: np.random.Generator) -> tuple[dict[str, Body], tuple[n
         for k, a in enumerate(np.linspace(0.0, 2 * np.pi, 12, endpoint=False))
     }
     return floor | bars, (at(DOWN, 0.52 + 0.5 * near[0], near[1], 0.4), at(DOWN, 0.3, 0.4 + near[2], 0.4))
+
+
+def guest(way: dqc.planning.PlanTo, side: float, *, stays: bool) -> Body:
+    """Return a ball of 50 mm that comes to the hand's way by half time, at 0.25 m/s, and that no plan foresees."""
+    half, robot = 0.5 * way.duration, way.robot
+    places = algebra.translation(robot.fkm(way.configurations([half - 0.01, half, half + 0.01])))
+    x, y, _ = places[2] - places[0]
+    across = side * np.array([-y, x, 0.0]) / max(np.hypot(x, y), 1e-9)
+    x, y, z = places[1] - SPEED * half * across
+    there, beyond = SPEED * half * across, SPEED * (way.duration + 4.0) * across
+    path = [(0.0, 0.0, 0.0, 0.0), (half, *there), (way.duration + 4.0, *(there if stays else beyond))]
+    return Body(sphere=0.05, position=(x, y, z), moves=dqc.world.Motion(path=path, announced=False))
+
+
+def with_guest(
+    given: dqc.constraints.Constraints, way: dqc.planning.PlanTo, *, stays: bool
+) -> dqc.constraints.Constraints | None:
+    """Return constraints with a guest that goes through nothing and leaves start and goal clear; None if none does."""
+    assert given.world is not None
+    standing = [shape for _, shape in given.world.shapes]
+    assert way.robot.shapes is not None
+    shoulder = way.robot.frames(way.plan.configurations[0])  # joints cannot take that out of a ball's way
+    standing += [
+        Sphere(point, SHOULDER)
+        for each in way.robot.shapes.shapes
+        if 0 < each.frame <= 2 and isinstance(each.shape, Capsule)
+        for shape in [each.shape.moved(shoulder[each.frame - 1])]
+        for point in np.linspace(shape.start, shape.end, 5)
+    ]
+    for side in (1.0, -1.0):
+        ball = guest(way, side, stays=stays)
+        assert ball.moves is not None
+        times = np.linspace(0.0, way.duration + 4.0, 200)
+        places = np.asarray(ball.position) + ball.moves.shifts(times)
+        if min(distance(Sphere(place, 0.05), shape).distance for place in places for shape in standing) < 0:
+            continue
+        found = msgspec.structs.replace(given, world=dqc.World(bodies=given.world.bodies | {"guest": ball}))
+        ends, when = way.plan.configurations[[0, -1]], times[[0, -1]]
+        kept = PreparedConstraints(found, way.robot, PERIOD, "measured")
+        if (kept.values(ends, when) > kept.asked + kept.allowances).all():
+            return found
+    return None
+
+
+def guests(count: int) -> None:
+    """Follow plans while an unforeseen ball crosses their way, or stays on it, with and without planning again."""
+    arm = dqc.load_robot("panda")
+    ends = {
+        (stays, again): [0, 0.0, np.inf] for stays in (False, True) for again in (None, dqc.planning.Again())
+    }
+    number = done = 0
+    while done < count:
+        balls, start, at_goal = reactive_scenes.scene(np.random.default_rng([11, number]), arm)
+        given, goal = fenced(arm, balls, acceleration=10.0), arm.fkm(at_goal)
+        number += 1
+        kept = PreparedConstraints(given, arm, PERIOD, "measured")
+        found = dqc.planning.PlanTo(plan(arm, kept, start, goal, effort=60_000))
+        crossed = [with_guest(given, found, stays=stays) for stays in (False, True)]
+        if None in crossed:
+            continue
+        done += 1
+        for (stays, again), end in ends.items():
+            keep = crossed[int(stays)]
+            assert keep is not None
+            law = dqc.laws.GuidedProportional(gain=2.0, pull=5.0, constraints=keep)
+            way = dqc.planning.PlanTo(found.plan, again=again)
+            duration = None if again else way.duration + 6.0
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", dqc.errors.NoteWarning)
+                record = dqc.simulate(arm, way, law, dqc.plants.Integrator(), start, PERIOD, duration)
+            last = arm.fkm(record.q[-1])
+            end[0] += bool(np.abs(goal - np.sign(goal @ last) * last).max() < AT_GOAL)
+            end[1] += record.readings["plan"].values[-1, 0] - 1
+            everything = PreparedConstraints(keep, arm, PERIOD, "measured")
+            room = (everything.values(record.q, record.time) - everything.asked).min()
+            end[2] = min(end[2], float(room))
+    print("| a ball | ways | reached | planned again | least room [mm] |")
+    print("|---" * 5 + "|")
+    for (stays, again), (reached, times, least) in ends.items():
+        names = "stays" if stays else "crosses", "planned again where held" if again else "planned once"
+        print(f"| {' | '.join(names)} | {reached} of {count} | {times:.0f} times | {1e3 * least:.2f} |")
 
 
 KINDS = ("shelf", "shelf, narrow", "table over", "table under", "box", "two boxes", "cage")
@@ -216,6 +307,11 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("--problems", type=int, default=20)
     parser.add_argument("--edges", type=int, default=100_000)
+    parser.add_argument("--guests", type=int, default=43)
     options = parser.parse_args()
-    plans(options.problems)
-    edges(options.edges)
+    if options.problems:
+        plans(options.problems)
+    if options.edges:
+        edges(options.edges)
+    if options.guests:
+        guests(options.guests)

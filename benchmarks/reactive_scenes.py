@@ -9,6 +9,7 @@ step, 15 s, 2/s of gain, 10 mm to keep, and the limits of the joints; ours also 
 
 * ours: K with constraints and their escape (a hand that is held goes aside, or the joints go to another posture), and
   without it;
+* escape: plan: where the hand is held, a way is planned from there;
 * planned: the way is planned and proved before (`dqc.planning`), and followed by a law that keeps the same constraints;
 * Mink: its collision limit bounds a step, m, by gain (d − d_min)/T, m/s; as shipped (gain 0.85), and corrected to
   gain = η T², which bounds the speed of approach by η (d − d_min), η = 10/s;
@@ -24,10 +25,12 @@ from __future__ import annotations
 
 import argparse
 import time
+import warnings
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from importlib.util import find_spec
+from typing import Literal
 
 import numpy as np
 from constraint_peers import (
@@ -79,12 +82,18 @@ def scene(rng: np.random.Generator, arm: dqc.Robot) -> tuple[np.ndarray, np.ndar
 
 
 def by_ours(
-    arm: dqc.Robot, balls: np.ndarray, goal: np.ndarray, start: np.ndarray, escape: float | None
+    arm: dqc.Robot,
+    balls: np.ndarray,
+    goal: np.ndarray,
+    start: np.ndarray,
+    escape: float | Literal["plan"] | None,
 ) -> np.ndarray:
     """Return the configurations that our law drives through, shape (N, n), rad."""
     law = dqc.laws.Proportional(gain=GAIN, constraints=fenced(arm, balls, acceleration=10.0, escape=escape))
     target = dqc.references.SetPoint(goal)
-    return dqc.simulate(arm, target, law, dqc.plants.Integrator(), start, PERIOD, MOST).q
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", dqc.errors.NoteWarning)  # of plans
+        return dqc.simulate(arm, target, law, dqc.plants.Integrator(), start, PERIOD, MOST).q
 
 
 def by_plan(arm: dqc.Robot, balls: np.ndarray, goal: np.ndarray, start: np.ndarray) -> np.ndarray:
@@ -133,6 +142,7 @@ def ways_of(
         "ours, without escape": partial(by_ours, arm, balls, goal, start, None),
     }
     if find_spec("ompl") and find_spec("toppra"):
+        ways["ours, escape: plan"] = partial(by_ours, arm, balls, goal, start, "plan")
         ways["ours, planned"] = partial(by_plan, arm, balls, goal, start)
     if find_spec("mink"):
         for name, approach in (("Mink, corrected", correct(PERIOD)), ("Mink, as shipped", AS_SHIPPED)):

@@ -26,9 +26,9 @@ from scipy.optimize import minimize
 
 import dqcontrol as dqc
 from dqcontrol import algebra, laws
-from dqcontrol.experiments import Column, Table
 from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.plants import Integrator
+from dqcontrol.tables import Column, Table
 
 Array = np.ndarray
 ROBOTS, COUNT, SEED = ("panda", "ur5", "iiwa7", "barrett-wam"), 24, 5

@@ -15,7 +15,7 @@ project = "dqcontrol"
 author = "the authors of dqcontrol"
 release = dqcontrol.__version__
 extensions = [
-    "myst_parser",
+    "myst_nb",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
@@ -41,6 +41,11 @@ myst_enable_extensions = ["dollarmath"]
 myst_update_mathjax = False
 mathjax_path = "formulas.js"  # KaTeX in MathJax's place, kept in _static: the site needs no network
 mathjax_options = {"defer": "defer"}
+
+nb_execution_mode = "force"  # notebooks/ hold no output: it is computed here
+nb_execution_raise_on_error = True
+nb_execution_timeout = 1800  # s a cell: the first use of kernels compiles them, on a busy machine for minutes
+nb_merge_streams = True
 
 autodoc_default_options = {"members": True, "exclude-members": "kernel"}
 autodoc_typehints = "none"  # docstrings say shape and unit

@@ -29,14 +29,15 @@ from . import (
     world as world,
 )
 from .algebra import DualQuaternion as DualQuaternion
+from .browser.play.notebook import play as play
 from .errors import Error as Error
 from .experiments import (
     Run as Run,
     Study as Study,
+    load_world as load_world,
     run_study as run_study,
 )
 from .experiments.run import run as run
-from .experiments.spec.world_file import load_world as load_world
 from .logs import calibrate as calibrate, excite as excite, identify as identify
 from .loop import Record as Record, simulate as simulate
 from .references import Sample as Sample

@@ -44,7 +44,7 @@ class UnreachableGoalError(ReachError, ValueRangeError):
     Attributes
     ----------
     nearest
-        How near the hand comes, and which limits hold it back; see `dqcontrol.robots.inverse.nearest_pose`.
+        How near the hand comes, and which limits hold it back; see `dqcontrol.robots.NearestPose`.
     """
 
     def __init__(self, message: str, nearest: object = None) -> None:

@@ -11,10 +11,10 @@ from dqcontrol import algebra
 from dqcontrol.browser import Track
 from dqcontrol.browser.layout import ASPECT, FIELD, extent, places, step_back, viewpoint
 from dqcontrol.browser.numbers import numbers
-from dqcontrol.browser.robot_bodies import DARK, robot_shapes
 from dqcontrol.browser.run_view_model import wheel_angles
-from dqcontrol.browser.urdf_shapes import mesh_file, pose_matrix, urdf_shapes
 from dqcontrol.errors import FileFormatError
+from dqcontrol.figures.robot_bodies import DARK, robot_shapes
+from dqcontrol.figures.urdf_shapes import mesh_file, pose_matrix, urdf_shapes
 from dqcontrol.loop import Record
 from dqcontrol.robots.poses import pose7
 

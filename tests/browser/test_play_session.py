@@ -1,5 +1,8 @@
 """A session of play without a browser: what is saved gives the same run again, and changes are told in words."""
 
+import sys
+import threading
+
 import numpy as np
 import pytest
 
@@ -183,3 +186,20 @@ def test_laws_are_said_without_their_defaults():
     assert law_data(law_from(data)) == data
     with pytest.raises(Error, match="law"):
         law_from({"kind": "nothing"})
+
+
+def test_words_are_said_while_the_thread_adds_to_what_happened():
+    """Ended the server once: a deque must not grow while it is looped over."""
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        session = PlaySession(SPEC)
+        for _ in range(40):
+            session._note()
+        noting = threading.Thread(target=lambda: [session._note() for _ in range(4000)])
+        noting.start()
+        while noting.is_alive():
+            assert session.words
+        noting.join()
+    finally:
+        sys.setswitchinterval(before)

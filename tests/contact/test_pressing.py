@@ -10,7 +10,6 @@ from dqcontrol import algebra
 from dqcontrol.contact import Admittance, Compliance, ForceSensor, Tool, WantedWrench
 from dqcontrol.errors import Error
 from dqcontrol.experiments import check
-from dqcontrol.export.controller_parts import controller_parts
 from dqcontrol.plants import Servo, Wrist
 
 ARM, START = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, -1.6, 0, 0.9, 0])
@@ -41,7 +40,7 @@ def pressed(stiffness, seconds, wrist, contact, interpreted=False, **more):
 
 def test_rollout_and_python_are_bit_equal():
     wrist = Wrist(filter=0.005, force_noise=0.1, torque_noise=0.01, mass=0.3, center=(0, 0, 0.04))
-    sensor = ForceSensor(tool=Tool(mass=0.3, center=(0, 0, 0.04)))
+    sensor = ForceSensor(tool=Tool(mass=0.3, center=(0, 0, 0.04)), tare=0.1)
     one, other = (
         pressed(2000, 2.0, wrist, push(100.0, sensor=sensor), interpreted, friction=0.3)
         for interpreted in (False, True)
@@ -67,6 +66,24 @@ def test_steady_force_on_walls(stiffness, seconds):
     force = pressed(stiffness, seconds, wrist, contact).readings["touch_force"].values[:, 2]
     assert abs(force[-1] - 2.0) < 0.01 * 2.0
     assert force.max() < 2.0 * 2.0
+
+
+def test_a_tare_in_the_air_takes_a_bias_off_that_nobody_knows():
+    wrist = Wrist(filter=0.005, force_bias=(0.3, -0.2, 0.5), torque_bias=(0.02, 0.0, -0.01))
+    forces = [
+        pressed(2e3, 6.0, wrist, push(84.0, sensor=ForceSensor(filter=0.005, tare=tare)))
+        .readings["touch_force"].values[-1, 2]
+        for tare in (0.0, 0.5)
+    ]  # fmt: skip
+    assert abs(forces[0] - 2.0) > 0.3  # the bias is in the force
+    assert abs(forces[1] - 2.0) < 0.02
+
+
+def test_a_reference_that_moves_during_the_tare_is_refused():
+    circle = {"kind": "circle", "plane": "xy", "radius": 0.02, "duration": 12}
+    contact = spec()["contact"] | {"sensor": {"tare": 0.5}}
+    with pytest.raises(Error, match=r"contact\.sensor\.tare: the reference moves from 0 s on"):
+        check(spec(reference=circle, contact=contact))
 
 
 def test_pressing_on_a_board_that_is_not_where_it_should_be():
@@ -123,11 +140,6 @@ def test_unstable_contact_runs_if_that_is_asked_for():
     wall = {"wall": {"box": 0.2, "position": [0.55, 0, 0.17], "stiffness": 1e5}}
     contact = spec()["contact"] | {"allow_unstable": True}
     assert check(spec(world=wall, contact=contact)).contact is not None
-
-
-def test_contact_is_not_exported_without_its_wrench():
-    with pytest.raises(Error, match="contact: is not exported yet"):
-        controller_parts(spec())
 
 
 def test_a_run_that_presses_says_how_hard_and_is_not_judged_by_where_it_gives_way():

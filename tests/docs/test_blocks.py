@@ -41,6 +41,7 @@ SLOW = {  # parts of commands and of Python
     "export.md": EVERYTHING,
     "from-matlab.md": ("run examples/", "convert"),
     "calibrate.md": EVERYTHING,
+    "contact.md": ("results/",),
     "constraints.md": ("run examples/", "report results", "robots shapes"),
     "examples.md": ("run examples/",),
     "experiments.md": ("run examples/", "compare", "demo.yaml", "repeats.yaml"),

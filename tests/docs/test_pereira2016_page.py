@@ -20,7 +20,7 @@ def test_cells_near_the_printed_ones_are_those_of_the_tables(label):
 
 
 def verdicts():
-    """Return the verdicts of all tables of claims but that on laws at their own best."""
+    """Return the verdicts of all tables of claims but that on tuned laws."""
     found, wanted = [], False
     for line in TABLES.splitlines():
         if line.startswith("**"):

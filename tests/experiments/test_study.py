@@ -12,8 +12,8 @@ from study_specs import AT_ONCE, FAR, LATER, spec
 import dqcontrol as dqc
 from dqcontrol.errors import ExistsError, FileFormatError, LimitWarning, ValueRangeError
 from dqcontrol.experiments import load_rows, load_run, load_runs, load_study, run_study_to
+from dqcontrol.experiments.failure_hints import beyond_limits
 from dqcontrol.experiments.run import Run
-from dqcontrol.experiments.shortfall import beyond_limits
 from dqcontrol.laws import LinearQuadraticR8
 
 LABELS = ("robot", "law", "set", "plant", "repeat")

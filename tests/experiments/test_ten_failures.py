@@ -11,6 +11,8 @@ import dqcontrol as dqc
 from dqcontrol import cli
 from dqcontrol.experiments.verdict import Judge
 from dqcontrol.loop import Record
+from dqcontrol.measures.metrics import metrics_of
+from dqcontrol.measures.task_result import task_result
 
 IIWA = {"robot": "iiwa7", "start": [0, 0.6, 0, 1.6, 0, 0.6, 0], "period": 0.01}
 PANDA = {"robot": "panda", "start": [0, 0.3, 0, -1.8, 0, 2.1, 0.78], "period": 0.01}
@@ -240,7 +242,9 @@ def test_a_hand_that_sways_below_its_goal_is_not_late(comes, words):
         goal = dqc.algebra.pose(goal[:4], np.add(dqc.algebra.translation(goal), [0, 0, 0.02]))
     desired = np.hstack([np.tile(goal, (len(time), 1)), np.zeros((len(time), 13))])
     record = Record(time, q, q, np.zeros_like(q), robot.fkm(q), desired, robot.joint_names)
-    assert Judge(robot).verdict(record, dqc.measures.evaluate(record)).words.startswith(words)
+    result = task_result(record, robot=robot)
+    metrics = metrics_of(record, result, robot.limits, 0.0)
+    assert Judge(robot).verdict(record, metrics, result).words.startswith(words)
 
 
 TWO_ARMS = {

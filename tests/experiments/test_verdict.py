@@ -7,6 +7,8 @@ import dqcontrol as dqc
 from dqcontrol.experiments.verdict import Judge
 from dqcontrol.loop import Record
 from dqcontrol.loop.signals import Signal
+from dqcontrol.measures.metrics import metrics_of
+from dqcontrol.measures.task_result import task_result
 from dqcontrol.plants import MobilePlant
 from dqcontrol.plants.mujoco.gripper import Gripper, GripperEvent
 from dqcontrol.supervisor import KeepOutZones, Supervisor, WorkspaceBox
@@ -34,7 +36,8 @@ def recorded(robot, q, command=None, **readings):
 
 def said(record, robot, **other):
     """Return the words on a run, and in what way it failed."""
-    return Judge(robot, **other).verdict(record, dqc.measures.evaluate(record, robot.limits, robot=robot))
+    result = task_result(record, law=other.get("law"), robot=robot)
+    return Judge(robot, **other).verdict(record, metrics_of(record, result, robot.limits, 0.0), result)
 
 
 PRESSED = {"contact_force": 14.0, "penetration": 1.4e-3, "contact_link": 6.0}

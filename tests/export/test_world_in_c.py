@@ -65,4 +65,4 @@ def test_it_keeps_clear_of_what_stands_and_what_moves(tmp_path):
         for shift in ball.moves.shifts(np.arange(400) * T)  # type: ignore[union-attr]
     ]
     assert min(stays) < MARGIN - 5e-3  # an arm that stays would be hit, or nearly
-    assert MARGIN - 1e-3 < min(least) < MARGIN + 3e-3
+    assert MARGIN - 1e-3 < min(least) < MARGIN + 6e-3  # what is allowed for the way between samples on top

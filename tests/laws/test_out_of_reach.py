@@ -5,12 +5,14 @@ import numpy as np
 import pytest
 from hand_twist import hand_jacobian
 from numba import njit
+from scipy.optimize import minimize
 
 import dqcontrol as dqc
 from dqcontrol import algebra, constraints, laws
 from dqcontrol.laws.growth import counted, curvature, drives_anywhere, growth_for, pose_error, square_bound
 from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.loop import close_loop
+from dqcontrol.loop.targets import PoseTarget, Speeds
 from dqcontrol.robots.command_mode import Lag
 from dqcontrol_theses import variants
 
@@ -272,6 +274,74 @@ def test_two_arms_come_to_rest_too(law, task, root):
         assert turning_back(sent[-300:]) == 0
 
 
+def jittering(robot, q, share, period, seconds):
+    """Return poses that jitter by 3 mm and 0.5°, 30 times a second, at a share of the reach, and when new ones come."""
+    rng, frames = (
+        np.random.default_rng(SEED),
+        (30.0 * period * np.arange(round(seconds / period))).astype(int),
+    )
+    pose = robot.fkm(q)
+    here = algebra.translation(pose)
+    along = here / np.linalg.norm(here)
+    bounds = list(zip(robot.limits.lower, robot.limits.upper, strict=True))
+    found = minimize(lambda x: -along @ algebra.translation(robot.fkm(x)), q, bounds=bounds).x
+    far = algebra.translation(robot.fkm(found))
+    noise = 0.003 * rng.normal(size=(frames[-1] + 1, 6))
+    poses = [
+        placed(
+            algebra.multiply(pose, algebra.exp_screw([*(1.5 * each[3:]), 0, 0, 0])), share * far + each[:3]
+        )
+        for each in noise
+    ]
+    return [dqc.Sample(poses[frame]) for frame in frames], np.diff(frames) > 0
+
+
+@pytest.mark.parametrize("share", [0.95, 1.01, 1.1])
+@pytest.mark.parametrize("name", ["panda", "ur5", "youbot-arm"])
+def test_where_a_target_jitters_joints_turn_back_with_it_and_never_on_their_own(name, share):
+    """Within reach, at its edge and beyond; without growth they turn back in most periods between its frames too."""
+    robot, q, period = dqc.load_robot(name), np.array(STARTS[name]), 0.01
+    samples, fresh = jittering(robot, q, share, period, 6.0)
+    samples = np.array([each.numbers for each in samples])
+    on_its_own = {}
+    for growth in (None, 0.0):
+        law = with_growth(laws.DecoupledProportional(gain=10.0), growth)
+        prepared = law.prepare(robot, None, period, dqc.limits.CommandLimits(velocity=True))
+        plant = dqc.plants.Integrator().start(robot, q, period, len(samples), 0)
+        sent = close_loop(prepared, plant, samples).command[200:]
+        before, after = sent[:-1], sent[1:]
+        turning = (before * after < 0) & (np.minimum(np.abs(before), np.abs(after)) > 0.01)
+        on_its_own[growth] = (turning.any(axis=1) & ~fresh[200:]).mean()
+    assert on_its_own[None] < 0.01
+    if name != "youbot-arm" and share > 1:
+        assert on_its_own[0.0] > 0.5
+
+
+def test_a_jittering_target_at_the_edge_of_the_reach_turns_no_joint_back_through_a_pose_target():
+    """Fed to the law as it is, it turned joints of this arm back in an eighth of the periods."""
+    robot, q, period = dqc.load_robot("youbot-arm"), np.array(STARTS["youbot-arm"]), 0.01
+    samples, fresh = jittering(robot, q, 1.01, period, 6.0)
+    prepared = laws.DecoupledProportional(gain=10.0).prepare(robot, None, period)
+    shares = []
+    for speeds in (None, Speeds(linear=0.5, angular=1.5, acceleration=3.0)):
+        at, state, sent = q, prepared.initial_state(q), np.empty((len(samples), 5))
+        target = PoseTarget(speeds or Speeds())
+        target.start(robot.fkm(q))
+        for k, sample in enumerate(samples):
+            if k == 0 or fresh[k - 1]:
+                target.ask(k * period, sample.pose)
+            moved = dqc.Sample.of_row(target.sample(k * period, robot.fkm(at)))
+            u = prepared.command(at, moved if speeds else sample, state)
+            sent[k] = u / max(1.0, np.max(np.abs(u) / robot.limits.velocity))
+            prepared.sent(state, sent[k])
+            at = robot.integrate(at, sent[k], period)
+        before, after = sent[200:-1], sent[201:]
+        turning = (before * after < 0) & (np.minimum(np.abs(before), np.abs(after)) > 0.12)
+        shares.append(turning.any(axis=1).mean())
+    assert shares[0] > 0.05
+    assert shares[1] < 0.01
+
+
 def test_without_growth_they_shake():
     robot, q = dqc.load_robot("panda"), np.array(STARTS["panda"])
     sent, _ = follow(
@@ -364,6 +434,32 @@ def test_where_the_error_is_small_the_command_is_that_without_growth_to_the_bit(
             prepared = with_growth(all_laws(10.0)[law], growth).prepare(robot, None, 0.01)
             commands.append(prepared.command(begin, sample, prepared.initial_state(begin)))
         np.testing.assert_array_equal(*commands)
+
+
+@pytest.mark.parametrize("name", ["panda", "ur5", "youbot-arm"])
+def test_commands_are_those_without_growth_just_where_the_curvature_needs_no_damping(name):
+    """To the bit, near and far, also where σ is below ε: up to c‖C‖ = 1/tr G⁻¹ ≤ σ²min, and not beyond."""
+    robot, rng, equal = dqc.load_robot(name), np.random.default_rng(SEED), []
+    prepared = [
+        with_growth(laws.Proportional(gain=10.0), growth).prepare(robot, None, 0.033)
+        for growth in (None, 0.0)
+    ]
+    c = prepared[0].parameters[0, 4]
+    for _ in range(300):
+        q = np.array(STARTS[name]) + rng.uniform(-1, 1, robot.input_size)
+        away = 10.0 ** rng.uniform(-4, 0) * rng.normal(size=3)
+        target = placed(robot.fkm(q), algebra.translation(robot.fkm(q)) + away)
+        jacobian = np.diag([LENGTH] * 3 + [1.0] * 3) @ hand_jacobian(robot, q)
+        singular = np.linalg.svd(jacobian, compute_uv=False)
+        error = np.array([0.0, 0.0, 0.0, *away])
+        curved = found_curvature(robot.twist_jacobian(q), algebra.translation(robot.fkm(q)), error, LENGTH**2)
+        needed = c * curved * (1 / singular**2).sum()
+        if abs(needed - 1.0) < 1e-3 or singular[-1] < 1e-3:
+            continue
+        with_it, without = (each.command(q, dqc.Sample(target), each.initial_state(q)) for each in prepared)
+        equal.append(np.array_equal(with_it, without))
+        assert equal[-1] == (needed < 1.0)
+    assert 50 < sum(equal) < len(equal) - 50
 
 
 def test_the_hand_rests_where_it_is_nearest():

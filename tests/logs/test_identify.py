@@ -105,6 +105,17 @@ def identified(targets, positions, time):
     return identify_joint("joint", "rad", log.segments(0, "positions", None), log.period)
 
 
+def test_a_log_without_noise_is_identified():
+    """Its joint stands still for most of the time, so that its noise is 0 and not only small."""
+    time = np.arange(2000) * 0.008
+    targets = np.where(time < 5, multisine(np.random.default_rng(SEED), time), 0.0)
+    positions = answer(time, targets, 0.05, 0.012, time)
+    positions[time > 6] = 0.0
+    found = identified(targets, positions, time)
+    assert found.floor > 0
+    assert found.status == "fitted"
+
+
 @pytest.mark.parametrize(
     ("bandwidth", "damping", "delay", "step"), [(30.0, 0.7, 0.012, 0.0), (40.0, 0.8, 0.005, 1.5e-3)]
 )
@@ -220,7 +231,7 @@ def test_the_plant_file_is_a_plant_of_specs(bench):
     found.save(folder / "spec", force=True)
     arm = arm_of(6)
     spec = {
-        "name": "twin",
+        "name": "replay",
         "robot": arm,
         "start": [0, 0.3, 0.3, 0.3, 0.3, 0.3],
         "period": 0.008,
@@ -425,17 +436,17 @@ def test_the_twin_of_a_log_does_what_the_robot_did(tmp_path):
     found = dqc.identify(path, "ur5")
     assert len(found.fitted) == 6
     out = found.save(tmp_path / "out")
-    twin = found.save_twin(out)
-    assert twin.motion_rms > 5e-3
-    assert twin.hand_rms < 0.05 * twin.motion_rms
-    runs = load_runs([out / "log", out / "twin"])
+    replay = found.save_replay(out)
+    assert replay.motion_rms > 5e-3
+    assert replay.hand_rms < 0.05 * replay.motion_rms
+    runs = load_runs([out / "log", out / "replay"])
     rms = [run.metrics.position.rms for run in runs.values()]
     assert rms[0] == pytest.approx(rms[1], rel=0.05)
     write_identification_report(found, out)
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "what is left all along" in page
     with pytest.raises(ValueRangeError, match=r"has no plant\.yaml; save the identification there first"):
-        found.save_twin(tmp_path)
+        found.save_replay(tmp_path)
 
 
 def test_of_ambiguous_joints_the_plant_has_the_sum_that_is_known():
@@ -466,6 +477,6 @@ def test_the_twin_of_a_log_whose_stamps_jitter_drops_and_doubles_no_command(tmp_
     found = dqc.identify(path, "ur5")
     for joint in found.joints:
         assert joint.lag == pytest.approx(0.05, rel=0.02)
-    twin = found.save_twin(found.save(tmp_path / "out"))
-    assert twin.motion_rms > 5e-3
-    assert twin.hand_rms < 0.1e-3  # 0.33 mm where rows are dropped or doubled
+    replay = found.save_replay(found.save(tmp_path / "out"))
+    assert replay.motion_rms > 5e-3
+    assert replay.hand_rms < 0.1e-3  # 0.33 mm where rows are dropped or doubled

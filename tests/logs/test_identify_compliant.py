@@ -1,4 +1,4 @@
-"""The compliant Meka in physics, identified as if its joints were servos: what the twin's hand is worth."""
+"""The compliant Meka in physics, identified as if its joints were servos: what the replay's hand is worth."""
 
 import sys
 
@@ -25,7 +25,7 @@ def test_fitted_servos_predict_the_hands_error_on_other_paths(tmp_path):
     dqc.run(file).save(tmp_path / "log", figures=False)
     found = dqc.identify(tmp_path / "log", "meka-a2")
     found.save(tmp_path / "servos")
-    twin = {"kind": "servo", "file": str(tmp_path / "servos" / "plant.yaml")}
+    servos = {"kind": "servo", "file": str(tmp_path / "servos" / "plant.yaml")}
     ratios = {}
     for kind in ("proportional", "proportional-feedforward"):
         for number, path in enumerate(PATHS):
@@ -39,7 +39,7 @@ def test_fitted_servos_predict_the_hands_error_on_other_paths(tmp_path):
             }
             rms = [
                 dqc.run(spec | {"plant": plant}).metrics.position.rms
-                for plant in (twin, {"kind": "compliant"})
+                for plant in (servos, {"kind": "compliant"})
             ]
             ratios[kind, number] = rms[0] / rms[1]
     print({key: round(value, 3) for key, value in ratios.items()}, file=sys.stderr)

@@ -1,5 +1,6 @@
 """Ways that are timed: within limits, followed exactly by laws that keep the same constraints, and in specs."""
 
+import dataclasses
 import sys
 
 import numpy as np
@@ -103,7 +104,7 @@ def test_a_way_rests_where_a_corner_cannot_be_blended():
         np.array([np.linalg.norm(b - a), np.linalg.norm(c - b)]),
         (1,),
     )
-    found = type(way.plan)(way.robot, way.plan.kept, np.array([a, b, c]), corner, way.plan.certificate, 0.0)
+    found = dataclasses.replace(way.plan, configurations=np.array([a, b, c]), way=corner)
     timed = PlanTo(found)
     k = int(np.abs(timed.timing.lengths - corner.lengths[0]).argmin())
     assert timed.timing.speeds[k] == 0.0

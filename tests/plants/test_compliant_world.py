@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
+from dqcontrol.contact import Tool
 from dqcontrol.errors import FileFormatError, SafetyWarning, ShapeError, ValueRangeError
 from dqcontrol.files.yaml_file import convert
 from dqcontrol.plants import CompliantPlant, EncoderLoss, Payload, Push
 from dqcontrol.plants.compliant.controller_file import load_controllers
 from dqcontrol.robots.files.load import load_robot
-from dqcontrol.supervisor import DeclaredPayload, Supervisor
+from dqcontrol.supervisor import Supervisor
 
 mujoco: Any = pytest.importorskip("mujoco")
 
@@ -123,7 +124,7 @@ def test_a_wrist_that_holds_still_feels_the_declared_payload_alone():
     """Its sign and its frame are those that the supervisor takes the weight off in."""
     body = load_controllers(MEKA).hand(True)
     assert body is not None
-    payload = DeclaredPayload(mass=body.mass, center=tuple(body.center))
+    payload = Tool(mass=body.mass, center=tuple(body.center))
     live = CompliantPlant(mode="THETA", hand=True).start(MEKA, Q0, T, 0, SEED)
     rest(live, 2.0)
     for carried, told in ((payload, ""), (None, "stop category 1: contact")):

@@ -9,7 +9,8 @@ from dqcontrol.errors import DivergedError, MissingExtraError, ShapeError, Value
 from dqcontrol.plants.mujoco import MujocoPlant
 from dqcontrol.plants.mujoco.mujoco_model import add_inertias, compiled, skeleton
 from dqcontrol.plants.plant import LivePlant
-from dqcontrol.robots.files.load import example_urdfs, load_robot
+from dqcontrol.robots.files.installed import package_files
+from dqcontrol.robots.files.load import load_robot
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.serial_arm import SerialArm
 
@@ -146,7 +147,7 @@ def test_own_models_move_and_weigh_what_the_robot_says(name):
 def test_urdf_arms_have_pinocchios_kinematics_and_dynamics(file, tip):
     pinocchio: Any = pytest.importorskip("pinocchio")
     try:
-        path = example_urdfs()[file]
+        path = package_files("example-robot-data")[file]
     except MissingExtraError as error:
         pytest.skip(str(error))
     robot = load_robot(path, tip_link=tip)

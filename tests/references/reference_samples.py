@@ -55,7 +55,7 @@ NAMES = (  # known without making them: tests have parameters before they run
         "jerk-limited follower",
         "jerk-limited points",
     ),
-    *("jerk-limited via points", "jerk-limited turns"),
+    *("jerk-limited via points", "jerk-limited turns", "straight"),
 )
 
 
@@ -95,6 +95,7 @@ def references():
         "jerk-limited points": r.JerkLimited(points, **limits, **angular),
         "jerk-limited via points": r.JerkLimited(via, **limits),
         "jerk-limited turns": r.JerkLimited(via, **limits, **angular),
+        "straight": r.Straight(START, way=(0.1, -0.2, 0.05), duration=3.0),
     }
     assert tuple(made) == NAMES
     return made

@@ -8,7 +8,7 @@ import pytest
 from pinocchio_oracle import ARMS, UrdfOracle, model_of, pose_matrix, symmetric
 
 from dqcontrol.robots import Inertia, SerialArm, load_robot, load_urdf
-from dqcontrol.robots.files.load import example_urdfs
+from dqcontrol.robots.files.installed import package_files
 
 URDFS = {  # file, base, tip
     "panda": ("panda_description/urdf/panda.urdf", "panda_link0", "panda_hand"),
@@ -59,7 +59,7 @@ def check_finite_differences(arm, q):
 @pytest.fixture(scope="module", params=URDFS)
 def oracle(request):
     file, base, tip = URDFS[request.param]
-    path = example_urdfs()[file]
+    path = package_files("example-robot-data")[file]
     return UrdfOracle(path, load_urdf(path, base, tip), base, tip)
 
 

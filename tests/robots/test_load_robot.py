@@ -9,6 +9,7 @@ import pytest
 from dqcontrol.errors import FileFormatError, MissingExtraError, ShapeError, UnknownNameError
 from dqcontrol.robots import load_robot, robot_names
 from dqcontrol.robots.files import load
+from dqcontrol.robots.files.installed import package_files
 
 PANDA = "example-robot-data:panda_description/urdf/panda.urdf"
 
@@ -37,7 +38,7 @@ def test_a_path_is_the_same_as_a_name(tmp_path, suffix):
 
 def test_example_robot_data():
     arm = load_robot(PANDA, tip_link="panda_hand")
-    path = load.example_urdfs()["panda_description/urdf/panda.urdf"]
+    path = package_files("example-robot-data")["panda_description/urdf/panda.urdf"]
     np.testing.assert_array_equal(
         arm.fkm(np.ones(7)), load_robot(path, "panda_link0", "panda_hand").fkm(np.ones(7))
     )
@@ -90,10 +91,10 @@ def test_a_missing_extra_says_how_to_get_it(monkeypatch):
 def test_every_example_is_loaded_or_refused_with_a_reason():
     reasons = ("must be given", "no joint moves", "lower 0 ≥ upper 0", "misses its attribute 'name'")
     refusals = []
-    for name in load.example_urdfs():
+    for name in package_files("example-robot-data"):
         try:
             load_robot(f"example-robot-data:{name}")
         except (UnknownNameError, FileFormatError) as error:
             refusals.append(str(error))
     assert [text for text in refusals if not any(reason in text for reason in reasons)] == []
-    assert len(refusals) < len(load.example_urdfs()) - 10
+    assert len(refusals) < len(package_files("example-robot-data")) - 10

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol.browser.robot_bodies import robot_shapes
+from dqcontrol.figures.robot_bodies import robot_shapes
 from dqcontrol.geometry import Box, Capsule, Sphere
 from dqcontrol.robots.collision_shapes import collision_shapes
 from dqcontrol.robots.files.mjcf_geometry import geom_mesh, mjcf_geoms, shown_geoms

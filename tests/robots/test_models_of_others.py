@@ -9,7 +9,7 @@ from pinocchio_oracle import pose_matrix
 from dqcontrol import algebra
 from dqcontrol.errors import ShapeError, UnknownNameError
 from dqcontrol.robots import SerialArm, load_robot
-from dqcontrol.robots.files.load import example_urdfs
+from dqcontrol.robots.files.installed import package_files
 
 dqrobotics = pytest.importorskip("dqrobotics")
 theirs = pytest.importorskip("dqrobotics.robots")
@@ -74,7 +74,7 @@ def test_ax18():
 )
 def test_presets_and_urdf_within_its_rounding(name, file, tip, turned):
     arm = load_robot(name)
-    urdf = load_robot(example_urdfs()[file], tip_link=tip)
+    urdf = load_robot(package_files("example-robot-data")[file], tip_link=tip)
     base = np.diag([-1.0, -1, 1, 1]) if turned else np.eye(4)
     assert arm.joint_names == urdf.joint_names
     for q in configurations(arm, 5):

@@ -5,9 +5,10 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol import algebra
+from dqcontrol.contact import Tool
 from dqcontrol.errors import ShapeError, UnknownNameError, ValueRangeError
 from dqcontrol.limits.braking import fastest_stoppable
-from dqcontrol.supervisor import DeclaredPayload, LinkPoint, Supervisor, WorkspaceBox
+from dqcontrol.supervisor import LinkPoint, Supervisor, WorkspaceBox
 from dqcontrol.supervisor.interventions import IMPOSSIBLE
 from dqcontrol.supervisor.supervisor_layout import END, FINISH, GO, RESET, STOP
 
@@ -282,11 +283,11 @@ def test_an_unlimited_command_passes_unchanged(arm):
         ({"effort": [1.0, 2.0]}, r"supervisor.effort: expected one number or 7, got shape \(2,\)"),
         ({"contact_force": -1.0}, "supervisor.contact_force: must be > 0, got -1"),
         (
-            {"payload": lambda: DeclaredPayload(mass=-1.0)},
+            {"payload": lambda: Tool(mass=-1.0)},
             "supervisor.payload.mass: must be ≥ 0, got -1",
         ),
         (
-            {"payload": lambda: DeclaredPayload(mass=1.0, center=(0.0, np.nan, 0.0))},
+            {"payload": lambda: Tool(mass=1.0, center=(0.0, np.nan, 0.0))},
             r"supervisor.payload.center\[1\]: must be finite",
         ),
         (
@@ -587,11 +588,12 @@ def test_the_hand_stays_in_its_box_with_jerk(jerk):
             assert "limits that cannot be kept together" not in reasons
 
 
-def test_the_weight_of_a_declared_payload_is_no_contact(arm):
+def test_weight_and_bias_of_a_declared_payload_are_no_contact(arm):
     """Held still however it is turned, it is felt as nothing; a push of 10 N on top as 10 N."""
     rng, mass, center = np.random.default_rng(SEED), 3.0, np.array([0.02, -0.03, 0.15])
     print(f"seed {SEED}")
-    payload = DeclaredPayload(mass=mass, center=tuple(center))
+    bias = np.array([0.5, -0.4, 1.0, 0.05, 0.02, -0.03])
+    payload = Tool(mass=mass, center=tuple(center), force_bias=tuple(bias[:3]), torque_bias=tuple(bias[3:]))
     bounds = {"contact_force": 10.0, "contact_torque": 1.0, "payload": payload}
     supervisor = Supervisor(**bounds, **FREE).prepare(arm, T)
     bare = Supervisor(**bounds | {"payload": None}, **FREE).prepare(arm, T)
@@ -604,7 +606,7 @@ def test_the_weight_of_a_declared_payload_is_no_contact(arm):
     for q in rng.uniform(0.9 * arm.limits.lower, 0.9 * arm.limits.upper, (10, 7)):
         turned = algebra.matrix_from_rotation(algebra.rotation(arm.fkm(q)))
         weight = turned.T @ [0.0, 0.0, -9.81 * mass]
-        held = np.concatenate([weight, np.cross(center, weight)])
+        held = np.concatenate([weight, np.cross(center, weight)]) + bias
         push = rng.standard_normal(3)
         push /= np.linalg.norm(push)
         assert feels(bare, q, held)

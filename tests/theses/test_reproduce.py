@@ -19,7 +19,7 @@ from dqcontrol_theses import pereira2016
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.judgement import Judgement, by_cases, verdict_table
 from dqcontrol_theses.pereira2016.calibration import calibrate
-from dqcontrol_theses.pereira2016.hundredfold import printed_factors, with_hundredfold
+from dqcontrol_theses.pereira2016.gain_x100 import printed_factors, with_gain_x100
 from dqcontrol_theses.pereira2016.operation_counts import (
     DUAL_QUATERNION,
     OPERATIONS,
@@ -97,7 +97,7 @@ def test_the_gains_of_the_spiral_fall_by_ln2():
 
 
 def test_the_robust_laws_run_a_second_time_with_a_hundred_times_their_gains():
-    data = with_hundredfold(published_spec("spiral"))
+    data = with_gain_x100(published_spec("spiral"))
     laws, sets = data["laws"], data["parameter_sets"]
     assert laws.keys() - published_spec("spiral")["laws"].keys() == {"HIR × 100", "HIRT × 100"}
     assert laws["HIR × 100"]["translation_gain"] == {
@@ -229,7 +229,7 @@ def test_no_two_laws_of_a_figure_share_a_colour():
         labels = set()
         for spec in chosen.specs.values():
             data = published_spec(spec)
-            labels |= set((with_hundredfold(data) if chosen.robust else data)["laws"])
+            labels |= set((with_gain_x100(data) if chosen.robust else data)["laws"])
         assert len(labels) <= len(set(COLOURS)), name
 
 
@@ -448,7 +448,7 @@ def test_figures_are_one_set_each_or_pairs_as_printed():
 
 
 def test_figures_say_which_laws_they_leave_out_and_why():
-    data = with_hundredfold(published_spec("circle", "servo"))
+    data = with_gain_x100(published_spec("circle", "servo"))
     data["reference"] = data["reference"] | {"duration": 0.2}
     data |= {"laws": {law: data["laws"][law] for law in ("K", "HIR")}, "repeats": 1}
     data["parameter_sets"] = {"fixed": {"K": {}, "HIR": {}}}

@@ -13,7 +13,7 @@ from dqcontrol.experiments.run import execute, measure
 from dqcontrol.plants import CompliantPlant
 from dqcontrol_theses import pereira2016
 from dqcontrol_theses.pereira2016.calibration import calibrate
-from dqcontrol_theses.pereira2016.hundredfold import with_hundredfold
+from dqcontrol_theses.pereira2016.gain_x100 import with_gain_x100
 from dqcontrol_theses.pereira2016.own_periods import late_record, stretch
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import EXPERIMENTS, PHYSICS, SERVO, drawings
 from dqcontrol_theses.pereira2016.pereira2016_figures import lamp_on
@@ -171,7 +171,7 @@ def test_the_numbers_in_use_are_those_that_fit():
 @pytest.mark.slow
 def test_verdicts_are_given_on_all_claims_about_the_spiral():
     spec = published_spec("spiral", PHYSICS)
-    study = dqc.run_study(with_hundredfold(spec | {"repeats": 2}))
+    study = dqc.run_study(with_gain_x100(spec | {"repeats": 2}))
     evidence = Evidence(Results({"": study.rows}), {"": study.setting()}, PHYSICS, "spiral")
     found = judge("spiral", evidence)
     assert found.keys() == {claim.id for claim in pereira2016.claims("spiral")}

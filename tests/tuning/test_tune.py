@@ -1,4 +1,4 @@
-"""The search: every law at its own best, stable, judged on what it did not see, resumable, and clear about mistakes."""
+"""The search: every law tuned, stable, judged on what it did not see, resumable, and clear about mistakes."""
 
 import json
 import math

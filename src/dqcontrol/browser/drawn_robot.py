@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.browser.robot_bodies import Colour, robot_shapes, tinted
 from dqcontrol.browser.run_view_model import wheel_angles, with_wheels
+from dqcontrol.figures.robot_bodies import Colour, robot_shapes, tinted
 from dqcontrol.robots import Robot
 from dqcontrol.robots.poses import pose7
 
@@ -31,6 +31,11 @@ class DrawnRobot:
     axes
         Length of the frames' axes, m.
 
+    Attributes
+    ----------
+    bodies
+        Its meshes, each with the row of `Robot.frames` that it moves with, −1 for what stands still.
+
     Examples
     --------
     >>> server = viser.ViserServer()  # doctest: +SKIP
@@ -39,6 +44,7 @@ class DrawnRobot:
     """
 
     robot: Robot
+    bodies: list[tuple[int, Any]]
 
     def __init__(
         self,
@@ -62,12 +68,12 @@ class DrawnRobot:
         for hand in self._hands:
             self._frames[hand].show_axes = True
         self._opacity = 1.0
-        self._meshes = []
+        self.bodies = []
         for j, (carrier, vertices, faces, colour) in enumerate(robot_shapes(robot)):
             parent = name if carrier < 0 else f"{name}/frame{carrier}"
             shown = tinted(colour, tint) if tint else colour
             mesh = scene.add_mesh_simple(f"{parent}/shape{j}", vertices, faces, color=shown)
-            self._meshes.append(mesh)
+            self.bodies.append((carrier, mesh))
         self.set_opacity(opacity)
 
     def show(self, q: Array) -> None:
@@ -97,6 +103,6 @@ class DrawnRobot:
     def set_opacity(self, opacity: float) -> None:
         """Let what is behind show through, if below 1."""
         if opacity != self._opacity:
-            for mesh in self._meshes:
+            for _, mesh in self.bodies:
                 mesh.opacity = None if opacity == 1.0 else opacity
             self._opacity = opacity

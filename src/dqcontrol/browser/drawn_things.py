@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from dqcontrol.browser.robot_bodies import Colour, rod
 from dqcontrol.browser.run_view_model import Track
 from dqcontrol.constraints.constraint_view import NEAR
+from dqcontrol.figures.robot_bodies import Colour
+from dqcontrol.figures.solids import Surface, ball, box, rod
 from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, InfiniteCylinder, Plane, Shape, Sphere
 
 _SOLID, _CLOSE, _ZONE = (140, 90, 165), (230, 64, 26), (64, 140, 90)
@@ -74,16 +75,10 @@ class DrawnThings:
         return self._scene.add_mesh_simple(path, mesh.vertices, mesh.faces, color=colour, opacity=opacity)
 
 
-def shape_mesh(shape: Shape, size: float) -> Any:
+def shape_mesh(shape: Shape, size: float) -> Surface | None:
     """Return the mesh of a shape; of one without end as much as a scene of this size, m, shows."""
-    import trimesh
-
     if isinstance(shape, Sphere):
-        if shape.radius == 0:
-            return None
-        mesh = trimesh.creation.icosphere(subdivisions=3, radius=shape.radius)
-        mesh.apply_translation(shape.center)
-        return mesh
+        return ball(shape.center, shape.radius) if shape.radius else None
     if isinstance(shape, Capsule):
         return rod(shape.start, shape.end, shape.radius, round_ends=True)
     if isinstance(shape, Cylinder):
@@ -92,13 +87,9 @@ def shape_mesh(shape: Shape, size: float) -> Any:
         along = size * shape.direction
         return rod(shape.point - along, shape.point + along, shape.radius)
     if isinstance(shape, Hull):
-        return trimesh.Trimesh(shape.corners, shape.faces, process=False)
-    matrix = np.eye(4)
+        return Surface(shape.corners[shape.faces].reshape(-1, 3), np.arange(shape.faces.size).reshape(-1, 3))
     if isinstance(shape, Box):
-        matrix[:3, :3], matrix[:3, 3] = shape.row[7:].reshape(3, 3), shape.row[4:7]
-        return trimesh.creation.box(shape.size, matrix)
+        return box(shape.size, shape.row[4:7], shape.row[7:].reshape(3, 3))
     if isinstance(shape, Plane):
-        matrix[:3, :3] = shape.axes
-        matrix[:3, 3] = (shape.offset - 0.5 * _THIN) * shape.normal
-        return trimesh.creation.box([2 * size, 2 * size, _THIN], matrix)
+        return box([2 * size, 2 * size, _THIN], (shape.offset - 0.5 * _THIN) * shape.normal, shape.axes)
     return None

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.browser.run_view_model import Track
+
+if TYPE_CHECKING:
+    from dqcontrol.browser.run_view_model import Track
 
 _MOMENTS = 12  # of a run that are looked at
 _BESIDE = 0.6  # rad; the viewer stands so far beside the line from the robot to the path

@@ -52,6 +52,8 @@ def _block(label: str, css: str, reading: Reading) -> str:
     if reading.nearest is not None:
         room = reading.nearest.room
         rows.append((f"Clearance above margin, {reading.nearest.label}", f"{1e3 * room:.1f} mm", room < 0))
+    if reading.plan:
+        rows.append(("Planned way", reading.plan, False))
     if reading.stopped:
         rows.append(("Ended", reading.stopped, False))
     cells = "".join(

@@ -13,9 +13,9 @@ from dqcontrol.browser.drawn_robot import DrawnRobot
 from dqcontrol.browser.drawn_things import DrawnThings
 from dqcontrol.browser.layout import extent, places, step_back, viewpoint
 from dqcontrol.browser.numbers import numbers
-from dqcontrol.browser.robot_bodies import Colour
 from dqcontrol.browser.run_view_model import Track
 from dqcontrol.browser.served_page import ServedPage
+from dqcontrol.figures.robot_bodies import Colour
 from dqcontrol.figures.style import COLOURS, DESIRED
 
 SPEEDS = ("0.1 ×", "0.25 ×", "0.5 ×", "1 ×", "2 ×", "5 ×", "10 ×")
@@ -214,6 +214,11 @@ class DrawnRun:
         ):
             if len(path):
                 self._scene.add_line_segments(f"{self._name}/{name}", path, colour, thickness=thickness)
+        for k, made in enumerate(self.track.plans):
+            if made.cause:
+                node, radius = f"{self._name}/plan{k}", 4 * self._thickness
+                self._scene.add_icosphere(node, radius=radius, color=rgb(DESIRED), position=made.place)
+                self._scene.add_label(f"{node}/why", made.cause, anchor="bottom-left")
 
     def show(self, k: int, place: Array, *, visible: bool, joint_frames: bool) -> None:
         """Show a sample."""

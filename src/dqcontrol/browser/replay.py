@@ -91,4 +91,6 @@ def _numbers(track: Track, k: int) -> str:
         lines.append(f"speed {100 * reading.speed:.0f} % of limit")
     if reading.nearest is not None:
         lines.append(f"{reading.nearest.label}: {1e3 * reading.nearest.room:.0f} mm to spare")
+    if reading.plan:
+        lines.append(reading.plan)
     return "\n".join(lines)

@@ -14,6 +14,7 @@ from dqcontrol.constraints.constraints import Constraints
 from dqcontrol.figures.tilted_base import recorded_frames
 from dqcontrol.figures.tip_paths import desired_in_room, tip_paths
 from dqcontrol.loop.record import Record
+from dqcontrol.measures.plans_of_run import PlanOfRun, apart_at_plans, plans_of_run
 from dqcontrol.robots import Robot, TreeRobot
 from dqcontrol.robots.dh import compose, shift
 from dqcontrol.robots.poses import pose7
@@ -27,7 +28,7 @@ class Reading(NamedTuple):
 
     ``margin`` is the distance of the joint nearest to a position limit, rad or m as ``unit`` says, infinite without
     limits; ``speed`` is the largest share of a velocity limit that is commanded, NaN if none is known; ``nearest`` the
-    pair of shapes with least room beyond what constraints ask for.
+    pair of shapes with least room beyond what constraints ask for; ``plan`` what is proved of the way that it follows.
     """
 
     time: float
@@ -40,6 +41,7 @@ class Reading(NamedTuple):
     speed: float
     stopped: str
     nearest: NearestPair | None = None
+    plan: str = ""
 
 
 class Track:
@@ -90,6 +92,7 @@ class Track:
         # A run that diverged keeps its last pose.
         self._shown = np.maximum.accumulate(np.where(finite, np.arange(len(record)), 0))
         self._wheels = wheel_angles(self.robot, record.q)
+        self.plans: list[PlanOfRun] = plans_of_run(record)
 
     def index(self, time: float) -> int:
         """Return the number of the sample at a time, s: the last one before it, or the first."""
@@ -136,7 +139,7 @@ class Track:
 
     def desired_path(self) -> Array:
         """Return the desired path as dashes, shape (M, 2, 3), m; none where it rests."""
-        path = pieces(self.target)
+        path = np.concatenate([pieces(way) for way in apart_at_plans(self.record, self.target)])
         middle = np.cumsum(np.linalg.norm(path[:, 1] - path[:, 0], axis=1))
         return path[middle % _DASH < 0.6 * _DASH]
 
@@ -159,6 +162,7 @@ class Track:
             float(shares[fastest]) if known.any() else np.nan,
             record.stopped if k == len(record) - 1 else "",
             self.nearest(k),
+            next((each.proof for each in reversed(self.plans) if each.time <= record.time[k]), ""),
         )
 
 

@@ -35,8 +35,8 @@ def import_viser() -> Any:
         ) from None
 
 
-class ServedPage(ABC):
-    """A browser page; `serve` keeps it going.
+def start_server(port: int, title: str = "dqcontrol") -> Any:
+    """Return a server (``viser.ViserServer``) of pages for this machine alone, with an empty scene.
 
     Parameters
     ----------
@@ -50,16 +50,59 @@ class ServedPage(ABC):
     MissingExtraError
         If viser is not installed.
     """
+    viser = import_viser()
+    with contextlib.redirect_stdout(io.StringIO()), only_own_pages():  # without its banner
+        server: Any = viser.ViserServer(host=HOST, port=port, label=title, verbose=False)
+    # The usual map of light takes half a minute to draw without a graphics card.
+    server.scene.configure_environment_map(None)
+    server.scene.add_light_ambient("/light", intensity=_AMBIENT)
+    server.gui.configure_theme(control_width="large", show_share_button=False)
+    server.gui.main_panel.dock_right()
+    server.on_client_connect(_fold_on_phones)
+    return server
 
-    def __init__(self, port: int, title: str = "dqcontrol") -> None:
-        viser = import_viser()
-        with contextlib.redirect_stdout(io.StringIO()), only_own_pages():  # without its banner
-            self.server: Any = viser.ViserServer(host=HOST, port=port, label=title, verbose=False)
+
+def _fold_on_phones(client: Any) -> None:
+    """Fold the controls where the window is higher than wide, as they would hide the scene; a tap unfolds them."""
+    is_new = True
+
+    def look(camera: Any) -> None:
+        nonlocal is_new
+        if is_new and camera.image_width < camera.image_height:
+            client.gui.main_panel.minimize()
+        is_new = False
+
+    client.camera.on_update(look)
+
+
+def address(server: Any) -> str:
+    """Return where browsers find a server."""
+    return f"http://{HOST}:{server.get_port()}"
+
+
+class ServedPage(ABC):
+    """A browser page; `serve` keeps it going.
+
+    Parameters
+    ----------
+    port, title
+        As for `start_server`.
+    server
+        Where it is to be seen; one is started if omitted.
+
+    Raises
+    ------
+    MissingExtraError
+        If viser is not installed.
+    """
+
+    def __init__(self, port: int, title: str = "dqcontrol", server: Any = None) -> None:
+        self.server: Any = server or start_server(port, title)
 
     @property
     def url(self) -> str:
         """Address of the page."""
-        return f"http://{HOST}:{self.server.get_port()}"
+        return address(self.server)
 
     def serve(self) -> None:
         """Keep the page going until interrupted."""
@@ -79,11 +122,6 @@ class ServedPage(ABC):
     ) -> None:
         """Look from a position at a point, m, at a floor of a height and with sides of a length, m."""
         server = self.server
-        # The usual map of light takes half a minute to draw without a graphics card.
-        server.scene.configure_environment_map(None)
-        server.scene.add_light_ambient("/light", intensity=_AMBIENT)
-        server.gui.configure_theme(control_width="large", show_share_button=False)
-        server.gui.main_panel.dock_right()
         server.scene.set_up_direction("+z")
         server.initial_camera.position, server.initial_camera.look_at = position, looked_at
         server.initial_camera.fov = FIELD

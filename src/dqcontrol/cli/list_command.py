@@ -53,22 +53,10 @@ def plants() -> None:
 
 @kinds.command
 def robots() -> None:
-    """List the bundled robots."""
-    from dqcontrol.robots import describe, load_robot, robot_names
-    from dqcontrol.tables.tables import Column, Table
+    """List the bundled robots; dqcontrol robots list --installed has those of other packages."""
+    from dqcontrol.cli.robots_listing import list_bundled
 
-    rows = []
-    for name in robot_names():
-        about = describe(load_robot(name))
-        rows.append([name, about.bases or None, len(about.joints), about.reach, about.mass])
-    columns = (
-        Column("robot"),
-        Column("base"),
-        Column("coordinates"),
-        Column("reach", "m"),
-        Column("moving mass", "kg"),
-    )
-    print_table(Table(columns, rows))
+    list_bundled()
 
 
 def _print_kinds(title: str, union: Any, hidden: str = "") -> None:

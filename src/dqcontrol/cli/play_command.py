@@ -38,17 +38,27 @@ def play(
     port
         Of this machine, where only its own users reach it; the next free one if it is taken.
     """
-    from dqcontrol.browser.play import PlayPage, PlaySession
-    from dqcontrol.browser.served_page import import_viser
+    from dqcontrol.browser.served_page import address, start_server
     from dqcontrol.cli.view_command import announce
+    from dqcontrol.robots import robot_names
 
-    import_viser()  # before the work: it may be missing
-    spec, folder = _spec_of(source, base_link, tip_link)
+    server = start_server(port, "dqcontrol play")
+    is_known = source in robot_names() or Path(source).exists()
+    if is_known:  # the browser begins meanwhile; what follows takes seconds
+        announce("play", address(server))
+    loading = server.gui.add_markdown("Loading the robot …")
+
+    from dqcontrol.browser.play import PlayPage, PlaySession
+    from dqcontrol.experiments.driven import driven_spec
+
+    spec, folder = driven_spec(source, (base_link, tip_link))
     driver = _driver(device) if device else None
     with PlaySession(spec, folder) as session:
         session.driver = driver
-        page = PlayPage(session, out, port)
-        announce("play", page)
+        loading.remove()
+        page = PlayPage(session, out, server=server)
+        if not is_known:
+            announce("play", page.url)
         page.serve()
 
 
@@ -65,18 +75,3 @@ def _driver(device: str) -> Callable[[Live], None]:
         driven[0].take(held.read(), time.monotonic())
 
     return drive
-
-
-def _spec_of(source: str, base_link: str | None, tip_link: str | None) -> tuple[dict[str, object], Path]:
-    """Return the spec to begin with, and the folder of its file names."""
-    from dqcontrol.experiments.driven import is_spec, spec_of_robot
-    from dqcontrol.experiments.results_folder import SPEC_FILE
-    from dqcontrol.experiments.spec import read_data
-
-    path = Path(source)
-    if (path / SPEC_FILE).is_file():
-        path = path / SPEC_FILE
-    if is_spec(str(path)):
-        _, data, folder = read_data(path)
-        return data, folder
-    return spec_of_robot(source, (base_link, tip_link)), Path.cwd()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def report(*folders: Path, jobs: int | None = None) -> None:
-    """Regenerate the reports of saved runs, with all figures, which studies leave out.
+    """Regenerate the reports of saved runs, with all figures, which studies leave out, and replays that move.
 
     Parameters
     ----------

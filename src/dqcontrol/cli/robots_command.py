@@ -13,8 +13,26 @@ from dqcontrol.cli.screen import print_table
 
 robots: App = App(
     name="robots",
-    help="Show a robot, look at it in a browser, or find joint angles for a pose; dqcontrol list robots has names.",
+    help="Show a robot, look at it in a browser, or find joint angles for a pose; dqcontrol robots list has names.",
 )
+
+
+@robots.command(name="list")
+def list_all(*, installed: bool = False) -> None:
+    """List the bundled robots, or those whose files other installed packages bring.
+
+    Parameters
+    ----------
+    installed
+        Load each robot file of the installed packages, and each model of MuJoCo Menagerie on this computer, or say why
+        not; the first column names it to every command.
+    """
+    from dqcontrol.cli.robots_listing import list_bundled, list_installed
+
+    if installed:
+        list_installed()
+    else:
+        list_bundled()
 
 
 @robots.command
@@ -30,7 +48,7 @@ def show(
     Parameters
     ----------
     source
-        Name, .yaml, .urdf or .xacro file, or example-robot-data:PATH.
+        Name, .yaml, .urdf, .xacro or .xml (MJCF) file, PACKAGE:PATH or menagerie:NAME.
     """
     from dqcontrol.robots import describe, load_robot
     from dqcontrol.tables.tables import Column, Table
@@ -51,6 +69,9 @@ def show(
     base = f"{about.bases} base, " if about.bases else f"{about.ends}, " if about.ends else ""
     mass = f", moving mass {about.mass:.3g} kg" if about.mass is not None else ", no inertia"
     print_table(Table(columns, rows, f"{about.name}: {base}reach {about.reach:.3g} m{mass}"))
+    unlimited = [j.name for j in about.joints if j.velocity == math.inf and not about.bases]
+    if unlimited:
+        print(f"no velocity limit: {', '.join(unlimited)}; docs/own-robot.md says how to give one")
     if about.links:
         print(f"links from base to tip, for --base-link and --tip-link: {', '.join(about.links)}")
 
@@ -69,7 +90,7 @@ def view(
     Parameters
     ----------
     source
-        Name, .yaml, .urdf or .xacro file, or example-robot-data:PATH.
+        Name, .yaml, .urdf, .xacro or .xml (MJCF) file, PACKAGE:PATH or menagerie:NAME.
     port
         Of this machine, where only its own users reach it; the next free one if it is taken.
     """
@@ -102,7 +123,7 @@ def convert(
     Parameters
     ----------
     source
-        Name, .yaml, .urdf, .xacro or .xml (MJCF) file, or example-robot-data:PATH.
+        Name, .yaml, .urdf, .xacro or .xml (MJCF) file, PACKAGE:PATH or menagerie:NAME.
     out
         New .yaml file.
     tips
@@ -147,7 +168,7 @@ def wheels(
     Parameters
     ----------
     source
-        .urdf, .xacro or .xml (MJCF) file, or example-robot-data:PATH.
+        .urdf, .xacro or .xml (MJCF) file, PACKAGE:PATH or menagerie:NAME.
     drive
         What the wheels do not tell: differential, mecanum, omni, car-like or tricycle.
     wheel_radius
@@ -179,7 +200,7 @@ def shapes(
     Parameters
     ----------
     source
-        Name, .yaml, .urdf or .xacro file, or example-robot-data:PATH.
+        Name, .yaml, .urdf, .xacro or .xml (MJCF) file, PACKAGE:PATH or menagerie:NAME.
     write
         A new robot file with shapes and pairs, to be edited and loaded in place of the source.
     picture
@@ -212,7 +233,7 @@ def solve(
     Parameters
     ----------
     source
-        Name, .yaml, .urdf or .xacro file, or example-robot-data:PATH.
+        Name, .yaml, .urdf, .xacro or .xml (MJCF) file, PACKAGE:PATH or menagerie:NAME.
     position
         Of the hand in the base frame: x y z, m.
     rpy

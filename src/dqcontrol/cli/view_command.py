@@ -10,7 +10,6 @@ from dqcontrol.cli.options import Port
 
 if TYPE_CHECKING:
     from dqcontrol.browser import GrowingRecording, LiveRun, Track
-    from dqcontrol.browser.served_page import ServedPage
     from dqcontrol.experiments import Run
 
 
@@ -51,19 +50,19 @@ def view(*runs: Path, live: Path | None = None, save: Path | None = None, port: 
             growing.append(_follow_run(running, tracks))
         title = " · ".join(track.label for track in tracks[:3])
         page = Page(tracks, port, (lambda: _take_news(growing, running)) if growing else None, title)
-        announce("view", page)
+        announce("view", page.url)
         page.serve()
     finally:
         if running is not None:
             running.close()
 
 
-def announce(command: str, page: ServedPage) -> None:
+def announce(command: str, url: str) -> None:
     """Say where a page is, and open the browser there."""
     import webbrowser
 
-    print(f"{command}: {page.url} (Ctrl+C ends)", flush=True)
-    webbrowser.open(page.url)
+    print(f"{command}: {url} (Ctrl+C ends)", flush=True)
+    webbrowser.open(url)
 
 
 def _save(runs: Mapping[str, Run], path: Path, in_progress: object) -> None:

@@ -134,7 +134,7 @@ class Kernel:
 
     @cached_property
     def pointer(self) -> int:
-        """The address of the same machine code, for other kernels, which call it by `caller`."""
+        """The address of the same machine code, for other kernels, which call it by ``caller``."""
         return numba_used.address_of(self.function, self.compiled, self.signature)
 
     def bitcode(self, *, portable: bool = False) -> tuple[bytes, str]:

@@ -89,7 +89,7 @@ class Zone(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
     margin
         Distance to keep from its boundary, m; 0 if omitted.
     level
-        As of `Kept`.
+        As of ``Kept``.
     radius_of_hand
         Of the ball about the hand's point, m.
     frame
@@ -244,7 +244,8 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         Where constraints hold the hand against what the law asks for 0.4 s, it goes aside at this speed for 1 s, m/s:
         up, to the sides, down, in turn. Where the end of a joint's range or its turning is what is held, the joints go
         to another posture, the hand no faster than this, for 2 s. Eight times at most; it may find a way, nothing is
-        promised. If omitted it stands there.
+        promised. Or ``plan``: a way from there to where the reference ends is planned and gone, by
+        `laws.GuidedProportional`, and then the law goes on. If omitted it stands there.
     recovery
         A run may start where distances are too small; they are then asked to grow this fast at most, m/s or rad/s. If
         omitted, such a start is refused.
@@ -280,7 +281,7 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     zones: dict[Name, Zone] = {}
     angles: dict[Name, Angle] = {}
     sights: dict[Name, LineOfSight] = {}
-    escape: Annotated[float, Meta(gt=0, le=2, description="m/s")] | None = None
+    escape: Annotated[float, Meta(gt=0, le=2, description="m/s")] | Literal["plan"] | None = None
     recovery: Annotated[float, Meta(gt=0, description="m/s or rad/s")] | None = None
 
     @property

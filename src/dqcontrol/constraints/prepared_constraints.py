@@ -591,7 +591,7 @@ class PreparedConstraints:
             late=self.way.late,
             rate=self.rate,
             recovery=given.recovery or _RECOVERY,
-            escape=given.escape or 0.0,
+            escape=0.0 if given.escape in (None, "plan") else given.escape,
             angular=_ANGULAR,
             free=_FREE,
         )

@@ -6,7 +6,6 @@ from .admittance import (
     ForceSensor as ForceSensor,
     LostContact as LostContact,
     SilentSensor as SilentSensor,
-    Tool as Tool,
     WantedWrench as WantedWrench,
 )
 from .admittance_stage import AdmittanceStage as AdmittanceStage
@@ -15,8 +14,10 @@ from .limits import (
     LoosePart as LoosePart,
     contact_limits as contact_limits,
 )
+from .tool import Tool as Tool, load_tool as load_tool
 from .tool_identification import (
     IdentifiedTool as IdentifiedTool,
+    gravity_condition as gravity_condition,
     identify_tool as identify_tool,
     tool_orientations as tool_orientations,
 )

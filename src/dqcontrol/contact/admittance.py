@@ -14,14 +14,18 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import Kernel
 from dqcontrol.contact.admittance_stage import AdmittanceStage
 from dqcontrol.contact.admittance_step import admittance
-from dqcontrol.contact.contact_layout import BASE, HAND, REFERENCE, contact_parameters
+from dqcontrol.contact.contact_layout import BASE, HAND, MOST_GUARDS, REFERENCE, contact_parameters
+from dqcontrol.contact.tool import Tool
 from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.named_fields import NamedFields
+from dqcontrol.references.guarded import Guards
 
 _AXES = {"reference": REFERENCE, "base": BASE, "hand": HAND}
 _TURN = 2.0  # rad: a deflection below half a turn keeps its logarithm smooth
 _RIGID = "rigid"
 
+NO_GUARDS = Guards()
+NEEDS_CONTACT = "reference: 'until' and 'touch' need a force sensor, which 'contact' describes; give it"
 Three = tuple[float, float, float]
 Stiffness = float | Literal["rigid"]
 NotNegative = Annotated[float, Meta(ge=0)]
@@ -117,24 +121,6 @@ class WantedWrench(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
         return [self.mx, self.my, self.mz, self.x, self.y, self.z]
 
 
-class Tool(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What hangs beyond the sensor, and what the sensor shows without it, as `identify_tool` finds them.
-
-    Parameters
-    ----------
-    mass, center
-        kg, and m in the sensor's axes.
-    force_bias, torque_bias
-        N and N·m.
-    """
-
-    spec_key: ClassVar[str] = "contact.sensor.tool"
-    mass: Annotated[float, Meta(ge=0, le=1e4, description="kg")] = 0.0
-    center: Annotated[Three, Meta(description="m")] = (0.0, 0.0, 0.0)
-    force_bias: Annotated[Three, Meta(description="N")] = (0.0, 0.0, 0.0)
-    torque_bias: Annotated[Three, Meta(description="N·m")] = (0.0, 0.0, 0.0)
-
-
 class ForceSensor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Where the force sensor is, how late it is, and what hangs on it.
 
@@ -145,7 +131,10 @@ class ForceSensor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     filter
         Time constant of its low pass, s.
     tool
-        What it carries and its bias; nothing if the wrench has no weight in it.
+        What it carries and its bias; nothing if the wrench has no weight in it. In specs perhaps the name of a file
+        that ``dqcontrol identify tool`` wrote.
+    tare
+        s at the start in which nothing may touch and the reference rests: what the sensor shows then counts as bias.
     """
 
     spec_key: ClassVar[str] = "contact.sensor"
@@ -153,6 +142,7 @@ class ForceSensor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     rpy: Annotated[Three, Meta(description="rad")] = (0.0, 0.0, 0.0)
     filter: Annotated[float, Meta(ge=0, description="s")] = 0.0
     tool: Tool | None = None
+    tare: Annotated[float, Meta(ge=0, le=60, description="s")] = 0.0
 
 
 class DeflectionLimits(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -304,8 +294,22 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         forces = zip("xyz", self.force.components[3:], strict=True)
         return {axis: _over(times, each) for axis, each in forces if each is not None}
 
-    def parameters(self, period: float) -> Array:
-        """Return what the kernel reads, with a period, s."""
+    def parameters(self, period: float, guards: Guards = NO_GUARDS) -> Array:
+        """Return what the kernel reads, with a period, s, and what of the reference touches end or displace.
+
+        Raises
+        ------
+        ValueRangeError
+            If that are more than eight guarded moves.
+        """
+        moves, plane, lead = guards
+        if len(moves) > MOST_GUARDS:
+            raise ValueRangeError(f"reference: has {len(moves)} guarded moves, at most {MOST_GUARDS}")
+        guarding = np.zeros((MOST_GUARDS, 11))
+        for row, each in zip(guarding, moves, strict=False):
+            row[:3] = round(each.begin / period), round(each.end / period), each.force
+            row[3:] = each.pose
+        fit = np.zeros(2) if plane is None else np.round(np.array([plane.begin, plane.end]) / period)
         rows, wanted = self.axis_rows, self.force.components
         tool, sensor, limits, lost = self.sensor.tool or Tool(), self.sensor, self.limits, self.lost
         deepest = np.repeat([limits.turn, limits.depth or np.inf], 3)
@@ -317,6 +321,7 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             axes=_AXES[self.axes],
             sensor=[*algebra.rotation_from_rpy(sensor.rpy), *sensor.position],
             bias=[*tool.force_bias, *tool.torque_bias],
+            tare=round(sensor.tare / period),
             tool_mass=tool.mass,
             tool_center=tool.center,
             gravity=self.gravity,
@@ -336,6 +341,13 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             silent_after=self.silent.after / period,
             retreat=self.silent.retreat,
             retreat_speed=self.silent.speed,
+            begins=fit[1],
+            guarded=len(moves),
+            guards=guarding,
+            fit=fit,
+            lead=lead,
+            normal=np.zeros(3) if plane is None else plane.normal,
+            origin=np.zeros(3) if plane is None else plane.origin,
             wanted=self._wanted_rows(period),
         )
 

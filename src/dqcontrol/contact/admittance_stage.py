@@ -29,7 +29,7 @@ class AdmittanceStage:
     Attributes
     ----------
     state
-        See `ContactState`.
+        See ``ContactState``.
     """
 
     state: ContactState

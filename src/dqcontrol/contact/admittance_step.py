@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 
+from dqcontrol.algebra.elementary import position, quaternion_product
 from dqcontrol.compiled.compile import NOT_FINITE, OK, inline, kernel
 from dqcontrol.compiled.intrinsics import stack_array
 from dqcontrol.contact.contact_layout import (
@@ -26,9 +27,11 @@ from dqcontrol.contact.contact_layout import (
     contact_state,
     contact_work,
 )
+from dqcontrol.contact.guided_step import guarding, guide
 
 _SMALL = 1e-2  # rad²: below, series are exact to rounding with the terms that they have
 _MADE = 3.0  # samples above the limit that make contact
+_HIT = 2.0  # samples with a force that end a guarded move: one may be noise
 _HELD = 3.0  # samples that the last wrench stands for missing ones
 _numbers = stack_array(18)
 
@@ -83,8 +86,8 @@ def _turning(phi, rate, more):
 
 
 @inline
-def felt(pose, sample, given, wrench, out):
-    """Write moment and force on the hand in task axes, without weight and bias of the tool."""
+def unloaded(pose, given, wrench, out):
+    """Write force and torque at the sensor, its axes, without weight and bias of the tool."""
     rw, rx, ry, rz = pose[0], pose[1], pose[2], pose[3]
     sensor, bias, center = given.sensor, given.bias, given.tool_center
     sw, sx, sy, sz = sensor[0], sensor[1], sensor[2], sensor[3]
@@ -93,10 +96,18 @@ def felt(pose, sample, given, wrench, out):
     gx, gy, gz = _turned(sw, -sx, -sy, -sz, gx, gy, gz)
     gx, gy, gz = given.tool_mass * gx, given.tool_mass * gy, given.tool_mass * gz
     tx, ty, tz = _cross(center[0], center[1], center[2], gx, gy, gz)
-    fx, fy, fz = wrench[0] - bias[0] - gx, wrench[1] - bias[1] - gy, wrench[2] - bias[2] - gz
-    mx, my, mz = wrench[3] - bias[3] - tx, wrench[4] - bias[4] - ty, wrench[5] - bias[5] - tz
-    fx, fy, fz = _turned(sw, sx, sy, sz, fx, fy, fz)
-    mx, my, mz = _turned(sw, sx, sy, sz, mx, my, mz)
+    out[0], out[1], out[2] = wrench[0] - bias[0] - gx, wrench[1] - bias[1] - gy, wrench[2] - bias[2] - gz
+    out[3], out[4], out[5] = wrench[3] - bias[3] - tx, wrench[4] - bias[4] - ty, wrench[5] - bias[5] - tz
+
+
+@inline
+def felt(pose, sample, given, tare, out):
+    """Replace force and torque at the sensor by moment and force on the hand in task axes, less what was tared."""
+    rw, rx, ry, rz = pose[0], pose[1], pose[2], pose[3]
+    sensor = given.sensor
+    sw, sx, sy, sz = sensor[0], sensor[1], sensor[2], sensor[3]
+    fx, fy, fz = _turned(sw, sx, sy, sz, out[0] - tare[0], out[1] - tare[1], out[2] - tare[2])
+    mx, my, mz = _turned(sw, sx, sy, sz, out[3] - tare[3], out[4] - tare[4], out[5] - tare[5])
     lx, ly, lz = _cross(sensor[4], sensor[5], sensor[6], fx, fy, fz)
     mx, my, mz = mx + lx, my + ly, mz + lz
     if given.axes != HAND:
@@ -145,10 +156,7 @@ def _place(sample, given, y, v, rate, out):
     ew, ei, ej, ek = math.cos(half), share * y[0], share * y[1], share * y[2]
     ux, uy, uz, sx, sy, sz, hx, hy, hz = y[3], y[4], y[5], v[3], v[4], v[5], rate[3], rate[4], rate[5]
     if given.axes == BASE:
-        out[0] = ew * rw - ei * rx - ej * ry - ek * rz
-        out[1] = ew * rx + ei * rw + ej * rz - ek * ry
-        out[2] = ew * ry - ei * rz + ej * rw + ek * rx
-        out[3] = ew * rz + ei * ry - ej * rx + ek * rw
+        quaternion_product((ew, ei, ej, ek), (rw, rx, ry, rz), out)
         fx, fy, fz = _turned(ew, ei, ej, ek, ox, oy, oz)
         ax, ay, az = _turned(ew, ei, ej, ek, ax, ay, az)
         cx, cy, cz = _cross(wx, wy, wz, fx, fy, fz)
@@ -156,10 +164,7 @@ def _place(sample, given, y, v, rate, out):
         ox, oy, oz = fx + wx, fy + wy, fz + wz
         vx, vy, vz, bx, by, bz = vx + sx, vy + sy, vz + sz, bx + hx, by + hy, bz + hz
     else:
-        out[0] = rw * ew - rx * ei - ry * ej - rz * ek
-        out[1] = rw * ei + rx * ew + ry * ek - rz * ej
-        out[2] = rw * ej - rx * ek + ry * ew + rz * ei
-        out[3] = rw * ek + rx * ej - ry * ei + rz * ew
+        quaternion_product((rw, rx, ry, rz), (ew, ei, ej, ek), out)
         ux, uy, uz = _turned(rw, rx, ry, rz, ux, uy, uz)
         sx, sy, sz = _turned(rw, rx, ry, rz, sx, sy, sz)
         hx, hy, hz = _turned(rw, rx, ry, rz, hx, hy, hz)
@@ -188,7 +193,7 @@ def _place(sample, given, y, v, rate, out):
 
 
 @kernel(CONTACT)
-def admittance(pose, sample, k, parameters, state, work):
+def admittance(pose, desired, k, parameters, state, work):
     """Write the sample that the law follows: pose now, and the mean twist of the coming period, w of now included.
 
     So no sample is lost between wrench and motion; a pose and a rate of the same instant cost up to half the stiffness
@@ -197,6 +202,7 @@ def admittance(pose, sample, k, parameters, state, work):
     given, own, room = contact_parameters(parameters), contact_state(state), contact_work(work)
     scratch = _numbers()
     rate, more, known = scratch[0:6], scratch[6:12], scratch[12:18]
+    sample = room.planned
     y, v, wrench = own.y, own.v, own.wrench
     row = given.wanted[min(k, given.wanted.shape[0] - 1)]
     check = 0.0
@@ -205,14 +211,32 @@ def admittance(pose, sample, k, parameters, state, work):
         known[i] = y[i]
     hears = check == 0.0
     own.silent[0] = 0.0 if hears else own.silent[0] + 1.0
+    tares = own.tared[0] < given.tare
     if hears:
-        felt(pose, sample, given, room.wrench, wrench)
-        if own.begin[0] == 0.0:
+        unloaded(pose, given, room.wrench, wrench)
+        hit = math.sqrt(
+            (wrench[0] - own.tare[0]) ** 2 + (wrench[1] - own.tare[1]) ** 2 + (wrench[2] - own.tare[2]) ** 2
+        )
+        own.hits[0] = own.hits[0] + 1.0 if hit > guarding(k, given) else 0.0
+    status = guide(k, desired, given, own, own.hits[0] >= _HIT, position(pose), sample)
+    if status != OK:
+        return status
+    if hears:
+        if tares:
+            own.tared[0] += 1.0
             for i in range(6):
-                own.begun[i] = wrench[i]
+                own.tare[i] += (wrench[i] - own.tare[i]) / own.tared[0]
+                wrench[i] = 0.0
+        else:
+            felt(pose, sample, given, own.tare, wrench)
+            if own.begin[0] == 0.0:
+                for i in range(6):
+                    own.begun[i] = wrench[i]
+    waits = tares or k < given.begins
+    if hears and not waits:
         _note_contact(given, own, wrench)
     share = min(own.begin[0] / given.ramp, 1.0) if given.ramp > 0.0 else 1.0
-    own.begin[0] += 1.0
+    own.begin[0] += 0.0 if waits else 1.0
     is_lost = own.losses[0] > 0.0 and own.touches[0] == 0.0
     free = math.sqrt(
         (1.0 - given.forced[3]) * wrench[3] * wrench[3]
@@ -254,7 +278,7 @@ def admittance(pose, sample, k, parameters, state, work):
         else:
             wanted = own.begun[i] + share * (row[i] - own.begun[i]) if given.forced[i] != 0.0 else 0.0
             force = known[i] - wanted
-            if own.silent[0] > _HELD:
+            if waits or own.silent[0] > _HELD:
                 force = 0.0  # never w := 0, which is free air: a force axis rests, a spring goes home
             f = given.transition[i]
             ahead = f[0] * y[i] + f[1] * before + f[2] * force

@@ -12,6 +12,8 @@ from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.references.sample import SAMPLE_SIZE
 
 REFERENCE, BASE, HAND = 0.0, 1.0, 2.0  # whose axes
+MOST_GUARDS = 8  # guarded moves of a reference: a box is told by six touches
+UNTOUCHED = 16  # status: three touches were to tell a plane, and told none
 
 # measured pose, sample, its number, parameters, state, work; the work begins with the wrench that the host writes
 CONTACT = STATUS(READ, READ, types.intp, READ, WRITE, WRITE)
@@ -30,6 +32,8 @@ class ContactParameters(NamedTuple):
         Of the force sensor as seen from the hand: r (4), p (3).
     bias
         Force and torque that the sensor shows without load, (6,).
+    tare
+        Periods at the start of which the sensor's mean counts as its bias.
     tool_mass, tool_center, gravity
         Of what hangs on the sensor, kg and m in its axes; m/s² in the base frame.
     mass, damping, stiffness
@@ -50,6 +54,17 @@ class ContactParameters(NamedTuple):
         Periods.
     retreat, retreat_speed
         m and m/s along the wanted force, once the sensor has been silent for longer.
+    begins
+        Row from which on axes give way.
+    guarded, guards
+        How many guarded moves there are; of each its first row, the one behind it, the force that ends it, N, and the
+        pose of its planned end.
+    fit
+        Rows between which three touches displace the plan onto their plane; 0 without such.
+    lead
+        Delay and lag by which the plan's twists lead, s.
+    normal, origin
+        Of the plane as planned, inertial frame.
     wanted
         Rows over time of the wrench that the environment is to exert, one a period or one for all.
     """
@@ -58,6 +73,7 @@ class ContactParameters(NamedTuple):
     axes: float
     sensor: Annotated[Array, 7]
     bias: Annotated[Array, 6]
+    tare: float
     tool_mass: float
     tool_center: Annotated[Array, 3]
     gravity: Annotated[Array, 3]
@@ -77,6 +93,13 @@ class ContactParameters(NamedTuple):
     silent_after: float
     retreat: float
     retreat_speed: float
+    begins: float
+    guarded: float
+    guards: Annotated[Array, MOST_GUARDS, 11]
+    fit: Annotated[Array, 2]
+    lead: Annotated[Array, 2]
+    normal: Annotated[Array, 3]
+    origin: Annotated[Array, 3]
     wanted: Annotated[Array, ..., 6]
 
 
@@ -92,7 +115,9 @@ class ContactState(NamedTuple):
     begun
         The same at the first sample.
     begin
-        Number of samples since the start.
+        Number of samples since the start, those of the tare left out.
+    tare, tared
+        Mean of what the sensor showed in the air, its axes, force first; of how many samples.
     silent
         Samples without a wrench, one after the other.
     above, below
@@ -103,6 +128,14 @@ class ContactState(NamedTuple):
         How often contact was lost.
     retreated
         m.
+    hits
+        Samples with a force that ends a guarded move, one after the other.
+    touched, points
+        Of each guarded move the row in which it touched, from 1, 0 if it did not, and where the hand was then, m.
+    moved, held
+        Displacement of the plan by touches so far, and the pose at the last one.
+    screw, fitted
+        What takes that to the plane of three touches, half a twist; 1 once it is known.
     energy
         What the environment has put into the hand, J.
     """
@@ -112,12 +145,21 @@ class ContactState(NamedTuple):
     wrench: Annotated[Array, 6]
     begun: Annotated[Array, 6]
     begin: Annotated[Array, 1]
+    tare: Annotated[Array, 6]
+    tared: Annotated[Array, 1]
     silent: Annotated[Array, 1]
     above: Annotated[Array, 1]
     below: Annotated[Array, 1]
     touches: Annotated[Array, 1]
     losses: Annotated[Array, 1]
     retreated: Annotated[Array, 1]
+    hits: Annotated[Array, 1]
+    touched: Annotated[Array, MOST_GUARDS]
+    points: Annotated[Array, MOST_GUARDS, 3]
+    moved: Annotated[Array, 8]
+    held: Annotated[Array, 8]
+    screw: Annotated[Array, 6]
+    fitted: Annotated[Array, 1]
     energy: Annotated[Array, 1]
 
 
@@ -130,10 +172,13 @@ class ContactWork(NamedTuple):
         Force and torque at the sensor, its axes, (6,), N and N·m; NaN while it is silent. The host writes it.
     shaped
         The sample that the law follows in place of the desired one.
+    planned
+        The desired sample, where touches have displaced it to.
     """
 
     wrench: Annotated[Array, 6]
     shaped: Annotated[Array, SAMPLE_SIZE]
+    planned: Annotated[Array, SAMPLE_SIZE]
 
 
 contact_parameters: MemoryLayout[ContactParameters] = MemoryLayout(ContactParameters)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import expm
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
@@ -40,6 +39,7 @@ _MASSES = tuple(np.geomspace(0.1, 100.0, 7).tolist())  # kg of loose parts: a pe
 _IMPACT = (
     3.7  # K θ v / w at which a contact at speed v peaks at 3 w; measured 3.6 to 4.2 over lags of 6 to 65 ms
 )
+_LONGEST_LAG = 2.0  # s in which a plant follows a steady motion steadily
 _STEP = 1e-6  # of an argument, for slopes
 
 
@@ -138,13 +138,13 @@ def contact_limits(
         found.append((loop.limit(), int(i), loop))
     stiffness, worst, loop = min(found, key=lambda each: each[0])
     loose = [LoosePart(loop.limit(mass), mass) for mass in _MASSES] if worst >= 3 else []
-    lag = plant.lag(robot)
+    lag = max(sum(plant.lag(robot).mean), _lateness(model, robot.configuration_size, period))
     wanted = [
         np.abs(each.values).max() if isinstance(each, ForceReference) else abs(each)
         for each in admittance.force.components[3:]
         if each is not None
     ]
-    late = period / 2 + sum(lag.mean) + admittance.sensor.filter
+    late = period / 2 + lag + admittance.sensor.filter
     return ContactLimits(
         stiffness,
         _AXES[worst],
@@ -152,6 +152,15 @@ def contact_limits(
         loop.least_damping(asked),
         float(_IMPACT * max(wanted) / (asked * late)) if wanted else None,
     )
+
+
+def _lateness(model: LinearModel, joints: int, period: float) -> float:
+    """Return how late the slowest joint follows a steady motion, s."""
+    state, command = np.zeros(len(model.transition)), np.ones(model.inputs.shape[1])
+    steps = round(_LONGEST_LAG / period)
+    for _ in range(steps):
+        state = model.transition @ state + model.inputs @ command
+    return max(float(steps * period - state[: min(joints, len(command))].min()), 0.0)
 
 
 class _Loop:
@@ -174,8 +183,8 @@ class _Loop:
         def command(angles: Array, way: float, speed: float, more: float) -> Array:
             sample, out = np.zeros(21), np.empty(m)
             if axis < 3:
-                turned = algebra.rotation_from_axis_angle(direction, way)
-                sample[:8] = algebra.pose(algebra.multiply(turned, algebra.rotation(pose)), place)
+                turned = algebra.pose(algebra.rotation_from_axis_angle(direction, way), np.zeros(3))
+                sample[:8] = algebra.pose(algebra.rotation(algebra.multiply(turned, pose)), place)
                 screw = np.concatenate([direction, np.cross(place, direction)])
             else:
                 sample[:8] = algebra.multiply(algebra.pose([1, 0, 0, 0], way * direction), pose)
@@ -294,6 +303,8 @@ def _environment(
         direct = -stiffness
     whole = np.zeros((states + 2, states + 2))
     whole[:states, :states], whole[:states, states], whole[states, states + 1] = rates, by_way, 1.0
+    from scipy.linalg import expm  # a third of Numba's import: only where it is used
+
     moved = np.asarray(expm(whole * period), dtype=np.float64)[:states]
     by_next = moved[:, states + 1] / period
     return moved[:, :states], moved[:, states] - by_next, by_next, force, direct

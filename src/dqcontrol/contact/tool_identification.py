@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.contact.admittance import Tool
+from dqcontrol.contact.tool import Tool
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 
 WORST_CONDITION = 5.0  # of the fits: six poses have 1.0 and 1.2; poses within 20° have 15, and leave 0.8 N
@@ -74,17 +74,10 @@ def identify_tool(
     felt = as_array("wrenches", wrenches, (None, 6))
     if placed.ndim != 2 or placed.shape[0] != felt.shape[0] or felt.ndim != 2:
         raise ShapeError(f"wrenches: expected one a pose, ({len(placed)}, 6), got {felt.shape}")
-    fall = as_array("gravity", gravity, (3,))
-    seen = np.array([algebra.matrix_from_pose(pose)[:3, :3].T @ fall for pose in placed])
-    count = len(seen)
-    by_mass = np.zeros((count, 3, 4))
-    by_mass[:, :, 0], by_mass[:, :, 1:] = seen, np.eye(3)
-    by_moment = np.zeros((count, 3, 6))
-    for k, (x, y, z) in enumerate(seen):  # c × g = −g × c
-        by_moment[k, :, :3] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
-    by_moment[:, :, 3:] = np.eye(3)
-    mass, force_bias, force_left, of_force = _fit(by_mass, felt[:, :3], 1)
-    moment, torque_bias, torque_left, of_torque = _fit(by_moment, felt[:, 3:], 3)
+    by_mass, by_moment = _columns(placed, as_array("gravity", gravity, (3,)))
+    mass, force_bias, force_left = _fit(by_mass, felt[:, :3], 1)
+    moment, torque_bias, torque_left = _fit(by_moment, felt[:, 3:], 3)
+    of_force, of_torque = _condition(by_mass), _condition(by_moment)
     if not max(of_force, of_torque) <= WORST_CONDITION:
         raise ValueRangeError(
             f"poses: their orientations are too much alike (condition {max(of_force, of_torque):.3g}, at most "
@@ -103,6 +96,12 @@ def identify_tool(
     return IdentifiedTool(tool, force_left, torque_left, of_force, of_torque)
 
 
+def gravity_condition(poses: ArrayLike, gravity: ArrayLike = (0.0, 0.0, -9.81)) -> float:
+    """Return the condition of the worse one of the two fits of `identify_tool`, from poses (N, 8) alone."""
+    placed = as_array("poses", poses, (None, 8))
+    return max(_condition(each) for each in _columns(placed, as_array("gravity", gravity, (3,))))
+
+
 def tool_orientations() -> Array:
     """Return six orientations, each axis of the sensor up and down once, shape (6, 4): the best conditioned set."""
     quarter = np.pi / 2
@@ -117,17 +116,32 @@ def tool_orientations() -> Array:
     return np.array([algebra.rotation_from_rpy(turn)[:4] for turn in turns])
 
 
-def _fit(columns: Array, values: Array, first: int) -> tuple[Array, Array, float, float]:
-    """Return the first unknowns, the bias, what is left, and the condition with columns of equal length."""
-    matrix, flat = columns.reshape(-1, columns.shape[-1]), values.ravel()
+def _columns(poses: Array, fall: Array) -> tuple[Array, Array]:
+    """Return what mass and bias, and what moment and bias, are multiplied by in each pose: (N, 3, 4) and (N, 3, 6)."""
+    seen = np.array([algebra.matrix_from_pose(pose)[:3, :3].T @ fall for pose in poses])
+    by_mass, by_moment = np.zeros((len(seen), 3, 4)), np.zeros((len(seen), 3, 6))
+    by_mass[:, :, 0], by_mass[:, :, 1:] = seen, np.eye(3)
+    for k, (x, y, z) in enumerate(seen):  # c × g = −g × c
+        by_moment[k, :, :3] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
+    by_moment[:, :, 3:] = np.eye(3)
+    return by_mass, by_moment
+
+
+def _condition(columns: Array) -> float:
+    """Return the condition of a fit with columns of equal length; infinite where something is not told at all."""
+    matrix = columns.reshape(-1, columns.shape[-1])
     lengths = np.linalg.norm(matrix, axis=0)
-    if not lengths.all():
-        return np.zeros(first), np.zeros(3), 0.0, np.inf
+    if matrix.shape[0] < matrix.shape[1] or not lengths.all():
+        return np.inf
     singular = np.linalg.svd(matrix / lengths, compute_uv=False)
-    enough = matrix.shape[0] >= matrix.shape[1] and singular[-1] > 1e-9 * singular[0]
+    return float(singular[0] / singular[-1]) if singular[-1] > 1e-9 * singular[0] else np.inf
+
+
+def _fit(columns: Array, values: Array, first: int) -> tuple[Array, Array, float]:
+    """Return the first unknowns, the bias, and what is left."""
+    matrix, flat = columns.reshape(-1, columns.shape[-1]), values.ravel()
     found = np.asarray(np.linalg.lstsq(matrix, flat, rcond=None)[0], dtype=np.float64)
-    left = float(np.sqrt(np.mean((matrix @ found - flat) ** 2)))
-    return found[:first], found[first:], left, float(singular[0] / singular[-1]) if enough else np.inf
+    return found[:first], found[first:], float(np.sqrt(np.mean((matrix @ found - flat) ** 2)))
 
 
 def _three(values: Array) -> tuple[float, float, float]:

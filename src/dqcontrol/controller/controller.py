@@ -12,7 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, SINGULAR, InterpretedKernel, Kernel
 from dqcontrol.compiled.law_signature import LAW as LAW
-from dqcontrol.contact.contact_layout import CONTACT_STATE, WRENCH, contact_work
+from dqcontrol.contact.admittance import NO_GUARDS
+from dqcontrol.contact.contact_layout import CONTACT_STATE, UNTOUCHED, WRENCH, contact_work
+from dqcontrol.contact.guided_step import guide_again
 from dqcontrol.controller.command_kernel import (
     LAW_FAILED,
     Plan,
@@ -37,6 +39,8 @@ from dqcontrol.robots.robot import Robot
 if TYPE_CHECKING:
     from dqcontrol.constraints.prepared_constraints import PreparedConstraints
     from dqcontrol.laws.law import Law
+    from dqcontrol.references import Reference
+    from dqcontrol.references.guarded import Guards
 
 _GROWTH = inverse_parameters.place("growth")  # its share follows
 
@@ -77,11 +81,12 @@ class Controller:
         command_mode: CommandMode,
         tasks: PreparedTasks | None = None,
         lag: Lag = AT_ONCE,
+        guards: Guards = NO_GUARDS,
     ) -> None:
         self.kernel: Kernel | InterpretedKernel = law.kernel
         self.robot = robot
         self.period = period
-        self._law, self._limits = law, limits
+        self._law, self._limits, self._guards = law, limits, guards
         self.tasks = tasks
         if tasks is not None and limits.position:
             raise ValueRangeError(
@@ -139,7 +144,7 @@ class Controller:
             ),
             constraining=self.constraints.parameters if self.constraints else empty,
             constraint_work=np.zeros(self.constraints.scratch) if self.constraints else empty,
-            contacting=contact.parameters(period) if contact else empty,
+            contacting=contact.parameters(period, guards) if contact else empty,
             contact_work=np.full(contact_work.size(), np.nan) if contact else empty,
         )
         self.memory: Array = prepared_memory.pack(**parts._asdict())
@@ -185,7 +190,21 @@ class Controller:
             self._command_mode,
             self.tasks,
             self._lag,
+            self._guards,
         )
+
+    def along(self, reference: Reference, law: Law | None = None) -> Controller:
+        """Return the same law, or another one, along another reference, with all else as it is."""
+        return (law or self._law).prepare(
+            self.robot, reference, self.period, self._limits, self._command_mode, self.tasks, self._lag
+        )
+
+    def taking_over(self, q: Array, state: Array) -> Array:
+        """Return the state at q (n,) that goes on from that of another controller, which keeps the same constraints."""
+        own = np.concatenate([self._law.initial_state(self.robot, q), np.zeros(self._memory_size)])
+        if self.constraints:
+            own[-self.constraints.memory :] = state[-self.constraints.memory :]
+        return own
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         """Let copies and other processes make their own memory and plan."""
@@ -198,6 +217,7 @@ class Controller:
             self._command_mode,
             self.tasks,
             self._lag,
+            self._guards,
         )
 
     @cached_property
@@ -212,7 +232,15 @@ class Controller:
         if (command_mode, lag) == (self._command_mode, self._lag) or not self.depends_on_mode:
             return self
         return Controller(
-            self._law, self.robot, self.parameters, self.period, self._limits, command_mode, self.tasks, lag
+            self._law,
+            self.robot,
+            self.parameters,
+            self.period,
+            self._limits,
+            command_mode,
+            self.tasks,
+            lag,
+            self._guards,
         )
 
     @property
@@ -346,6 +374,19 @@ class Controller:
         if any(self._feedback):
             self._sent(self.plan, self.memory, state, command)
 
+    @property
+    def is_guarded(self) -> bool:
+        """Whether touches end or displace moves of its reference."""
+        return bool(self._guards.moves)
+
+    def guided(self, samples: Array, state: Array) -> Array:
+        """Return the samples (N, 21) of a finished run where the touches that its state knows displaced them to."""
+        if not self.is_guarded:
+            return samples
+        at, out = self._contact_at, samples.copy()
+        guide_again(samples, self._parts.contacting, state[at : at + CONTACT_STATE].copy(), out)
+        return out
+
     def _raise(self, status: int, q: Array, state: Array, out: Array) -> None:
         if status >= LAW_FAILED:
             raise DivergedError(status_text(status - LAW_FAILED))
@@ -429,6 +470,7 @@ _STATUS = {
     NOT_FINITE: "the command is not finite",
     SINGULAR: "the damped system is singular; use more damping or the filtered inverse",
     RAISED: "your own function raised an exception",
+    UNTOUCHED: "the touches of the reference found no plane: give more 'depth', or look where it stands",
 }
 
 

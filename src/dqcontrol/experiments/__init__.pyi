@@ -44,6 +44,7 @@ from .spec import (
     Spec as Spec,
     read_spec as read_spec,
 )
+from .spec.world_file import load_world as load_world
 from .study import Study as Study
 from .worked_parts import work_through as work_through
 from .working_folder import working_folder as working_folder

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from datetime import UTC, date, datetime
 from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec.structs import replace
 
 from dqcontrol.contact import Admittance, ContactLimits, ForceReference, contact_limits
+from dqcontrol.contact.admittance import NEEDS_CONTACT
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.plants.live_plant import live_plant
 from dqcontrol.plants.plant import lagging_mode
+from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.tables.tables import Column, Table
 
 if TYPE_CHECKING:
     from dqcontrol.experiments.prepared_experiment import Combination
     from dqcontrol.experiments.spec import Spec
 
+_MOVES = 1e-6  # of the eight coefficients of a pose: 2 µm
 _UNKNOWN_STIFFNESS = 1e4  # N/m, for a world that says none: a table top of wood under a finger
 
 
@@ -31,6 +35,8 @@ def check_contact(spec: Spec, case: Combination) -> None:
     """
     contact = case.variant.law.contact
     if contact is None:
+        if case.scene.reference.guards.moves:
+            raise ValueRangeError(NEEDS_CONTACT)
         return
     robot, start = case.scene.robot, case.scene.start
     live = live_plant(case.plant.start(robot, start, spec.period, 1, spec.seed))
@@ -39,6 +45,13 @@ def check_contact(spec: Spec, case: Combination) -> None:
         raise ValueRangeError(
             f"contact: plant '{kind}' measures no wrench, so no force can be controlled; "
             "give a plant with a force sensor, as servo with 'wrist'"
+        )
+    tare, samples = contact.sensor.tare, case.scene.samples
+    away = np.abs(samples[:, POSE] - samples[0, POSE]).max(axis=1) > _MOVES
+    if tare and (first := samples[away, TIME]).size and first[0] < tare:
+        raise ValueRangeError(
+            f"contact.sensor.tare: the reference moves from {first[0]:.3g} s on, and is to rest for the {tare:g} s in "
+            "which the sensor's bias is measured; let it begin with a set-point of that duration"
         )
     stiffest = max(_stiffnesses(spec).items(), key=lambda each: each[1], default=None)
     if contact.allow_unstable or stiffest is None:
@@ -89,8 +102,25 @@ def contact_table(spec: Spec, cases: tuple[Combination, ...]) -> Table | None:
     return Table(columns, rows, "contact") if rows else None
 
 
+def _age(tared: str | None) -> str:
+    """Say how old the bias of a tool is."""
+    if tared is None:
+        return "bias of unknown age"
+    days = (datetime.now(UTC).date() - date.fromisoformat(tared)).days
+    return "bias measured " + ("today" if days <= 0 else "a day ago" if days == 1 else f"{days} days ago")
+
+
 def _meanings(contact: Admittance, limits: ContactLimits, spec: Spec) -> Iterator[list[str]]:
     """Yield knob, value and what it means."""
+    if tool := contact.sensor.tool:
+        again = "" if contact.sensor.tare else "; sensors drift, so give sensor.tare: 0.5 s, in the air"
+        yield ["sensor.tool", f"{tool.mass:.3g} kg", _age(tool.tared) + again]
+    if contact.sensor.tare:
+        yield [
+            "sensor.tare",
+            f"{contact.sensor.tare:.3g} s",
+            "bias measured at the start, at rest in the air",
+        ]
     i = ("mx", "my", "mz", "x", "y", "z").index(limits.axis)
     mass, damping, stiffness = contact.axis_rows[i]
     along, wall = f" along {limits.axis}", "N·m/rad" if i < 3 else "N/m"

@@ -9,7 +9,9 @@ from typing import Any
 
 from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
+from dqcontrol.experiments.results_folder import SPEC_FILE
 from dqcontrol.experiments.run import as_run
+from dqcontrol.experiments.spec import read_data
 from dqcontrol.experiments.streamed_run import StreamedRun
 from dqcontrol.files.yaml_file import parse_yaml, read_text
 from dqcontrol.loop.live import Live
@@ -124,6 +126,23 @@ def is_spec(source: str) -> bool:
         return False
     data = parse_yaml(source, read_text(source))
     return isinstance(data, dict) and bool({"robot", "robots", "law", "laws", "plant"} & data.keys())
+
+
+def driven_spec(source: str, ends: Ends = (None, None)) -> tuple[dict[str, Any], Path]:
+    """Return the spec of a robot's name or file, of a spec's file or of a run's folder, and where its files lie.
+
+    Raises
+    ------
+    Error
+        If it is none of these.
+    """
+    path = Path(source)
+    if (path / SPEC_FILE).is_file():
+        path = path / SPEC_FILE
+    if is_spec(str(path)):
+        _, data, folder = read_data(path)
+        return data, folder
+    return spec_of_robot(source, ends), Path.cwd()
 
 
 def spec_of_robot(robot: str, ends: Ends = (None, None)) -> dict[str, Any]:

@@ -35,7 +35,6 @@ from dqcontrol.experiments.contact_check import check_contact
 from dqcontrol.experiments.contacts import check_floor
 from dqcontrol.experiments.reach import check_reach
 from dqcontrol.experiments.results_folder import folder_names
-from dqcontrol.experiments.slips import degrees_slip, length_slip, note_turns
 from dqcontrol.experiments.spec import (
     AnyLaw,
     AnyPlant,
@@ -47,6 +46,7 @@ from dqcontrol.experiments.spec import (
     start_configuration,
 )
 from dqcontrol.experiments.spec.parameter_sets import Variant
+from dqcontrol.experiments.unit_checks import note_turns, suspected_degrees, suspected_millimetres
 from dqcontrol.extensions import user_code
 from dqcontrol.laws import Law
 from dqcontrol.laws.null_space import Posture
@@ -344,7 +344,7 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
         check_reach(robot, start, samples)
     except ReachError as error:
         if not getattr(reference, "streamed", False):  # what a hand leads may well go out of reach
-            raise ReachError(f"{error}{length_slip(spec.reference, robot)}") from None
+            raise ReachError(f"{error}{suspected_millimetres(spec.reference, robot)}") from None
         warnings.warn(str(error), LimitWarning, stacklevel=2)
     check_floor(robot, start, samples)
     return PreparedRobot(robot, start, reference, samples, _tasks(spec, robot, start, folder, times))
@@ -419,7 +419,7 @@ def _start(given: Start, robot: Robot, chosen: Callable[[list[ReachingPosture]],
         i = int(outside.argmax())
         raise ValueRangeError(
             f"start: {robot.joint_names[i]} is {start[i]:g}, outside its limits "
-            f"{robot.limits.lower[i]:.4g} … {robot.limits.upper[i]:.4g}{degrees_slip(start, robot)}"
+            f"{robot.limits.lower[i]:.4g} … {robot.limits.upper[i]:.4g}{suspected_degrees(start, robot)}"
         )
     note_turns("start", start, robot)
     return start

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.experiments.check import warn_unstable
+from dqcontrol.experiments.failure_hints import warn_of_failures
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import Run, as_run, execute
-from dqcontrol.experiments.shortfall import warn_of_shortfalls
 from dqcontrol.experiments.streamed_run import StreamedRun
 from dqcontrol.loop import Clock
 from dqcontrol.loop.black_box import BlackBox
@@ -76,7 +76,7 @@ def run_in_real_time(
     if computed:
         computed(done)
     streamed.complete(done, figures=figures)
-    warn_of_shortfalls([(case, [done.metrics.flat()])], stacklevel=2)
+    warn_of_failures([(case, [done.metrics.flat()])], stacklevel=2)
     return done
 
 

@@ -17,11 +17,11 @@ from dqcontrol.arrays import Array
 from dqcontrol.constraints import Constraints
 from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.check import LoopCheck, warn_unstable
+from dqcontrol.experiments.failure_hints import warn_of_failures
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare
 from dqcontrol.experiments.result_pages import ShownPage, replay, result_pages
 from dqcontrol.experiments.results_folder import PARENT, new_folder
 from dqcontrol.experiments.run_comparison import summary
-from dqcontrol.experiments.shortfall import warn_of_shortfalls
 from dqcontrol.experiments.spec import AnyLaw, AnyPlant, MetricsFrom, Spec, read_spec
 from dqcontrol.experiments.spec.spec_files import copy_inputs
 from dqcontrol.experiments.verdict import Judge, Verdict, verdict_of
@@ -33,13 +33,12 @@ from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.loop.supervision import Watch
 from dqcontrol.measures.lyapunov import with_certificate
-from dqcontrol.measures.metrics import Metrics, evaluate
+from dqcontrol.measures.metrics import Metrics, metrics_of
 from dqcontrol.measures.task_range import with_range
 from dqcontrol.measures.task_result import TaskResult, task_result
 from dqcontrol.plants import Plant
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.recording import RecordStream, export_record, save_record
-from dqcontrol.references.follow import follow_in
 from dqcontrol.robots import Robot
 
 Progress = Callable[[int, int], None]
@@ -289,8 +288,9 @@ def measure(
         limits = replace(limits, velocity=np.full_like(limits.velocity, np.inf))
     shown = as_measured(record, robot, metrics_from)
     skip_initial = min(skip_initial, record.duration)
-    metrics = evaluate(shown, limits, skip_initial=skip_initial, law=law, robot=robot, low_pass=low_pass)
-    verdict = (judge or Judge(robot, law, plant)).verdict(shown, metrics, skip_initial)
+    task = task_result(shown, law=law, skip_initial=skip_initial, robot=robot)
+    metrics = metrics_of(shown, task, limits, skip_initial, low_pass=low_pass)
+    verdict = (judge or Judge(robot, law, plant)).verdict(shown, metrics, task, skip_initial)
     return replace(metrics, verdict=verdict.words, failure=verdict.failure)
 
 
@@ -329,7 +329,8 @@ def execute(
         recording=recording,
         watch=watch,
         black_box=black_box,
-        follow=follow_in(scene.reference),
+        reference=scene.reference,
+        lasts=spec.duration is None,
     )
     record = with_range(scene.robot, record, case.variant.law)
     if not spec.keeps_records:
@@ -382,5 +383,5 @@ def run(
     (case,) = setting.cases
     record = execute(setting, case, interpreted=interpreted, progress=progress)
     done = replace(as_run(setting, case, 0, record), expected=expected)
-    warn_of_shortfalls([(case, [done.metrics.flat()])], stacklevel=2)
+    warn_of_failures([(case, [done.metrics.flat()])], stacklevel=2)
     return done

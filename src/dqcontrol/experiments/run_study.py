@@ -10,12 +10,12 @@ from typing import Any
 
 from dqcontrol.errors import DivergedError
 from dqcontrol.experiments.check import warn_unstable
+from dqcontrol.experiments.failure_hints import warn_of_failures
 from dqcontrol.experiments.journal import Journal
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
 from dqcontrol.experiments.processes import checked_jobs
 from dqcontrol.experiments.results_folder import check_new
 from dqcontrol.experiments.run import Run, as_run
-from dqcontrol.experiments.shortfall import warn_of_shortfalls
 from dqcontrol.experiments.study import Study, by_label
 from dqcontrol.experiments.trials import Batch, Trial, outcomes, sensible_jobs, trial_folder
 from dqcontrol.experiments.working_folder import working_folder
@@ -133,7 +133,7 @@ def run_study_to(
 def _warn(setting: PreparedExperiment, study: Study) -> None:
     """Warn the caller of a public function of what fell short."""
     rows = by_label(study.rows)
-    warn_of_shortfalls([(case, rows[case.names.label]) for case in setting.cases], stacklevel=3)
+    warn_of_failures([(case, rows[case.names.label]) for case in setting.cases], stacklevel=3)
 
 
 def _run(

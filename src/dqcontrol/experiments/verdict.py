@@ -23,12 +23,12 @@ from dqcontrol.loop.record import Record, has_failed, row_norms
 from dqcontrol.measures.deadlock import deadlocks
 from dqcontrol.measures.margins import AT_LIMIT, UNSEEN, joint_margins
 from dqcontrol.measures.metrics import Metrics
-from dqcontrol.measures.task_result import TaskResult, further_results, task_result
+from dqcontrol.measures.task_result import TaskResult, further_results
 from dqcontrol.plants import MobilePlant, MujocoPlant, Plant
 from dqcontrol.plants.mobile.mobile_live import SLIDING
 from dqcontrol.plants.mujoco.gripper import GRIPPER_OPENING
 from dqcontrol.plants.mujoco.pads import GRIP_FORCE
-from dqcontrol.plants.servo.touching import TOUCH_FORCE
+from dqcontrol.plants.wrist import TOUCH_FORCE
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
 from dqcontrol.supervisor import Supervisor, list_interventions
@@ -153,13 +153,15 @@ class Judge:
             spec.outcome or (),
         )
 
-    def verdict(self, record: Record, metrics: Metrics, skip_initial: float = 0.0) -> Verdict:
+    def verdict(
+        self, record: Record, metrics: Metrics, result: TaskResult, skip_initial: float = 0.0
+    ) -> Verdict:
         """Return what a run came to.
 
         Parameters
         ----------
-        record, metrics
-            The run, and its numbers.
+        record, metrics, result
+            The run, its numbers, and what its task came to.
         skip_initial
             As for `task_result`.
         """
@@ -190,7 +192,6 @@ class Judge:
         if self._outcome and not found:
             return Verdict("; ".join([*met, task, *told, *self._kept(record), *self._done(record)]), "")
         if task.startswith("not ") and not self._outcome:
-            result = task_result(record, law=self.law, skip_initial=skip_initial, robot=self.robot)
             if not found and (left := self._left(record, result)):
                 words = [
                     *self._kept(record),
@@ -372,10 +373,12 @@ class Judge:
         first = len(record) - max(1, int(_LAST * len(record)))
         for axis, wanted in contact.wanted_forces(record.time).items():
             felt_at, asked = force[first:, "xyz".index(axis)].mean(), wanted[first:].mean()
-            touched = bool(np.abs(force).max() > 0)
-            words = (
-                f"presses {felt_at:.3g} N along {axis}, {asked:.3g} asked" if touched else "touched nothing"
-            )
+            touching = np.flatnonzero(np.abs(force).max(axis=1) > 0)
+            words = "touched nothing"
+            if len(touching):
+                words = f"presses {felt_at:.3g} N along {axis}, {asked:.3g} asked"
+                if tare := contact.sensor.tare:
+                    words += f" (tared {record.time[touching[0]] - tare:.2g} s before it touched)"
             yield words, abs(felt_at - asked) > _OFF * abs(asked)
 
     def _further(

@@ -11,8 +11,8 @@ from typing import Any
 
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.experiments.check import warn_unstable
+from dqcontrol.experiments.failure_hints import warn_of_failures
 from dqcontrol.experiments.run import Run, as_run
-from dqcontrol.experiments.shortfall import warn_of_shortfalls
 from dqcontrol.experiments.streamed_run import StreamedRun
 from dqcontrol.export.controller_parts import ControllerParts, controller_parts
 from dqcontrol.export.loop_hosts import END, STOP, LoopHost, LoopRows, Over, ProcessHost, ThreadHost
@@ -98,7 +98,7 @@ def run_compiled_in_real_time(
     if computed:
         computed(done)
     streamed.complete(done, figures=figures)
-    warn_of_shortfalls([(case, [done.metrics.flat()])], stacklevel=2)
+    warn_of_failures([(case, [done.metrics.flat()])], stacklevel=2)
     return done
 
 
@@ -107,6 +107,8 @@ def _startable_plant(parts: ControllerParts) -> CompiledPlant:
     kind = type(parts.case.plant).__struct_config__.tag
     if parts.plant is None:
         raise ValueRangeError(f"plant: '{kind}' does not step in C; with --compiled use servo or integrator")
+    if parts.wrench_at >= 0:
+        raise ValueRangeError("contact: loops in C hand the law no wrench; run it without --compiled")
     if parts.setting.spec.disturbance is not None:
         raise ValueRangeError("disturbance: does not step in C; leave it out, or leave out --compiled")
     case = parts.case

@@ -17,6 +17,7 @@ from dqcontrol.compiled.object_code import (
     section_sizes,
     target_named,
 )
+from dqcontrol.contact.contact_layout import WRENCH
 from dqcontrol.controller.command_kernel import prepared_memory
 from dqcontrol.errors import Error
 from dqcontrol.experiments.results_folder import check_new, new_folder
@@ -152,7 +153,7 @@ def _write_sources(
     (folder / "dqc_data.c").write_text(_data_source(parts, parameters), encoding="utf-8")
     (folder / "test_vector.h").write_text(vector_header(parts, target), encoding="utf-8")
     _write_plant(folder, parts, target)
-    if not target.is_bare:
+    if not target.is_bare and parts.wrench_at < 0:  # which hand no wrench
         _copy_hosts(folder, has_plant=parts.plant is not None)
 
 
@@ -215,6 +216,7 @@ def _header_values(
         "PERIOD": c_number(parts.period),
         "SUPERVISED": int(parts.supervisor is not None),
         "STREAMED": int(parts.takes_streams),
+        "HAS_CONTACT": int(parts.wrench_at >= 0),
         "DURATION": c_number(parts.period * (len(parts.samples) - 1)),
         "INTERVENTIONS": interventions,
         "NATIVE": int(target.is_native),
@@ -270,6 +272,7 @@ def _kernels_header(parts: ControllerParts, parameters: list[Changeable]) -> str
         f"#define DQC_MOMENT {len(layout.Moment._fields)}",
         f"#define DQC_SHARES_KINEMATICS {int(parts.shares_kinematics)}",
         f"#define DQC_LOOKS_AT_START {int(parts.looks_at_start)}",
+        f"#define DQC_WRENCH_AT {parts.wrench_at}",
         *(f"#define DQC_{name} {place}" for name, place in _kinematics_places(parts).items()),
         *(
             f"#define DQC_{name.upper()} {layout.bounds_layout.place(name, m, 0, 0, 0, 0)}"
@@ -361,10 +364,11 @@ def vector_header(parts: ControllerParts, target: TargetProcessor, *, whole: boo
     lines = (f"  {{{', '.join(map(c_number, row))}}}," for row in rows)
     return "\n".join(
         [
-            "/* Calls and answers: request, whether measured, time, age, elapsed, q, status, interventions, u. */",
+            "/* Calls, answers: request, whether measured, time, age, elapsed, q, wrench, status, interventions, u. */",
             "#include <math.h>",
             f"#define VECTOR_ROWS {len(rows)}",
             f"#define VECTOR_COLUMNS {len(rows[0])}",
+            f"#define VECTOR_WRENCH {WRENCH if parts.wrench_at >= 0 else 0}",
             f"#define VECTOR_IS_EXACT {int(target.is_native)}",
             "static const double vector[VECTOR_ROWS][VECTOR_COLUMNS] = {",
             *lines,
@@ -392,6 +396,7 @@ def _write_plant(folder: Path, parts: ControllerParts, target: TargetProcessor) 
         "STATE_SIZE": plant.state.size,
         "NOISE": plant.noise.shape[1],
         "PROTOTYPE": prototype("dqc_kernel_plant", plant.kernel.signature),
+        "WRENCH": (plant.wrench.ctypes.data - plant.state.ctypes.data) // 8 if plant.wrench.size else -1,
         "PLANT": type(parts.case.plant).__struct_config__.tag,
     }
     for name in _OF_PLANT:

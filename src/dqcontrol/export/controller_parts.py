@@ -94,6 +94,12 @@ class ControllerParts:
         return is_chain and self.supervisor is not None and self.supervisor[1].bounds.head[layout.SLOW] > 0.0
 
     @property
+    def wrench_at(self) -> int:
+        """Where the law's memory takes the measured wrench from; −1 for a law without contact."""
+        wrench, memory = self.law.wrench, self.law.memory
+        return (wrench.ctypes.data - memory.ctypes.data) // memory.itemsize if wrench.size else -1
+
+    @property
     def looks_at_start(self) -> bool:
         """Whether the supervisor judges a start by more than the joints."""
         return self.supervisor is not None and self.supervisor[1].looks_at_start
@@ -239,10 +245,6 @@ def controller_parts(
     if not isinstance(prepared.kernel, Kernel):
         raise Error(
             f"law: {case.names.law or 'it'} does not compile, so it cannot be exported: {prepared.kernel.reason}"
-        )
-    if prepared.wrench.size:
-        raise Error(
-            "contact: is not exported yet: nothing in C hands the law a wrench; take it out of the spec"
         )
     for field in ("disturbance", "stop"):
         if getattr(spec, field) is not None:

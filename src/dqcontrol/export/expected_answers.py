@@ -18,6 +18,7 @@ NO_REQUEST, END, STOP, RESET = range(4)
 
 # Sample numbers at which something happens in a test vector, of those that the reference has.
 _FAULTS = {40: "not finite", 60: "old", 75: "missing", 90: "jump"}
+_SILENT = 20, 35  # first sample without wrench, and the first with one again
 _STOP_AT, _END_AT, _MOST = 110, 60, 700  # the end after the new start
 
 
@@ -33,6 +34,8 @@ class VectorRow:
         Shape (n,), rad or m; None if none came.
     time, age, elapsed
         As dqc_step_measured takes them, s.
+    wrench
+        Measured, shape (6,), N and N·m, NaN where the sensor says nothing; None for a law without contact.
     status, interventions, command
         What it answers.
     """
@@ -42,6 +45,7 @@ class VectorRow:
     time: float
     age: float
     elapsed: float
+    wrench: Array | None = None
     status: int = OK
     interventions: int = 0
     command: Array | None = None
@@ -54,6 +58,7 @@ class VectorRow:
         return [
             *map(float, head),
             *measured.tolist(),
+            *([] if self.wrench is None else self.wrench.tolist()),
             float(self.status),
             float(self.interventions),
             *command.tolist(),
@@ -90,7 +95,8 @@ class PythonController:
         elif row.request == STOP:
             control.emergency_stop()
         commands = control.is_commanding
-        control.step(row.time - self._origin, row.measured, row.age, row.elapsed)
+        wrench = np.zeros(0) if row.wrench is None else row.wrench
+        control.step(row.time - self._origin, row.measured, row.age, row.elapsed, wrench=wrench)
         row.command = control.command.copy() if commands else np.zeros_like(control.command)
         row.interventions = control.supervisor.code(control._state)
         row.status = {Phase.ACTIVE: OK, Phase.STOPPING: STOPPING, Phase.STOPPED: STOPPED}.get(
@@ -121,6 +127,8 @@ class PythonController:
         try:
             parts.robot.fkm(row.measured)
             sample = target.sample(self._time, np.zeros(8))
+            if row.wrench is not None:
+                parts.law.wrench[:] = row.wrench
             parts.law.step(row.measured, sample, max(round(self._time / period), 0), self._state, row.command)
         except (DivergedError, ValueRangeError):
             row.command[:] = 0.0
@@ -145,6 +153,9 @@ def vector_rows(parts: ControllerParts, *, whole: bool = False) -> Iterator[Vect
                 row.request = STOP
             if first and since == _END_AT and not whole:
                 row.request = END
+        if parts.wrench_at >= 0:
+            silent = _SILENT[0] <= since < _SILENT[1]
+            row.wrench = np.full(6, np.nan) if silent else plant.wrench.copy()
         controller.answer(row)
         is_new = False
         yield row

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from dqcontrol.figures.style import (
 )
 from dqcontrol.figures.surroundings import corners_of, draw_flat, draw_in_space, entries, faces_near
 from dqcontrol.loop.record import Record
+from dqcontrol.measures.plans_of_run import PlanOfRun, apart_at_plans, plans_of_run
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -80,17 +81,21 @@ def _paths(records: Mapping[str, Record], constraints: Constraints | None) -> Fi
     if not records:
         raise ShapeError("records: expected at least one run, got none")
     hands = {label: _finite(record.position) for label, record in records.items()}
-    desired = _finite(next(iter(records.values())).desired_position)
+    first = next(iter(records.values()))
+    made = [each for each in plans_of_run(first) if each.held_by]
+    desired = _finite(first.desired_position)
+    ways = apart_at_plans(first, desired)
     everything = np.concatenate([desired, *hands.values()])
     moving = len(desired) > 1 and np.ptp(desired, axis=0).max() > 1e-6
     plane = path_plane(desired) if moving else None
-    drawn = faces_near(constraints, everything, next(iter(records.values())))
+    drawn = faces_near(constraints, everything, first)
 
     rows, across = (2 // panels_across(2), panels_across(2)) if plane else (1, 1)
     figure = new_figure(DOUBLE, 0.6 + 3.3 * rows) if plane else new_figure(5.2, 4.6)
     space: Any = figure.add_subplot(rows, across, 1, projection="3d")
     draw_in_space(space, drawn)
-    _draw(space, desired, hands, np.eye(3), moving)
+    _draw(space, ways, hands, np.eye(3), moving)
+    _draw_plans(space, made, np.eye(3))
     _frame_space(
         space, np.vstack([everything, corners_of(drawn)]), plane, 0.88 if across == 2 or not plane else 0.8
     )
@@ -98,19 +103,27 @@ def _paths(records: Mapping[str, Record], constraints: Constraints | None) -> Fi
         axes_of_plane, labels = plane
         front = figure.add_subplot(rows, across, 2)
         draw_flat(front, drawn, axes_of_plane)
-        _draw(front, desired, hands, axes_of_plane, moving)
+        _draw(front, ways, hands, axes_of_plane, moving)
+        _draw_plans(front, made, axes_of_plane)
         front.set_aspect("equal", adjustable="datalim")
         front.set_xlabel(labels[0])
         front.set_ylabel(labels[1])
         front.margins(0.08)
         for axis in (front.xaxis, front.yaxis):
             axis.set_major_locator(MaxNLocator(6))
-    marks = [Line2D([], [], label=kind, **_mark(kind, NEUTRAL)) for kind in ("start", "end")]
+    kinds = ("start", "end", *(["planned again"] if made else []))
+    marks = [Line2D([], [], label=kind, **_mark(kind, NEUTRAL)) for kind in kinds]
     legend_below(figure, space, [*marks, *entries(drawn)])
     return figure
 
 
-def _draw(axes: Any, desired: Array, hands: Mapping[str, Array], onto: Array, moving: bool) -> None:
+def _draw_plans(axes: Any, made: Sequence[PlanOfRun], onto: Array) -> None:
+    """Mark where a way was planned again."""
+    for each in made:
+        axes.plot(*(onto @ each.place).reshape(-1, 1), **_mark("planned again", NEUTRAL))
+
+
+def _draw(axes: Any, desired: Sequence[Array], hands: Mapping[str, Array], onto: Array, moving: bool) -> None:
     """Draw all paths, projected onto the rows of a matrix."""
     for i, (label, hand) in enumerate(hands.items()):
         points = outlined(hand @ onto.T).T
@@ -118,19 +131,21 @@ def _draw(axes: Any, desired: Array, hands: Mapping[str, Array], onto: Array, mo
         axes.plot(*points, label=label, **style)
         for kind, at in (("start", slice(0, 1)), ("end", slice(-1, None))):
             axes.plot(*points[:, at], **_mark(kind, style["color"]))
-    points = outlined(desired @ onto.T).T
-    if moving:
-        axes.plot(*points, color=DESIRED, ls="--", lw=1.1, label="desired")
-    else:
-        axes.plot(*points[:, :1], color=DESIRED, marker="+", ms=10, mew=1.6, ls="", label="target")
+    for k, way in enumerate(desired if moving else ()):
+        points = outlined(way @ onto.T).T
+        axes.plot(*points, color=DESIRED, ls="--", lw=1.1, label=None if k else "desired")
+    if not moving:
+        axes.plot(
+            *(desired[0][:1] @ onto.T).T, color=DESIRED, marker="+", ms=10, mew=1.6, ls="", label="target"
+        )
 
 
 def _mark(kind: str, colour: str) -> dict[str, Any]:
-    """Return the style of the mark at the start (an open circle) or end (a square) of a path."""
+    """Return the style of a mark: start an open circle, end a square, where it was planned again a star."""
     face = "white" if kind == "start" else colour
     return {
         "ls": "",
-        "marker": "o" if kind == "start" else "s",
+        "marker": {"start": "o", "end": "s"}.get(kind, "*"),
         "ms": 6,
         "mew": 1.4,
         "mec": colour,

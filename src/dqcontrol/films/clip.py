@@ -34,6 +34,7 @@ from dqcontrol.films.physics_picture import render_run
 from dqcontrol.films.picture_file import check_picture_file
 from dqcontrol.loop.kept_signals import DISTANCE
 from dqcontrol.measures.contact import contact_force
+from dqcontrol.measures.plans_of_run import plans_of_run
 from dqcontrol.plants.mobile.mobile_plant import MobilePlant
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.tree_robot import TreeRobot
@@ -303,11 +304,15 @@ def _pictures(
         np.clip(np.searchsorted(record.time, times - 1e-9), 0, len(record.time) - 1) for _, record in runs
     ]
     film = _film(robot, runs, kept)
+    plans = plans_of_run(runs[0][1])
     height = size[1] / 18
     for time, pixels in zip(times, frames(film, np.column_stack(samples), *size, *view), strict=True):
         picture = image.fromarray(pixels)
         pen = drawing.Draw(picture)
         pen.text((12, 8), f"{time:.1f} s", fill=_INK, font_size=height)
+        if (planned := [each for each in plans if each.time <= time]) and np.isfinite(planned[-1].room):
+            words = f"way proved: {1e3 * planned[-1].room:.3g} mm to spare"
+            pen.text((12, size[1] - 1.2 * height), words, fill=_INK, font_size=0.7 * height)
         for i, label in enumerate(labels):
             colour = COLOURS[(i - 1) % len(COLOURS)]
             ink = tuple(round(255 * part) for part in colour) if i else _INK

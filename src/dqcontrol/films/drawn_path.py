@@ -22,6 +22,15 @@ def add_actual(mujoco: Any, scene: Any, points: NDArray[np.float64], reach: floa
     _add(mujoco, scene, _thinned(points, pieces), 0.004 * reach, ACTUAL, 0.0)
 
 
+def add_mark(mujoco: Any, scene: Any, place: NDArray[np.float64], reach: float, words: str) -> None:
+    """Add a ball at a place of a path, shape (3,), m, with words beside it."""
+    geom = scene.geoms[scene.ngeom]
+    kind, rgba = mujoco.mjtGeom.mjGEOM_SPHERE, np.array(DESIRED, dtype=np.float32)
+    mujoco.mjv_initGeom(geom, kind, np.full(3, 0.015 * reach), place, np.eye(3).ravel(), rgba)
+    geom.label = words
+    scene.ngeom += 1
+
+
 def _thinned(points: NDArray[np.float64], most: int) -> NDArray[np.float64]:
     """Return at most so many of the points, the first and the last among them."""
     return points[np.linspace(0, len(points) - 1, min(len(points), most)).astype(int)]

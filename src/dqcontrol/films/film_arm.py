@@ -9,11 +9,12 @@ import numpy as np
 from dqcontrol.algebra import translation
 from dqcontrol.errors import ShapeError
 from dqcontrol.figures.tip_paths import desired_in_room, tip_paths
-from dqcontrol.films.drawn_path import add_actual, add_desired
+from dqcontrol.films.drawn_path import add_actual, add_desired, add_mark
 from dqcontrol.films.drawn_scene import DrawnScene
 from dqcontrol.films.film import Film
 from dqcontrol.films.framing import framing_of_arm, some_samples
 from dqcontrol.films.link_meshes import add_meshes, link_meshes
+from dqcontrol.measures.plans_of_run import apart_at_plans, plans_of_run
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco, skeleton, skeleton_positions
 
 if TYPE_CHECKING:
@@ -54,14 +55,20 @@ def film_arm(
     add_meshes(spec, robot, meshes)
     paths = [path for each in records for path in tip_paths(robot, each)]
     framing = framing_of_arm(robot, postures, np.vstack([desired, *paths]), meshes)
+    ways = apart_at_plans(record, desired)
+    plans = [each for each in plans_of_run(record) if each.cause]
     around = DrawnScene(kept, record, framing.reach, framing.floor) if kept else None
 
     def decorate(scene: Any, k: int) -> None:
         if around is not None:
             around.add(mujoco, scene, k)
-        add_desired(mujoco, scene, desired, framing.reach, _PIECES)
+        for way in ways:
+            add_desired(mujoco, scene, way, framing.reach, _PIECES)
         for path in actual:
             add_actual(mujoco, scene, path[: k + 1], framing.reach, _PIECES)
+        for made in plans:
+            if made.time <= record.time[k]:
+                add_mark(mujoco, scene, made.place, framing.reach, f"held by {made.held_by}")
 
     return Film(
         spec,
@@ -71,7 +78,7 @@ def film_arm(
         elevation=-18.0,
         decorate=decorate,
         is_overlaid=not (around and around.moves),
-        decorations=(1 + len(actual)) * _PIECES + (around.most if around else 0),
+        decorations=(len(ways) + len(actual)) * _PIECES + len(plans) + (around.most if around else 0),
         has_balls=around is not None,
         further=[lambda _, q=each.q: skeleton_positions(robot, q) for each in further],
     )

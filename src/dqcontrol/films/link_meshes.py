@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.browser.robot_bodies import arm_meshes, chain_rows, smoothed
+from dqcontrol.figures.robot_bodies import arm_meshes, chain_rows, smoothed
 from dqcontrol.plants.mujoco.mujoco_model import RODS, import_mujoco
 from dqcontrol.robots import Robot
 from dqcontrol.robots.robot import base_coordinates
@@ -36,7 +36,7 @@ def link_meshes(robot: Robot) -> list[LinkMesh]:
         for row, mesh, colour in meshes:
             if mesh.area >= _FLAT and len(mesh.vertices) >= 4:
                 red, green, blue = (value / 255 for value in colour)
-                found.append(LinkMesh(row, *smoothed([mesh]), (red, green, blue, 1.0)))
+                found.append(LinkMesh(row, *smoothed(mesh), (red, green, blue, 1.0)))
     return found
 
 

@@ -16,7 +16,7 @@ from dqcontrol.compiled.compile import Kernel
 from dqcontrol.compiled.law_signature import LAW as LAW
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.constraints.constraints import Constraints
-from dqcontrol.contact.admittance import Admittance
+from dqcontrol.contact.admittance import NO_GUARDS, Admittance
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
 from dqcontrol.laws.hand_twist import twist_work
 from dqcontrol.laws.loop_rates import LoopRates
@@ -165,7 +165,10 @@ class Law(
             Controller,  # the one import upwards: see docs/how-it-is-built.md
         )
 
-        return Controller(self, robot, rows, period, limits or CommandLimits(), command_mode, tasks, lag)
+        guards = NO_GUARDS if reference is None else reference.guards
+        return Controller(
+            self, robot, rows, period, limits or CommandLimits(), command_mode, tasks, lag, guards
+        )
 
     def rows(self, robot: Robot, reference: Reference | None, period: float) -> Array:
         """Return the kernel's parameters, one row a sample as long as they change, shape (K, p)."""

@@ -14,3 +14,9 @@ from .servos import (
     excite as excite,
     identify as identify,
 )
+from .tools import (
+    ToolIdentification as ToolIdentification,
+    ToolMotion as ToolMotion,
+    tool_from_logs as tool_from_logs,
+    tool_motion as tool_motion,
+)

@@ -16,6 +16,7 @@ from dqcontrol.logs.joint_table import Angles, read_joint_table
 from dqcontrol.logs.log_quality import remarks
 from dqcontrol.logs.missing_cells import Missing
 from dqcontrol.loop import Record
+from dqcontrol.plants.channels import WRENCH_READINGS
 from dqcontrol.recording import load_metadata, load_record
 from dqcontrol.robots import Robot
 
@@ -42,6 +43,8 @@ class JointLog:
         Commanded positions, shape (N, n), rad or m; None if the log has none.
     notes
         What was recognised, left out or joined, and what is unusual, a line each.
+    wrench
+        Force and torque at a sensor, its axes, shape (N, 6), N and N·m; None if the log has none.
     """
 
     path: Path
@@ -52,6 +55,7 @@ class JointLog:
     record: Record | None = None
     target: Array | None = None
     notes: tuple[str, ...] = ()
+    wrench: Array | None = None
 
 
 def read_joint_log(
@@ -71,7 +75,8 @@ def read_joint_log(
     line a sample. Its columns, in any order: ``time`` (or ``timestamp``, ``t``, ``stamp``; s, or dates as ISO 8601
     writes them), one for each joint, by the robot's joint names or
     ``q1`` … ``qn``, and, if commands were logged, ``command.JOINT`` for each or ``u1`` … ``um``; commanded positions
-    are ``target.JOINT``, ``target_JOINT`` or ``r1`` … ``rn``. A unit may stand
+    are ``target.JOINT``, ``target_JOINT`` or ``r1`` … ``rn``; what a force sensor shows ``fx``, ``fy``, ``fz``, ``tx``,
+    ``ty``, ``tz``. A unit may stand
     behind a name, as ``time [ms]`` (s, ms, us, ns), ``q1 [deg]`` (rad, deg; m, mm for sliding joints), ``q1_deg`` or
     ``u1 [deg/s]``. Other columns, empty lines and lines that begin with ``#`` are left out; a ``#`` before the
     names themselves is allowed. Time without a unit whose steps are 0.5 or longer is taken for ms, µs or ns; angles
@@ -136,7 +141,9 @@ def read_joint_log(
                 raise ShapeError(f"{field}: {path} is a table and has no topics, got '{topic}'")
         table = read_joint_table(path, robot, names, angles=angles, targets=targets, missing=missing)
         notes = (*table.notes, *remarks(table.time, table.q, robot, names))
-        return JointLog(path, table.time, table.q, table.command, target=table.target, notes=notes)
+        return JointLog(
+            path, table.time, table.q, table.command, target=table.target, notes=notes, wrench=table.wrench
+        )
     if targets is not None:
         raise ShapeError(
             f"targets or reference_joints: {path} is a recording and has no columns; name the topic that holds the "
@@ -173,4 +180,8 @@ def _read_record(path: Path, names: tuple[str, ...], robot: Robot) -> JointLog:
             f"{path}: /joint_states: must be finite, got {record.q[k]} at {record.time[k]:g} s"
         )
     stamp = round((record.time[0] - min(0.0, record.time[0])) * 1e9)
-    return JointLog(path, record.time - record.time[0], record.q, record.command, stamp, record)
+    read = [record.readings[name].values for name in WRENCH_READINGS if name in record.readings]
+    wrench = np.hstack(read) if len(read) == len(WRENCH_READINGS) else None
+    return JointLog(
+        path, record.time - record.time[0], record.q, record.command, stamp, record, wrench=wrench
+    )

@@ -21,6 +21,7 @@ from dqcontrol.recording.mcap_reader import ChunkMessages, read_records
 Stamps = NDArray[np.int64]
 
 JOINTS, POSE, NUMBERS = "sensor_msgs/JointState", "geometry_msgs/PoseStamped", "std_msgs/Float64MultiArray"
+WRENCH = "geometry_msgs/WrenchStamped"
 _USUAL = "/joint_states"
 _MOST_LAYOUTS = 32  # of messages of one topic in a chunk: who publishes more kinds is read message by message
 
@@ -100,6 +101,13 @@ def read_poses(path: Path, topic: str | None, field: str = "reference_topic") ->
             f"{path}: {topic}: message {k + 1}: quaternion must have norm 1, got {norms[k]:.9g}"
         )
     return stamps, algebra.pose(rows[:, 3:] / norms[:, None], rows[:, :3])
+
+
+def read_wrenches(path: Path, topic: str | None) -> tuple[Stamps, Array]:
+    """Return stamps (K,), ns, and wrenches (K, 6) of a topic of WrenchStamped; raises as `read_joint_states`."""
+    with open_messages(path) as messages:
+        topic = _choose(path, messages.types, topic, "wrench_topic", (WRENCH,))
+        return _series(path, topic, messages, _force_and_torque, increasing=True)
 
 
 def holds_joint_states(path: Path, topic: str) -> bool:
@@ -352,6 +360,11 @@ def _in_order(message: Any, names: Sequence[str]) -> list[float]:
     if len(message.data) != len(names):
         raise ValueError(f"data: expected {len(names)} numbers, one for each input, got {len(message.data)}")
     return [float(value) for value in message.data]
+
+
+def _force_and_torque(message: Any) -> list[float]:
+    force, torque = message.wrench.force, message.wrench.torque
+    return [force.x, force.y, force.z, torque.x, torque.y, torque.z]
 
 
 def _position_and_quaternion(message: Any) -> list[float]:

@@ -33,17 +33,22 @@ from dqcontrol.robots import Robot
 Angles = Literal["rad", "deg"]
 
 DEGREES_NOTE = "angles without a unit are taken for degrees: as radians they leave the joints' limits"
+_WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 _BLOCK = 1 << 22  # bytes of lines that are read at a time
 _MANY_TURNS = 4 * math.pi  # rad; no joint turns so far, so such numbers without a unit are degrees
 
 
 class JointTable(NamedTuple):
-    """What a table holds: time (N,) s after the first sample; positions, commands, commanded positions (N, n)."""
+    """What a table holds: time (N,) s after the first sample; positions, commands, commanded positions (N, n).
+
+    And the wrench of a force sensor (N, 6), N and N·m.
+    """
 
     time: Array
     q: Array
     command: Array | None
     target: Array | None
+    wrench: Array | None
     notes: tuple[str, ...]
 
 
@@ -57,11 +62,12 @@ class _Columns(NamedTuple):
     joints: list[int]
     commands: list[int]
     targets: list[int]
+    wrench: list[int]
 
     @property
     def numbers(self) -> list[int]:
         """Places of all but the time."""
-        return [*self.joints, *self.commands, *self.targets]
+        return [*self.joints, *self.commands, *self.targets, *self.wrench]
 
 
 def read_joint_table(
@@ -100,9 +106,10 @@ def read_joint_table(
     time, values = fill_missing(
         path, time, values, [columns.names[i] for i in columns.numbers], n, missing, notes
     )
-    parts = np.split(values, [n, n + len(columns.commands)], axis=1)
-    command, target = (part if part.shape[1] else None for part in parts[1:])
-    return JointTable(time, parts[0], command, target, tuple(notes))
+    ends = np.cumsum([n, len(columns.commands), len(columns.targets)])
+    parts = np.split(values, ends, axis=1)
+    command, target, wrench = (part if part.shape[1] else None for part in parts[1:])
+    return JointTable(time, parts[0], command, target, wrench, tuple(notes))
 
 
 def column_names(path: Path, known: Sequence[str]) -> list[str]:
@@ -147,7 +154,7 @@ def _chosen(
     where, n = f"{path}:{header[0]}", len(joint_names)
     commanded = [f"command.{name}" for name in joint_names], [f"u{i + 1}" for i in range(n)]
     wanted = _target_names(joint_names, targets)
-    known = {*joint_names, *(f"q{i + 1}" for i in range(n)), *TIME_NAMES}.union(*commanded, *wanted)
+    known = {*joint_names, *(f"q{i + 1}" for i in range(n)), *TIME_NAMES, *_WRENCH}.union(*commanded, *wanted)
     cells = [name_and_unit(cell, known) for cell in header[1]]
     names, units = [cell[0] for cell in cells], [cell[1] for cell in cells]
     joints = find_columns(where, "joints", names, _measured_names(names, joint_names), "q")
@@ -166,7 +173,8 @@ def _chosen(
             f"{suggest(wanted[0][0], names)} (columns: {', '.join(names)})"
         )
     held = find_columns(where, "commanded positions", names, found, "") if found else []
-    return _Columns(where, names, units, place, joints, commands, held)
+    wrench = [lowered.index(name) for name in _WRENCH] if set(_WRENCH) <= set(lowered) else []
+    return _Columns(where, names, units, place, joints, commands, held, wrench)
 
 
 def _measured_names(names: Sequence[str], joint_names: Sequence[str]) -> Sequence[str]:
@@ -207,6 +215,10 @@ def _scales(columns: _Columns, joint_types: Sequence[str], angles: Angles | None
             scales.append(
                 unit_scale(f"{columns.where}: {columns.names[i]}", columns.units[i], allowed, default + per)
             )
+    for k, i in enumerate(columns.wrench):
+        unit = "N" if k < 3 else "N·m"
+        unit_scale(f"{columns.where}: {columns.names[i]}", columns.units[i], {unit: 1.0}, unit)
+        scales.append(1.0)
     return scales
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, Kernel
+from dqcontrol.contact.admittance import NEEDS_CONTACT
 from dqcontrol.contact.contact_layout import WRENCH
 from dqcontrol.controller.controller import Controller, status_text
 from dqcontrol.errors import DivergedError, Error, FallenError, ShapeError, ValueRangeError, as_array
@@ -18,6 +19,7 @@ from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.record import has_failed
+from dqcontrol.loop.replanning import Replanning
 from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.signals import Readings
 from dqcontrol.loop.supervision import Senses, Supervision, most_steps_to_rest
@@ -47,6 +49,7 @@ def close_loop(
     supervision: Supervision | None = None,
     recording: SampleSink | None = None,
     follow: Follow | None = None,
+    replanning: Replanning | None = None,
 ) -> Trace:
     """Drive a plant along samples with a law.
 
@@ -78,6 +81,9 @@ def close_loop(
         Gets every sample at once; the loop is then interpreted, and ends, braking if it can, when it cannot be written.
     follow
         Displaces the samples to where its body is measured.
+    replanning
+        Plans where constraints hold the robot, and replaces samples and law by what leads along its plan; the loop is
+        then interpreted.
 
     Returns
     -------
@@ -110,6 +116,8 @@ def close_loop(
             )
     if supervision is not None:
         _ = supervision.supervisor.kernel.pointer  # compiled now, not while the robot moves
+    if law.is_guarded and not law.wrench.size:
+        raise ValueRangeError(NEEDS_CONTACT)
     if law.wrench.size and not live.wrench.size:
         raise ValueRangeError(
             f"contact: {type(plant).__name__} measures no wrench, so no force can be controlled; "
@@ -121,13 +129,13 @@ def close_loop(
                 f"reference.body: nothing measures '{follow.body}' here; its 'watch' needs a plant that moves it"
             )
         samples = samples.copy()
-    steps = _Steps(law, plant, samples, disturbance, clock, supervision, recording, follow)
+    steps = _Steps(law, plant, samples, disturbance, clock, supervision, recording, follow, replanning)
     if clock is not None:
         _warm_up(law, live, samples, disturbance)
         asked = first_interrupt(supervision.end) if supervision else nullcontext()
         with asked, clock.running(law.period, len(steps.desired)):
             return steps.run(stop, progress)
-    compiled_plant = None if interpreted or recording else live.compiled()
+    compiled_plant = None if interpreted or recording or replanning else live.compiled()
     if compiled_plant is not None:
         law_kernel, plant_kernel = law.kernel, compiled_plant.kernel
         if isinstance(law_kernel, Kernel) and isinstance(plant_kernel, Kernel):
@@ -219,8 +227,10 @@ class _Steps:
         supervision: Supervision | None,
         recording: SampleSink | None,
         follow: Follow | None,
+        replanning: Replanning | None,
     ) -> None:
         self.law, self.samples, self.disturbance = law, samples, disturbance
+        self.replanning = replanning
         self.plant = live = live_plant(plant)
         self.clock, self.supervision, self.recording = clock, supervision, recording
         self._follow_body, self._followed = follow, np.zeros(8)
@@ -265,7 +275,8 @@ class _Steps:
             else:
                 halted = self._why(supervision, halted)
         realised = self.realised if self.disturbance else None
-        found = ended(self.done, self.desired, self.records, realised, failure, halted, finished)
+        desired = self.law.guided(self.desired, self.law_state)
+        found = ended(self.done, desired, self.records, realised, failure, halted, finished)
         # a stop after the fault is its consequence, a failure is not
         is_first = (supervision and not failure) or not has_failed(found.stopped)
         stopped = self._fault if self._fault and is_first else found.stopped
@@ -321,7 +332,9 @@ class _Steps:
     ) -> tuple[str | None, str, str]:
         """Take one step a sample; return what failed, what halted it and how it finished otherwise."""
         stop_values, count = _stop_array(stop), np.zeros(9)
-        for row in self.samples:
+        for k, row in enumerate(self.samples):
+            if self.replanning and self.replanning.is_over(k, self.plant.measured):
+                return None, "", "duration"
             if self.clock and not self.clock.await_step():
                 return None, self.clock.overran, ""
             try:
@@ -355,6 +368,8 @@ class _Steps:
         q[:], measured[:] = plant.q, plant.measured
         self.readings.take(k)
         self._see(k, row)
+        if asks and self.replanning:
+            self._plan_again(self.replanning)
         command[:] = 0.0
         if self.law.wrench.size:
             self.law.wrench[:] = plant.wrench
@@ -377,6 +392,17 @@ class _Steps:
         if self.clock:
             self.clock.commanded()
         return failure
+
+    def _plan_again(self, replanning: Replanning) -> None:
+        """Go along another way from this sample on, if constraints held the robot on the one before."""
+        k, plant = self.done, self.plant
+        found = replanning.look(k, self.law, self.law_state, plant.measured, plant.seen, self.samples)
+        if found is None:
+            return
+        self.law, self.law_state = found
+        self.desired[k : len(self.samples)] = self.samples[k:]
+        for name, pose in plant.seen.items():
+            self.law.place(name, pose)
 
     def _see(self, k: int, row: Array) -> None:
         """Let law and desired sample know where watched bodies are measured."""

@@ -16,6 +16,16 @@ PRESSURE, SLACK, EFFECT = "kept_pressure", "kept_slack", "kept_effect"
 _PARTS = ("rows", "programs", "scaled", "acceleration_excess", "speed_asked", "speed")
 _UNITS = ("", "", "", "", "m/s", "m/s")
 
+HELD_WINDOW = 0.4  # s: for so long a hand is held before that counts, as for `Constraints.escape`
+_STUCK = 0.1  # share of the speed that the law asks for
+_ASKED = 1e-3  # m/s: less is no wish
+
+
+def is_held(effect: Array) -> Array:
+    """Return from reports (…, 6 and more) whether constraints hold the hand: slower than a tenth of what is asked."""
+    asked, speed = effect[..., 4], effect[..., 5]
+    return (asked > _ASKED) & (speed < _STUCK * asked) & (effect[..., 0] > 0)
+
 
 def kept_signals(law: Controller, q: Array, times: Array, reports: Array | None) -> dict[str, Signal]:
     """Return distances and the room beyond what was asked by name, how hard rows pressed and gave way, and the effect.

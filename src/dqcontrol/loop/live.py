@@ -79,9 +79,9 @@ class LiveState:
 class Live:
     """A closed loop that is stepped for as long as one likes: a law drives a plant to what it is told meanwhile.
 
-    What it is told moves a target within bounds (`Speeds`), and a supervisor stands between law and plant: whatever it
-    is told, joints keep their limits of position, velocity and acceleration. A pose that is not finite is none, and the
-    hand stays where it is then. The robot is simulated, or a real one behind a plant of one's own.
+    What it is told moves a target within bounds (``Speeds``), and a supervisor stands between law and plant: whatever
+    it is told, joints keep their limits of position, velocity and acceleration. A pose that is not finite is none, and
+    the hand stays where it is then. The robot is simulated, or a real one behind a plant of one's own.
 
     Parameters
     ----------

@@ -20,6 +20,7 @@ from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.closed_loop import close_loop
 from dqcontrol.loop.kept_signals import kept_signals
 from dqcontrol.loop.record import Record
+from dqcontrol.loop.replanning import Replanning, plan_signals
 from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.signals import actuator_command, task_errors
 from dqcontrol.loop.supervision import Supervision, Watch
@@ -27,7 +28,7 @@ from dqcontrol.loop.trace import Stop
 from dqcontrol.plants.disturbance import Disturbance
 from dqcontrol.plants.plant import Plant, command_mode, lagging_mode, limits_before
 from dqcontrol.references import Reference
-from dqcontrol.references.follow import Follow, follow_in
+from dqcontrol.references.follow import follow_in
 from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
@@ -141,7 +142,8 @@ def simulate(
         seed=seed,
         interpreted=interpreted,
         progress=progress,
-        follow=follow_in(reference),
+        reference=reference,
+        lasts=duration is None,
     )
 
 
@@ -161,9 +163,17 @@ def simulate_prepared(
     recording: SampleSink | None = None,
     watch: Watch | None = None,
     black_box: BlackBox | None = None,
-    follow: Follow | None = None,
+    reference: Reference | None = None,
+    lasts: bool = False,
 ) -> Record:
     """Drive a plant along samples (N, 21) with a law made ready; what `simulate` does after its preparation.
+
+    Parameters
+    ----------
+    reference
+        Of which the samples are; one that changes while the robot moves needs it.
+    lasts
+        Whether the run lasts as long as such a reference, not as long as its samples.
 
     Raises
     ------
@@ -171,6 +181,14 @@ def simulate_prepared(
         If the very first command fails.
     """
     robot = law.robot
+    replanning = Replanning.of(law, reference, lasts=lasts)
+    if replanning is not None:
+        if clock is not None:
+            raise ValueRangeError(
+                "reference.again, constraints.escape: planning takes time that a run in real time has not; "
+                "leave them out"
+            )
+        samples = replanning.with_room(samples)
     supervision = supervisor and supervise(supervisor, law, plant, start, watch, black_box)
     trace = close_loop(
         law,
@@ -183,7 +201,8 @@ def simulate_prepared(
         clock=clock,
         supervision=supervision,
         recording=recording,
-        follow=follow,
+        follow=follow_in(reference),
+        replanning=replanning,
     )
     if not len(trace.q):
         raise DivergedError(trace.stopped)
@@ -202,7 +221,8 @@ def simulate_prepared(
         readings=trace.readings
         | actuator_command(robot, trace.q, trace.command)
         | task_errors(law, trace.q)
-        | kept_signals(law, trace.q, done[:, -1], trace.kept),
+        | kept_signals(law, trace.q, done[:, -1], trace.kept)
+        | plan_signals(reference, replanning, len(trace.q)),
     )
 
 

@@ -6,12 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dqcontrol.loop.kept_signals import EFFECT, PRESSURE
+from dqcontrol.loop.kept_signals import EFFECT, HELD_WINDOW, PRESSURE, is_held
 from dqcontrol.loop.record import Record
 
-_STUCK = 0.1  # share of the speed that the law asks for
-_WINDOW = 0.4  # s
-_ASKED = 1e-3  # m/s: less is no wish
 _HOLDS = 0.1  # share of the largest pressure from which a name counts
 
 
@@ -45,13 +42,11 @@ def deadlocks(record: Record) -> list[Deadlock]:
     if EFFECT not in record.readings:
         return []
     effect, pressure = record.readings[EFFECT].values, record.readings[PRESSURE]
-    asked, speed = effect[:, 4], effect[:, 5]
-    held = (asked > _ASKED) & (speed < _STUCK * asked) & (effect[:, 0] > 0)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], held, [False]]).astype(int)))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], is_held(effect), [False]]).astype(int)))
     found = []
     for first, beyond in edges.reshape(-1, 2):
         begin, end = float(record.time[first]), float(record.time[beyond - 1])
-        if end - begin >= _WINDOW:
+        if end - begin >= HELD_WINDOW:
             total = pressure.values[first:beyond].sum(axis=0)
             order = np.argsort(-total, kind="stable")
             names = tuple(pressure.parts[i] for i in order if total[i] > _HOLDS * total.max(initial=0.0))

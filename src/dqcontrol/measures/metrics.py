@@ -31,7 +31,7 @@ from dqcontrol.measures.run_kernels import (
     measure_kernel,
 )
 from dqcontrol.measures.task_range import outside_range
-from dqcontrol.measures.task_result import task_result
+from dqcontrol.measures.task_result import TaskResult, task_result
 from dqcontrol.robots import Robot
 from dqcontrol.robots.limits import Limits
 
@@ -287,6 +287,20 @@ def evaluate(
         raise ValueRangeError(
             f"skip_initial: must be ≤ the run's {record.duration:g} s, got {skip_initial:g}"
         )
+    task = task_result(record, law=law, skip_initial=skip_initial, robot=robot)
+    return metrics_of(record, task, limits, skip_initial, tolerance=tolerance, low_pass=low_pass)
+
+
+def metrics_of(
+    record: Record,
+    task: TaskResult,
+    limits: Limits | None,
+    skip_initial: float,
+    *,
+    tolerance: float | None = None,
+    low_pass: float | None = None,
+) -> Metrics:
+    """Measure a run whose task has been judged; the rest as for `evaluate`."""
     start = min(
         int(np.searchsorted(record.time, record.time[0] + skip_initial * (1 - 1e-12))), len(record) - 1
     )
@@ -306,7 +320,6 @@ def evaluate(
         if ACTUATORS in record.readings:
             actuators = record.readings[ACTUATORS].values[:-1]
             effort = math.sqrt(np.sum(row_by_row(row_norms, actuators) ** 2 * intervals))
-        task = task_result(record, law=law, skip_initial=skip_initial, robot=robot)
         return Metrics(
             duration=record.duration,
             samples=len(record),

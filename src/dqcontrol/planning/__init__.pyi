@@ -8,4 +8,7 @@ from .plan import (
     WayCertificate as WayCertificate,
     plan as plan,
 )
-from .plan_to import PlanTo as PlanTo
+from .plan_to import (
+    Again as Again,
+    PlanTo as PlanTo,
+)

@@ -397,11 +397,13 @@ class CertifiedEdges:
         return answers
 
 
-def prepared(robot: Robot, constraints: Constraints | PreparedConstraints) -> PreparedConstraints:
-    """Return constraints made ready for a plan, in which nothing moves."""
+def prepared(
+    robot: Robot, constraints: Constraints | PreparedConstraints, time: float = 0.0
+) -> PreparedConstraints:
+    """Return constraints made ready for a plan at a time (s), in which nothing moves."""
     if not isinstance(constraints, PreparedConstraints):
-        return PreparedConstraints(standing(constraints), robot, _PERIOD, "measured")
-    still = standing(constraints.given)
+        return PreparedConstraints(standing(constraints, time), robot, _PERIOD, "measured")
+    still = standing(constraints.given, time)
     if still is constraints.given:
         return constraints
     mode, lag = constraints.command_mode, constraints.lag

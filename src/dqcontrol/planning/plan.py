@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,10 +15,12 @@ from dqcontrol.algebra import DualQuaternion
 from dqcontrol.arrays import Array
 from dqcontrol.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
-from dqcontrol.errors import PlanError, ReachError, as_array, as_count, as_positive
+from dqcontrol.errors import MissingExtraError, PlanError, ReachError, as_array, as_count, as_positive
 from dqcontrol.planning.certified_edges import CertifiedEdges
-from dqcontrol.planning.shortcuts import shortened
+from dqcontrol.planning.extra import from_extra
+from dqcontrol.planning.shortcuts import shorten_way, shortened
 from dqcontrol.planning.smooth_way import SmoothWay, smooth_way
+from dqcontrol.planning.standing_world import standing
 from dqcontrol.planning.ways_between import Search, search
 from dqcontrol.references.sample import as_pose
 from dqcontrol.robots import Robot, nearest_pose, postures
@@ -71,7 +75,9 @@ class ProvedWay:
     certificate
         What is proved of it; the edges between its points are certified, too.
     took
-        What planning took, s.
+        What planning took, s; without what the first plan of a process compiles and loads.
+    goal, clearance, effort
+        As they were asked for: a configuration, shape (n,), or a pose, shape (8,).
     """
 
     robot: Robot
@@ -80,6 +86,9 @@ class ProvedWay:
     way: SmoothWay = field(repr=False)
     certificate: WayCertificate
     took: float
+    goal: Array | DualQuaternion = field(repr=False)
+    clearance: float
+    effort: int
 
     def __str__(self) -> str:
         """Return what is proved of it, and what it took, in a line."""
@@ -143,11 +152,57 @@ def plan(
     >>> len(way.configurations) > 2, way.certificate.room >= 0
     (True, True)
     """
-    begin = time.perf_counter()
     seed, effort = as_count("seed", seed), as_count("effort", effort)
     beyond = as_positive("clearance", clearance, zero_allowed=True)
     exact = CertifiedEdges(robot, constraints, beyond)
     first = _start(exact, as_array("start", start, (robot.configuration_size,)))
+    n = robot.configuration_size
+    target = goal if isinstance(goal, DualQuaternion) else as_array("goal", goal)
+    if isinstance(target, DualQuaternion) or (target.shape == (8,) and n != 8):
+        target = DualQuaternion(as_pose("goal", target))
+    else:
+        target = as_array("goal", target, (n,))
+    return way_from(exact, first, target, seed, effort, beyond)
+
+
+def way_now(
+    kept: PreparedConstraints,
+    q: Array,
+    goal: Array | DualQuaternion,
+    when: float,
+    seen: Mapping[str, Array],
+    seed: int = 0,
+    effort: int = EFFORT,
+    clearance: float = 0.0,
+) -> ProvedWay:
+    """Return a way from where a robot is, q (n,), at a time (s), around what its law keeps clear of; see `plan`.
+
+    ``seen`` gives the poses (8,) of bodies that are measured. What is nearer than asked may stay as near.
+    """
+    robot = kept.robot
+    still = PreparedConstraints(standing(kept.given, when), robot, kept.period, kept.command_mode, kept.lag)
+    for name, pose in seen.items():
+        still.place(still.parameters, name, pose)
+    edges = CertifiedEdges(robot, still, clearance)
+    first = np.clip(q, edges.lower, edges.upper)
+    return way_from(edges.eased_at(first), first, goal, seed, effort, clearance)
+
+
+def way_from(
+    exact: CertifiedEdges,
+    first: Array,
+    goal: Array | DualQuaternion,
+    seed: int,
+    effort: int,
+    clearance: float,
+) -> ProvedWay:
+    """Return a way from a configuration, (n,), within the limits; see `plan`, which checks all that is given.
+
+    What is nearer there than asked may stay as near.
+    """
+    _first_use(exact, first)
+    begin = time.perf_counter()
+    robot = exact.robot
     exact = exact.eased_at(first)
     edges = exact.with_more(_SPARE).eased_at(first)
     goals = _goals(edges, first, goal, seed)
@@ -159,7 +214,19 @@ def plan(
     if not exact.curves(way.curves).certified.all():
         raise PlanError("plan: a way was found whose blends are not clear", "effort")
     certificate = WayCertificate(*exact.least_room(way.curves), looked, seed)
-    return ProvedWay(robot, exact.kept, corners, way, certificate, time.perf_counter() - begin)
+    took = time.perf_counter() - begin
+    return ProvedWay(robot, exact.kept, corners, way, certificate, took, goal, clearance, effort)
+
+
+def _first_use(edges: CertifiedEdges, q: Array) -> None:
+    """Compile and load what plans call, so that the first one of a process takes no longer than others."""
+    edges.clear(q, q)
+    edges.room_at(q[None])
+    edges.robot.manipulability(q)
+    edges.robot.solve(edges.robot.fkm(q), q, restarts=0)
+    _ = shorten_way.compiled
+    with suppress(MissingExtraError):  # the straight way needs none
+        from_extra("ompl.geometric", "ways around")
 
 
 def _start(edges: CertifiedEdges, given: Array) -> Array:
@@ -180,20 +247,17 @@ def _start(edges: CertifiedEdges, given: Array) -> Array:
     return q
 
 
-def _goals(edges: CertifiedEdges, start: Array, goal: ArrayLike | DualQuaternion, seed: int) -> Array:
+def _goals(edges: CertifiedEdges, start: Array, goal: Array | DualQuaternion, seed: int) -> Array:
     """Return all configurations at the goal that are clear, the nearest to the start first, shape (G, n)."""
-    robot, n = edges.robot, edges.robot.configuration_size
-    given = goal if isinstance(goal, DualQuaternion) else as_array("goal", goal)
-    is_pose = isinstance(given, DualQuaternion) or (given.shape == (8,) and n != 8)
-    if is_pose:
-        pose = as_pose("goal", given)
+    robot, is_pose = edges.robot, isinstance(goal, DualQuaternion)
+    if isinstance(goal, DualQuaternion):
         try:
-            found = np.array([each.q for each in postures(robot, pose, seed=seed)])
+            found = np.array([each.q for each in postures(robot, goal.vec8, seed=seed)])
         except ReachError as error:
-            nearest = nearest_pose(robot, pose, start)
+            nearest = nearest_pose(robot, goal.vec8, start)
             raise PlanError(f"goal: {error}; {nearest}", "unreachable", nearest=nearest) from None
     else:
-        found = as_array("goal", given, (n,))[None]
+        found = goal[None]
     inside = np.clip(found, edges.lower, edges.upper)
     beyond = np.abs(inside - found)
     if not is_pose and beyond.max() > _ROUNDING:

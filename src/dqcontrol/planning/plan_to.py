@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from msgspec import Meta
@@ -16,7 +17,7 @@ from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import NoteWarning, ShapeError, ValueRangeError, as_array, as_positive, unknown_name
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.planning.kept_timing import WayTiming, kept_timing
-from dqcontrol.planning.plan import EFFORT, ProvedWay, plan
+from dqcontrol.planning.plan import EFFORT, ProvedWay, plan, way_now
 from dqcontrol.references.drive_to import PlannedWay
 from dqcontrol.references.reference import NO_CORNERS, Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE
@@ -79,6 +80,22 @@ class Goal(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
         return algebra.multiply(bodies[self.body].pose, pose)
 
 
+class Again(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """When a way is planned again, while the robot is on it.
+
+    Parameters
+    ----------
+    when
+        ``held``: constraints have held the hand against what its law asks for 0.4 s.
+    most
+        How often.
+    """
+
+    spec_key: ClassVar[str] = "reference.again"
+    when: Literal["held"] = "held"
+    most: Annotated[int, Meta(ge=1, le=100)] = 5
+
+
 _STEP = 1e-5  # rad or m along the way: rounding and curvature each take 10⁻¹⁰ of a difference
 _RAMP = 0.5  # s: no input reaches its full speed sooner, where nothing says how fast it may
 
@@ -99,6 +116,9 @@ class PlanTo(PlannedWay):
         acceleration, an input takes 0.5 s to its full speed.
     approach
         ρ, 0 … 1.
+    again
+        When a run plans again from where the robot is then, around all that its law keeps clear of, where that is
+        then; never if omitted. A run without a duration then lasts until the robot is there.
 
     Attributes
     ----------
@@ -131,6 +151,7 @@ class PlanTo(PlannedWay):
     plan: ProvedWay
     speed_fraction: float = 0.9
     approach: float = 0.9
+    again: Again | None = None
     robot: Robot = field(init=False, repr=False)
     duration: float = field(init=False)
     corners: NDArray[np.float64] = field(init=False, repr=False)
@@ -169,6 +190,7 @@ class PlanTo(PlannedWay):
         seed: Annotated[int, Meta(ge=0, le=2**31, description="of the search")] = 0,
         speed_fraction: Share = 0.9,
         approach: Share = 0.9,
+        again: Again | None = None,
     ) -> Reference:
         """Go to a goal around what constraints keep clear of; see `dqcontrol.planning.PlanTo`.
 
@@ -196,6 +218,7 @@ class PlanTo(PlannedWay):
         seed: int = 0,
         speed_fraction: float = 0.9,
         approach: float = 0.9,
+        again: Again | None = None,
     ) -> PlanTo:
         """Return the way from the start configuration to the goal; see `Reference.of_robot`."""
         if kept is None:
@@ -203,7 +226,20 @@ class PlanTo(PlannedWay):
         target = goal.target(reference.at(0.0).pose, world)
         found = plan(robot, kept, start, target, seed, effort, clearance=clearance)
         warnings.warn(f"plan: {found}", NoteWarning, stacklevel=2)
-        return cls(found, speed_fraction, approach)
+        return cls(found, speed_fraction, approach, again)
+
+    def is_there(self, q: Array, within: float) -> bool:
+        """Return whether all coordinates (n,) are within so much of where the way ends, rad or m."""
+        return bool(np.abs(q - self.plan.configurations[-1]).max() <= within)
+
+    def again_from(
+        self, kept: PreparedConstraints, q: Array, time: float, seen: Mapping[str, Array]
+    ) -> PlanTo:
+        """Return a way to the same goal from where the robot is, q (n,), at a time (s); see `way_now`."""
+        old = self.plan
+        seed = old.certificate.seed
+        found = way_now(kept, q, old.goal, time, seen, seed, old.effort, old.clearance)
+        return PlanTo(found, self.speed_fraction, self.approach, self.again)
 
     def configurations(self, times: ArrayLike) -> Array:
         """Return the robot's configurations at times (N,), s: shape (N, n)."""
@@ -231,6 +267,59 @@ class PlanTo(PlannedWay):
         out[:, TWIST] = np.einsum("kij,kj->ki", jacobian, u)
         out[:, TWIST_RATE] = np.einsum("kij,kj->ki", jacobian, change) + np.einsum("kij,kj->ki", turns, u)
         return out
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ResumedWay(PlannedWay):
+    """A way up to a time, and from then on another.
+
+    Parameters
+    ----------
+    before
+        The way until then; where it is omitted the robot rests where the other begins.
+    time
+        s.
+    after
+        The way from then on.
+    """
+
+    before: PlannedWay | None
+    time: float
+    after: PlanTo
+    robot: Robot = field(init=False)
+    duration: float = field(init=False)
+    corners: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        earlier = [] if self.before is None else [each for each in self.before.corners if each < self.time]
+        values = {
+            "robot": self.after.robot,
+            "duration": self.time + self.after.duration,
+            "corners": np.array([*earlier, self.time]),
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def configurations(self, times: ArrayLike) -> Array:
+        """Return the robot's configurations at times (N,), s: shape (N, n)."""
+        when = as_array("times", times)
+        return self._joined(when, lambda way, some: way.configurations(some))
+
+    def mean_inputs(self, times: ArrayLike, period: float) -> Array:
+        """Return the means of the robot's inputs from times (N,), s, to a period later: shape (N, m)."""
+        when = as_array("times", times)
+        return self._joined(when, lambda way, some: way.mean_inputs(some, period))
+
+    def motion(self, times: Array) -> Array:
+        """Return samples (N, 21); see `Reference.motion`."""
+        return self._joined(times, lambda way, some: way.samples(some))
+
+    def _joined(self, times: Array, of: Callable[[PlannedWay, Array], Array]) -> Array:
+        found = of(self.after, np.maximum(times - self.time, 0.0))
+        early = times < self.time
+        if self.before is not None and early.any():
+            found[early] = of(self.before, times[early])
+        return found
 
 
 def _share(field_name: str, value: float) -> float:

@@ -24,10 +24,11 @@ _MOST_PARTS = 100  # of a body
 _SAME = 1e-9  # m between places that are one
 
 
-def standing(constraints: Constraints) -> Constraints:
-    """Return constraints in which nothing moves.
+def standing(constraints: Constraints, time: float = 0.0) -> Constraints:
+    """Return constraints in which nothing moves, as a plan at a time (s) sees them.
 
-    Of a shape that moves, the ball around it is swept along its path: exact for balls, more than enough for others.
+    Of a shape that moves as announced, the ball around it is swept along what is left of its path: exact for balls,
+    more than enough for others. What moves unannounced stands where it is.
 
     Raises
     ------
@@ -49,7 +50,10 @@ def standing(constraints: Constraints) -> Constraints:
     assert constraints.world is not None
     bodies, clear_of = {}, {}
     for name, kept in constraints.obstacles.items():
-        bodies[name] = _swept(name, kept) if name in moving else constraints.world.bodies[name]
+        body = constraints.world.bodies[name]
+        if name in moving:
+            body = _swept(name, kept, time) if kept.moves.announced else _stopped(body, kept.moves, time)
+        bodies[name] = body
         clear_of[name] = kept.clear if isinstance(constraints.clear_of, dict) else ClearOf()
     return msgspec.structs.replace(constraints, world=World(bodies=bodies), clear_of=clear_of)
 
@@ -77,8 +81,13 @@ class _SweptPiece(NamedTuple):
         return Solid(capsule=(self.radius, length), position=middle, rpy=rpy)
 
 
-def _swept(name: str, kept: KeptBody) -> Body:
-    points, most = _points(kept.moves), max(_MOST_PARTS // len(kept.shapes), 1)
+def _stopped(body: Body, moves: Motion, time: float) -> Body:
+    x, y, z = (np.asarray(body.position) + moves.shifts(np.array([time]))[0]).tolist()
+    return msgspec.structs.replace(body, position=(x, y, z), moves=None)
+
+
+def _swept(name: str, kept: KeptBody, time: float) -> Body:
+    points, most = _points(kept.moves, time), max(_MOST_PARTS // len(kept.shapes), 1)
     pieces: list[_SweptPiece] = []
     for shape in kept.shapes:
         if isinstance(shape, Plane):
@@ -91,13 +100,16 @@ def _swept(name: str, kept: KeptBody) -> Body:
     return Body(**msgspec.structs.asdict(first), parts=parts)
 
 
-def _points(moves: Motion) -> Array:
-    """Return where the pieces of a motion begin and end, as shifts, shape (N, 3), m."""
+def _points(moves: Motion, time: float) -> Array:
+    """Return where the pieces of a motion begin and end from a time on, as shifts, shape (N, 3), m."""
+    now = moves.shifts(np.array([time]))
     if moves.path is not None:
-        return np.asarray(moves.path, np.float64)[:, 1:]
+        rows = np.asarray(moves.path, np.float64)
+        later = rows[rows[:, 0] > time, 1:]
+        return np.vstack([now, later if len(later) else now])
     velocity = np.asarray(moves.velocity, np.float64)
     speed = float(np.linalg.norm(velocity))
-    return np.array([np.zeros(3), velocity * (_FAR / speed if speed > 0 else 0.0)])
+    return np.vstack([now, now + velocity * (_FAR / speed if speed > 0 else 0.0)])
 
 
 def _pieces(points: Array, radius: float, most: int) -> list[_SweptPiece]:

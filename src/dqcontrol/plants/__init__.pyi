@@ -42,6 +42,6 @@ from .plant import (
 )
 from .servo import (
     Servo as Servo,
-    Wrist as Wrist,
     load_servo as load_servo,
 )
+from .wrist import Wrist as Wrist

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+WRENCH_READINGS = ("wrist_force", "wrist_torque")  # of a force sensor, its axes, N and N·m
 BASE_POSITION, BASE_QUATERNION = "base_position", "base_quaternion"  # of a base that may lift and tilt
 
 

@@ -81,6 +81,8 @@ class LivePlant:
         For how many steps its noise was drawn.
     seen
         Where bodies of the world are measured, by name unit dual quaternions (8,), inertial frame, updated in place.
+    can_be_pushed
+        Whether `push` moves it.
 
     Examples
     --------
@@ -105,6 +107,7 @@ class LivePlant:
     foreseen: tuple[tuple[Channel, Array], ...] = ()
     periods: float = math.inf
     seen: Mapping[str, Array] = MappingProxyType({})
+    can_be_pushed: bool = False
 
     def step(self, command: Array) -> None:
         """Move for one control period; what it measures is updated in place.
@@ -130,6 +133,17 @@ class LivePlant:
 
     def set_joint_control(self, control: ControllerSettings) -> None:
         """Tell joint controllers their mode, stiffness and slew rate; a plant without such takes no notice."""
+
+    def push(self, row: int, point: Array, force: Array) -> None:
+        """Push a link from the next step on, until told otherwise; a plant without physics takes no notice.
+
+        Parameters
+        ----------
+        row
+            Of `Robot.frames`: what the link moves with.
+        point, force
+            Where and how, shape (3,) each, inertial frame, m and N.
+        """
 
     def compiled(self) -> CompiledPlant | None:
         """Return it as the compiled loop takes it; None if its step is not one compiled function."""

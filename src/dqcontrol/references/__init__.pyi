@@ -12,6 +12,7 @@ from .drawing.drawing_file import (
 from .drive_through import DriveThrough as DriveThrough
 from .drive_to import DriveTo as DriveTo
 from .follow import Follow as Follow
+from .guarded import Guarded as Guarded, OnTouchedPlane as OnTouchedPlane
 from .jerk_limited import JerkLimited as JerkLimited
 from .points import Points as Points
 from .points_file import load_points as load_points
@@ -32,6 +33,7 @@ from .sequence import (
 )
 from .set_point import SetPoint as SetPoint
 from .square import Square as Square
+from .straight import Straight as Straight
 from .strokes import (
     Arc as Arc,
     Rest as Rest,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import as_positive
 from dqcontrol.references.reference import SNAP, Reference
 from dqcontrol.references.sample import POSE, TWIST, TWIST_RATE
+
+if TYPE_CHECKING:
+    from dqcontrol.references.guarded import Guards
 
 _STEP = 0.2  # of the lag, between the twists whose difference leads
 _LEAST_STEP = 1e-3  # s
@@ -83,6 +87,11 @@ class Previewed(Reference):
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
+
+    @property
+    def guards(self) -> Guards:
+        """Those of the reference: poses come when they did."""
+        return self.reference.guards._replace(lead=(self.delay, self.lag))
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""

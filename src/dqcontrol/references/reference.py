@@ -21,6 +21,7 @@ from dqcontrol.world import World
 
 if TYPE_CHECKING:
     from dqcontrol.constraints.prepared_constraints import PreparedConstraints
+    from dqcontrol.references.guarded import Guards
     from dqcontrol.robots import Robot
 
 SMOOTH = (
@@ -131,6 +132,25 @@ class Reference(ABC):
             f"{each.name}={_in_short(getattr(self, each.name))}" for each in fields if each.init and each.repr
         )
         return f"{type(self).__name__}({', '.join(given)})"
+
+    @property
+    def guards(self) -> Guards:
+        """What of it touches end or displace: nothing, unless a subclass says so.
+
+        Raises
+        ------
+        ValueRangeError
+            If it changes a reference with guarded moves and does not know how to change these.
+        """
+        from dqcontrol.references.guarded import Guards  # which has references
+
+        inner = getattr(self, "reference", None)
+        if isinstance(inner, Reference) and inner.guards.moves:
+            raise ValueRangeError(
+                f"reference: {type(self).__name__} changes the timing or place of guarded moves; put 'until' and "
+                "'touch' outside of it"
+            )
+        return Guards()
 
     @abstractmethod
     def motion(self, times: Array) -> Array:

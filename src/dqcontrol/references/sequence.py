@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence as Several
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,9 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.references.reference import Reference, corners_between
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST
+
+if TYPE_CHECKING:
+    from dqcontrol.references.guarded import Guards
 
 _SAME_POSE = 1e-6  # largest difference of the eight coefficients between an end and the next start
 
@@ -80,6 +84,21 @@ class Sequence(Reference):
         corners = np.sort(np.concatenate([seams, *inner, last]))
         corners.flags.writeable = False
         object.__setattr__(self, "corners", corners)
+
+    @property
+    def guards(self) -> Guards:
+        """Those of its parts."""
+        from dqcontrol.references.guarded import Guards  # which has sequences
+
+        found = [
+            part.guards.later(float(time)) for part, time in zip(self.references, self._times, strict=False)
+        ]
+        planes = [each.plane for each in found if each.plane is not None]
+        if len(planes) > 1:
+            raise ValueRangeError(
+                f"references: {len(planes)} of them have 'touch'; one plane is told in a run"
+            )
+        return Guards(tuple(move for each in found for move in each.moves), planes[0] if planes else None)
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""

@@ -39,6 +39,9 @@ div.wide { overflow-x: auto; max-width: 100%; }
 div.tables { display: flex; flex-wrap: wrap; gap: 0 2rem; align-items: flex-start; }
 div.about { display: flex; flex-wrap: wrap; gap: 0.5rem 1.5rem; align-items: center; margin: 1rem 0; }
 div.about table { flex: 1 1 22rem; margin: 0; }
+div.moving iframe { width: 100%; height: 26rem; border: 1px solid #ddd; }
+div.moving p { margin: 0.2rem 0 0; font-size: 0.85rem; color: #555; }
+@media screen { div.moving + div.about > div { display: none; } }
 div.about th { border-bottom-color: #eee; font-weight: 400; color: #555; white-space: nowrap; padding-left: 0; }
 div.about td { overflow-wrap: anywhere; }
 div.about td.good, div.about td.bad, div.about td.open { white-space: normal; }
@@ -64,6 +67,7 @@ pre.command, pre.later { border-left: 4px solid #0072b2; white-space: pre-wrap; 
   figure { margin: 0.8rem 0; }
   figure img { max-height: 110mm; max-width: 100%; width: auto; }
   div.about { break-inside: avoid; }
+  div.moving { display: none; }
   div.about table { flex-basis: 80mm; font-size: 8.5pt; }
   div.about img { width: 62mm; }
   pre { white-space: pre-wrap; overflow-wrap: anywhere; font-size: 7.5pt; border: 1px solid #ccc; }
@@ -115,8 +119,8 @@ def links(places: Mapping[str, str]) -> str:
     return f"<ul>{''.join(items)}</ul>"
 
 
-def head(facts: Sequence[tuple[str, Cell]], picture: Figure | None) -> str:
-    """Return what a page is about: names with texts, and a picture beside them."""
+def head(facts: Sequence[tuple[str, Cell]], picture: Figure | None, moving: str = "") -> str:
+    """Return what a page is about: names with texts, and a picture beside them; on screens the page that moves."""
     rows = "".join(
         f"<tr><th>{escape(name) if name != before else ''}</th>{_cell(cell, str(cell), '')}</tr>"
         for (name, cell), before in zip(facts, ["", *(name for name, _ in facts)], strict=False)
@@ -126,7 +130,18 @@ def head(facts: Sequence[tuple[str, Cell]], picture: Figure | None) -> str:
         if picture
         else ""
     )
-    return f'<div class="about">{drawn}<table>{rows}</table></div>'
+    return f'{_replay(moving)}<div class="about">{drawn}<table>{rows}</table></div>'
+
+
+def _replay(page: str) -> str:
+    """Return a page within this one."""
+    if not page:
+        return ""
+    size = f"{len(page.encode()) / 1e6:.1f} MB"
+    return (
+        f'<div class="moving"><iframe srcdoc="{escape(page, quote=True)}" title="The run as it moves"></iframe>'
+        f"<p>Drag to look around. The replay is part of this page ({size}) and needs no network.</p></div>"
+    )
 
 
 def tables_beside(tables: Iterable[Table]) -> str:

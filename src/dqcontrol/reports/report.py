@@ -58,6 +58,7 @@ def write_report(
     notice: str = "",
     about: Sequence[tuple[str, Cell]] = (),
     picture: Figure | None = None,
+    moving: str = "",
     command: str = "",
     verdicts: Sequence[Table] = (),
     tables: Sequence[Table] = (),
@@ -83,6 +84,8 @@ def write_report(
         What it is about, as names and texts.
     picture
         Beside them.
+    moving
+        A page that plays what happened, in place of the picture on screens; paper keeps that.
     command
         The line that gives the results again.
     verdicts
@@ -118,7 +121,7 @@ def write_report(
         raise ExistsError(f"{target}: exists already; choose another folder or remove it")
     parts = [paragraph(facts, "facts")] if facts else []
     parts += [paragraph(notice, "notice")] if notice else []
-    parts += [head(about, picture)] if about else []
+    parts += [head(about, picture, moving)] if about else []
     if verdicts:
         parts += [heading("Verdicts"), *map(html_table, verdicts)]
     if command:

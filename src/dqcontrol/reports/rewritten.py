@@ -92,7 +92,7 @@ def _drawn(place: _Place) -> Path:
     if old.is_file() and '<pre class="command">' in old.read_text(encoding="utf-8"):
         run = replace(run, expected=_expected(run.spec))  # it can be run again
     with added_files(place.run.resolve(), place.root) as draft:
-        write_run_report(run, draft, outside, recorded=place.run)
+        write_run_report(run, draft, outside, recorded=place.run, replayed=True)
     return old
 
 

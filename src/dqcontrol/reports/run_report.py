@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dqcontrol.errors import MissingExtraError
+from dqcontrol.experiments.result_pages import replay
 from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE
 from dqcontrol.experiments.run import Run, units_of
 from dqcontrol.experiments.run_comparison import unit_of_way
@@ -19,6 +22,8 @@ from dqcontrol.reports.run_verdicts import interventions_tables, run_verdicts
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_MOST_BYTES = 3_000_000  # of a replay in a report: what mail and browsers take without a wait
+
 
 def figures_of(run: Run) -> dict[str, Figure]:
     """Return all figures of a run by name, as wide as `dqcontrol.figures.column_width` says.
@@ -31,11 +36,18 @@ def figures_of(run: Run) -> dict[str, Figure]:
 
 
 def write_run_report(
-    run: Run, folder: Path, outside: str = PARENT, *, figures: bool = True, recorded: Path | None = None
+    run: Run,
+    folder: Path,
+    outside: str = PARENT,
+    *,
+    figures: bool = True,
+    recorded: Path | None = None,
+    replayed: bool = False,
 ) -> None:
     """Write ``report.html``, unless told otherwise with the figures of a run, into an existing folder.
 
     ``outside`` leads from there out of all results; ``recorded`` is the folder of its recording, if that is another.
+    ``replayed`` lets the run move on the page, where viser is installed and 3 MB suffice.
     """
     from dqcontrol.figures import robot_picture, timing_table
     from dqcontrol.reports import write_report
@@ -52,6 +64,7 @@ def write_run_report(
         facts=f"{run.label} · {run.record.duration:.4g} s · {len(run.record)} samples · ended: {stopped}",
         about=about_run(run, folder if (folder / "record.mcap").is_file() else recorded or folder),
         picture=robot_picture(run.robot, run.record) if figures else None,
+        moving=_moving(run) if replayed else "",
         notice=f"The run {stopped}" if has_failed(stopped) else "",
         command=_command(run, data, outside),
         verdicts=[run_verdicts(run, certificate)],
@@ -61,6 +74,15 @@ def write_run_report(
         spec=run.spec,
         origins=origins(data),
     )
+
+
+def _moving(run: Run) -> str:
+    """Return a page that plays the run; empty if that cannot be, or takes too much to send."""
+    with suppress(MissingExtraError):
+        page = replay({run.label: run})
+        if len(page.encode()) <= _MOST_BYTES:
+            return page
+    return ""
 
 
 def _title(run: Run, data: dict[str, Any], *, alone: bool) -> str:

@@ -14,6 +14,7 @@ from dqcontrol.loop.kept_signals import DISTANCE, ROOM, SLACK
 from dqcontrol.measures.deadlock import deadlocks
 from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.measures.margins import UNSEEN
+from dqcontrol.measures.plans_of_run import plans_of_run
 from dqcontrol.measures.task_range import RANGE, TaskRange
 from dqcontrol.measures.task_result import TaskResult
 from dqcontrol.plants.mujoco.pads import GRIP_FORCE
@@ -51,6 +52,7 @@ def run_verdicts(run: Run, certificate: Certificate | None) -> Table:
         *_task(run.task, gave_way=not run.verdict.failure),
         *_joint_limits(run),
         *_velocity_limits(run),
+        *_plans(run.record),
         *_kept(run.record),
         *_held_box(run.record),
         *_interventions(run.record),
@@ -152,6 +154,13 @@ def _kept(record: Record) -> Iterator[Row]:
         words = f"{longest.begin:.2f} … {longest.end:.2f} s by {', '.join(longest.names)}"
         lasts = found[-1].end >= record.time[-1] - _ENDED
         yield ["Deadlock", VerdictCell("held" if lasts else "left", None), words]
+
+
+def _plans(record: Record) -> Iterator[Row]:
+    """Yield each plan: what is proved of its way, and why there was another."""
+    for made in plans_of_run(record):
+        words = f"{made.cause}; {made.proof}" if made.cause else made.proof
+        yield ["Plan", VerdictCell("made again" if made.cause else "made", None), words]
 
 
 def _held_box(record: Record) -> Iterator[Row]:

@@ -1,4 +1,4 @@
-"""The report of a search: every law at its best, how it was found, and the best compromises."""
+"""The report of a search: every law tuned, how it was found, and the best compromises."""
 
 from __future__ import annotations
 

@@ -277,7 +277,7 @@ class Robot(InverseKinematics):
         Returns
         -------
         Array
-            Shape (…, n, n), symmetric, kg m², kg m and kg. Formula: `dqcontrol.robots.dynamics`.
+            Shape (…, n, n), symmetric, kg m², kg m and kg. Formula: ``dqcontrol.robots.dynamics``.
 
         Raises
         ------
@@ -335,7 +335,7 @@ class Robot(InverseKinematics):
 
     @cached_property
     def _rigid_bodies(self) -> tuple[Array, int]:
-        """The table of `dqcontrol.robots.dynamics`, and the scratch that it takes."""
+        """The table of ``dqcontrol.robots.dynamics``, and the scratch that it takes."""
         self._known_inertia("dynamics")
         return rigid_bodies(self), work_size(len(self.inertia.mass))  # type: ignore[union-attr]
 

@@ -17,7 +17,6 @@ from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.loop.control import Control, Phase, warm_up
 from dqcontrol.loop.targets import PoseTarget, Target, TwistTarget
 from dqcontrol.ros2.diagnostics import Diagnostics
-from dqcontrol.ros2.felt import Felt
 from dqcontrol.ros2.gain_check import OVERRIDE
 from dqcontrol.ros2.interfaces import (
     JOINT_STATES,
@@ -48,6 +47,7 @@ from dqcontrol.ros2.robot_parts import Indices
 from dqcontrol.ros2.tracked_hand import TrackedHand
 from dqcontrol.ros2.tuning import numbers_of, retune
 from dqcontrol.ros2.world_topics import WorldTopics
+from dqcontrol.ros2.wrench_input import WrenchInput
 
 _STEADY = 0.5  # s: while nodes find each other, messages come with gaps
 _HEARTBEAT = 0.05  # s
@@ -132,10 +132,10 @@ class Following:
         self.tracked: TrackedHand | None = (
             TrackedHand(node, tracker, self._base, self._guarded) if tracker else None
         )
-        self._felt = Felt(node, self._parts, self._joints, self._tool, self._guarded)
+        self._felt = WrenchInput(node, self._parts, self._joints, self._tool, self._guarded)
         if (world := loaded.setting.spec.surroundings) is not None:
             self._world = WorldTopics(node, self.control, world, self._base, self._guarded)
-        self._felt.listen(supervisor)
+        self._felt.listen(supervisor, self.control.law)
         names = [one.name for one in numbers_of(loaded)]
         declare(node, numbers_of(loaded))
         declare_switch(node, OVERRIDE, "whether gains may be such that a loop is expected to be unstable")
@@ -181,7 +181,9 @@ class Following:
             raise Error(f"activate: {why_not}")
         (heard, stamp), measured = self._latest, self._measured.copy()
         if self._felt.age > self.loaded.stale_after:
-            raise Error(f"activate: no wrench on {self._felt.topic}, which the supervisor bounds")
+            raise Error(
+                f"activate: no wrench on {self._felt.topic}, which the supervisor bounds or contact needs"
+            )
         if self.tracked:
             self.tracked.check(stamp)
         if self._source == "spec":
@@ -389,7 +391,7 @@ class Following:
         if control.phase is Phase.ACTIVE and (cause := self._why_not()):
             control.emergency_stop(cause)
         self._passed, self._stepped = max(passed, self._passed), now
-        age, felt = max(self._periods.age(now), self._felt.age), self._felt
+        age, felt = max(self._periods.age(now), self._felt.wrench_age), self._felt
         is_late = self._brakes_early and self.age >= 0.99 * self._patience
         if is_late or (self._localisation and self._localisation.silence):
             age = np.inf
@@ -430,7 +432,7 @@ class Following:
         if supervisor:
             self.control.supervisor = self.loaded.prepared_supervisor(self._interface)
             self.control.longest_advance = self.loaded.longest_advance
-            self._felt.listen(self.control.supervisor)
+            self._felt.listen(self.control.supervisor, self.control.law)
         if isinstance(self.target, TwistTarget):
             self.target.timeout = numbers.get("twist_timeout", self.target.timeout)
         if isinstance(self.target, PoseTarget):

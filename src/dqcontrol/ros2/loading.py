@@ -9,6 +9,7 @@ from typing import Literal
 
 import msgspec
 
+from dqcontrol.contact import Tool
 from dqcontrol.controller import Controller
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare, prepare_spec
 from dqcontrol.experiments.spec import AnyLaw, as_spec, read_data
@@ -18,7 +19,7 @@ from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode, lagging_mode
 from dqcontrol.robots import Robot
 from dqcontrol.ros2.robot_parts import RobotParts
-from dqcontrol.supervisor import DeclaredPayload, PreparedSupervisor, Supervisor
+from dqcontrol.supervisor import PreparedSupervisor, Supervisor
 
 _SILENT, _SILENT_PERIODS = 0.03, 2.5  # s, or so many periods if that is longer
 _ROLLING, _ROLLING_PERIODS = 0.08, 1.6  # what rolls is to stand within 0.1 s, if its period allows that
@@ -97,9 +98,9 @@ class Loaded:
         return max(usual, self.rolling_time) if self.parts.base else usual
 
     @property
-    def payload(self) -> DeclaredPayload:
+    def payload(self) -> Tool:
         """What the hand carries, as the supervisor has it."""
-        return self.supervisor.payload or DeclaredPayload(mass=0.0)
+        return self.supervisor.payload or Tool()
 
     @cached_property
     def linear_model(self) -> LinearModel | None:
@@ -160,7 +161,7 @@ def _loaded(source: str | Path, setting: PreparedExperiment) -> Loaded:
     supervisor = setting.spec.supervisor_of(case.plant) or Supervisor()
     supervisor = msgspec.structs.replace(
         supervisor,
-        payload=supervisor.payload or DeclaredPayload(mass=0.0),  # has numbers to change
+        payload=supervisor.payload or Tool(),  # has numbers to change
     )
     loaded = Loaded(setting, case, case.variant.law, supervisor, Speeds())
     _ = loaded.parts  # which refuses several bases

@@ -7,7 +7,6 @@ from .interventions import (
 from .keep_out_zones import KeepOutZones as KeepOutZones
 from .prepared_supervisor import PreparedSupervisor as PreparedSupervisor
 from .supervisor import (
-    DeclaredPayload as DeclaredPayload,
     LinkPoint as LinkPoint,
     Supervisor as Supervisor,
     WorkspaceBox as WorkspaceBox,

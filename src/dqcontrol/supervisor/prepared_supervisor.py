@@ -94,8 +94,9 @@ class PreparedSupervisor:
 
     @property
     def carries_payload(self) -> bool:
-        """Whether it takes the weight of a payload off the wrench measured at the hand."""
-        return bool(self.bounds.head[layout.PAYLOAD_WEIGHT])
+        """Whether it takes the weight of a payload, or a bias, off the wrench measured at the hand."""
+        bias = self.bounds.head[layout.SENSOR_BIAS : layout.SENSOR_BIAS + 6]
+        return bool(self.bounds.head[layout.PAYLOAD_WEIGHT] or bias.any())
 
     def start(self, q: ArrayLike) -> Array:
         """Return the state of a robot that rests at q, shape (n,), rad or m.

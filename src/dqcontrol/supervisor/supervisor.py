@@ -10,6 +10,7 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.arrays import Array
+from dqcontrol.contact.tool import Tool
 from dqcontrol.errors import ValueRangeError, as_array, as_each_positive, as_positive, unknown_name
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.robots.kinematics.driving import TURNING_RADIUS
@@ -44,14 +45,6 @@ class WorkspaceBox(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
     lower: tuple[float, float, float]
     upper: tuple[float, float, float]
     points: list[LinkPoint] = msgspec.field(default_factory=list)
-
-
-class DeclaredPayload(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What hangs beyond the wrench sensor, tool included: mass, kg, and its centre, m, in the hand's frame."""
-
-    spec_key: ClassVar[str] = "supervisor.payload"
-    mass: Annotated[float, Meta(ge=0, le=1e4, description="kg")]
-    center: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -119,7 +112,8 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         omitted. The wrench is what payload and environment exert on the hand, along the axes of the hand's frame and
         about its origin.
     payload
-        Whose weight is in the measured wrench; none if omitted. Its inertia is not taken off.
+        Whose weight and bias are in the measured wrench, its centre in the hand's frame; none if omitted. Its inertia
+        is not taken off.
     contact_effort
         Change of a measured effort against its mean over 0.2 s that stops, N·m or N; not bounded if omitted.
     keep_out
@@ -159,7 +153,7 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
     effort: Annotated[float | list[float] | None, Meta(description="> 0, N·m or N")] = None
     contact_force: Annotated[float, Meta(gt=0, description="N")] | None = None
     contact_torque: Annotated[float, Meta(gt=0, description="N·m")] | None = None
-    payload: DeclaredPayload | None = None
+    payload: Tool | None = None
     contact_effort: Annotated[float, Meta(gt=0, description="N·m or N")] | None = None
     keep_out: KeepOutZones | None = None
 
@@ -284,6 +278,8 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         if self.payload is not None:
             head[layout.PAYLOAD_WEIGHT] = _GRAVITY * self.payload.mass
             head[layout.PAYLOAD_CENTER : layout.PAYLOAD_CENTER + 3] = self.payload.center
+            bias = *self.payload.force_bias, *self.payload.torque_bias
+            head[layout.SENSOR_BIAS : layout.SENSOR_BIAS + 6] = bias
 
     def _window(self, acceleration: Array, period: float) -> int:
         """Return how many periods the rates are smoothed over, to keep the jerk."""

@@ -47,6 +47,7 @@ RUNNING, STOPPED, RETURNING = 0.0, 1.0, 2.0  # modes
     BOX,
 ) = range(24)
 PAYLOAD_CENTER = BOX + 6  # (3)
+SENSOR_BIAS = PAYLOAD_CENTER + 3  # (6): force and torque that are measured without load
 # sizes: of the robot, of drives, wheels with rollers, points and rows of zones; rows and columns of what its kinematics
 # read, rows of its tree (none of a chain) and of all its frames, and how many of these, the last, are hands
 (
@@ -61,8 +62,8 @@ PAYLOAD_CENTER = BOX + 6  # (3)
     TREE,
     FRAMES,
     HANDS,
-) = range(PAYLOAD_CENTER + 3, PAYLOAD_CENTER + 14)
-HEAD = PAYLOAD_CENTER + 14
+) = range(SENSOR_BIAS + 6, SENSOR_BIAS + 17)
+HEAD = SENSOR_BIAS + 17
 
 ZONE_COLUMNS = 6
 MOST_HANDS = 2  # as many frames as a task has

@@ -49,6 +49,7 @@ from dqcontrol.supervisor.supervisor_layout import (
     RETURNING,
     RUNNING,
     SCALE,
+    SENSOR_BIAS,
     SILENT,
     STALE,
     STOP,
@@ -162,7 +163,7 @@ def _watch_efforts(memory, state, effort, wrench, passed):
     if wrench.shape[0] == 6:
         contact = scratch.column
         for i in range(6):
-            contact[i] = wrench[i]
+            contact[i] = wrench[i] - head[SENSOR_BIAS + i]
         if head[PAYLOAD_WEIGHT] != 0.0:
             take_off_payload(memory, state)
         force = math.sqrt(contact[0] ** 2 + contact[1] ** 2 + contact[2] ** 2)

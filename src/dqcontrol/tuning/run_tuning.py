@@ -1,4 +1,4 @@
-"""Running a search: every law at its own best under the same budget, in processes here or on a cluster."""
+"""Running a search: every law tuned under the same budget, in processes here or on a cluster."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _FASTER = ", less damped"  # behind the label of a law
 
 @dataclass(frozen=True)
 class TunedLaw:
-    """One law at its best.
+    """One law, tuned.
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ class Tuning:
     problem
         What was searched for.
     laws
-        Each at its best, the best on what the search did not see first; those that break a constraint last.
+        Each tuned, the best on what the search did not see first; those that break a constraint last.
     """
 
     problem: TuneProblem
@@ -178,7 +178,7 @@ class Tuning:
                     found.evaluations,
                 ]
             )
-        return Table(columns, rows, f"{self.problem.spec.name}: every law at its best")
+        return Table(columns, rows, f"{self.problem.spec.name}: every law tuned")
 
     def remarks(self) -> list[str]:
         """Say what the table does not: constraints broken, sides of the box reached, limits of speed met."""

@@ -156,12 +156,15 @@ class Motion(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True)
         by these rows [t, x, y, z] (s, m): shifts from its place, straight between them, resting at both ends.
     speed
         At most this fast it may also come nearer than that, m/s.
+    announced
+        Whether plans know how it is going to move; where not, it stands for them where it is when they are made.
     """
 
     spec_key: ClassVar[str] = "world.moves"
     velocity: Annotated[Number3, Meta(description="m/s")] | None = None
     path: Annotated[list[tuple[float, float, float, float]], Meta(min_length=2)] | None = None
     speed: Annotated[float, Meta(ge=0, description="m/s")] = 0.0
+    announced: bool = True
 
     def __post_init__(self) -> None:
         if self.velocity is not None and self.path is not None:

@@ -79,7 +79,7 @@ EXPERIMENTS = {
         specs={"iiwa": "iiwa-surface", "meka": "meka-surface"},
     ),
     "light-painting": Reproduction("six drawings by LQR-DQ (Fig. 5.7)", specs={"": "light-painting"}),
-    "fair": Reproduction("the six laws, each at its own best, and what learning makes of the spiral"),
+    "tuned-comparison": Reproduction("the six laws, each tuned, and what learning makes of the spiral"),
     "writing": Reproduction("the drawing below a millimetre: tuned, with feed-forward, learnt (Section 5.9)"),
     "calibration": Reproduction(
         "the fit of the plant on one published cell; the scale of HIR's gains from printed numbers"

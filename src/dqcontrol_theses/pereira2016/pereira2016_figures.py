@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dqcontrol.experiments import Study, execute
 from dqcontrol.loop import Record
 from dqcontrol.references import TWIST
-from dqcontrol_theses.pereira2016.hundredfold import LAWS, SUFFIX
+from dqcontrol_theses.pereira2016.gain_x100 import LAWS, SUFFIX
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import EXACT
 from dqcontrol_theses.pereira2016.published_numbers import published_cells
 from dqcontrol_theses.pereira2016.sampling_time import SamplingTime

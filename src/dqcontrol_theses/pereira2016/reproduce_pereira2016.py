@@ -10,8 +10,7 @@ from dqcontrol.tables import Table
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.judgement import verdict_table
 from dqcontrol_theses.pereira2016.calibration import calibrate
-from dqcontrol_theses.pereira2016.fair import reproduce_fair
-from dqcontrol_theses.pereira2016.hundredfold import SUFFIX, printed_factors, with_hundredfold
+from dqcontrol_theses.pereira2016.gain_x100 import SUFFIX, printed_factors, with_gain_x100
 from dqcontrol_theses.pereira2016.operation_counts import operation_costs, operation_table
 from dqcontrol_theses.pereira2016.own_durations import late_laws, own_durations_table
 from dqcontrol_theses.pereira2016.own_periods import LateRun, run_late
@@ -32,6 +31,7 @@ from dqcontrol_theses.pereira2016.pereira2016_figures import (
 from dqcontrol_theses.pereira2016.published_numbers import claims, published_cells
 from dqcontrol_theses.pereira2016.published_specs import drawing_specs, published_spec
 from dqcontrol_theses.pereira2016.sampling_time import bare_loops, sampling_table, sampling_times
+from dqcontrol_theses.pereira2016.tuned_comparison import reproduce_tuned_comparison
 from dqcontrol_theses.pereira2016.verdicts import Evidence, judge
 from dqcontrol_theses.pereira2016.verdicts.h_infinity_verdicts import attenuations
 from dqcontrol_theses.pereira2016.verdicts.sampling_time_verdicts import PERIODS
@@ -42,7 +42,7 @@ from dqcontrol_theses.reproduced import Draw, Reproduced
 from dqcontrol_theses.results import Results
 
 _SHORT = "P16"
-_BEYOND = {"fair": reproduce_fair, "writing": reproduce_writing}
+_BEYOND = {"tuned-comparison": reproduce_tuned_comparison, "writing": reproduce_writing}
 _BESIDE = ("", EXACT, SUFFIX)  # of a law's label: as printed, and what stands beside it
 
 
@@ -59,7 +59,7 @@ def reproduce(name: str, conditions: Conditions) -> Reproduced:
         return _paintings(conditions)
     sources = {spec: published_spec(spec, plant) for spec in chosen.specs.values()}
     if chosen.robust:
-        sources = {spec: with_hundredfold(source) for spec, source in sources.items()}
+        sources = {spec: with_gain_x100(source) for spec, source in sources.items()}
     if conditions.repeats:
         for source in sources.values():
             source["repeats"] = min(source.get("repeats", 1), conditions.repeats)

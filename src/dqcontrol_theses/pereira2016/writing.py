@@ -14,9 +14,9 @@ from dqcontrol.robots import load_robot
 from dqcontrol.tables import Cell, Column, Table, VerdictCell
 from dqcontrol.tuning import learn, tune
 from dqcontrol_theses.catalogue import Conditions
-from dqcontrol_theses.pereira2016.fair import linear_twin
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import SERVO, SOURCE
 from dqcontrol_theses.pereira2016.published_specs import published_spec
+from dqcontrol_theses.pereira2016.tuned_comparison import linear_counterpart
 from dqcontrol_theses.reproduced import Reproduced
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def reproduce_writing(conditions: Conditions) -> Reproduced:
         repeats=4,
         measured_by="tracker",
         return_time=10.0,
-        model=linear_twin(data["plant"]),
+        model=linear_counterpart(data["plant"]),
         progress=conditions.of("learning"),
         journal=conditions.journal("learning"),
     )
@@ -92,7 +92,7 @@ def writing_spec(plant: str) -> dict[str, Any]:
     return data | {
         "name": "writing",
         "null_space": data["null_space"] | {"gain": _POSTURE},
-        "plant": (linear_twin(data["plant"]) or data["plant"]) | {"command_mode": "integrated"},
+        "plant": (linear_counterpart(data["plant"]) or data["plant"]) | {"command_mode": "integrated"},
         "metrics_from": "true",
         "limits": {"velocity": True},
     }

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -10,7 +13,6 @@ import numpy as np
 from dqcontrol.browser.play.session import PlaySession, law_from
 from dqcontrol.errors import Error
 from dqcontrol.experiments.gain_advice import law_parameters
-from dqcontrol.laws.loop_rates import LoopRates
 
 _NONE = "none"
 _STEP, _LEAST = 0.1, 0.1  # 1/s
@@ -26,6 +28,7 @@ class LawTab:
 
     def __init__(self, gui: Any, session: PlaySession) -> None:
         self._gui, self._session, self._busy = gui, session, False
+        self._lock = threading.RLock()
         kinds = tuple(law_parameters(1.0, 1.0))
         present = str(session.spec["law"].get("kind"))
         self._kind = gui.add_dropdown("Law", tuple(dict.fromkeys((*kinds, present))), initial_value=present)
@@ -39,25 +42,38 @@ class LawTab:
         self._kind.on_update(lambda _: self._changed())
         self._inverse.on_update(lambda _: self._inverse_changed())
         self._ghost.on_update(lambda _: self._ghost_changed())
-        self.refresh()
 
     def refresh(self) -> None:
         """Show the law that runs, and the gains that are good and that are the limit for the present robot."""
-        session = self._session
-        row = session.check()
-        self._busy = True
-        try:
-            kind = str(session.spec["law"].get("kind"))
+        with self._quietly():
+            kind = str(self._session.spec["law"].get("kind"))
             if kind not in self._kind.options:
                 self._kind.options = (*self._kind.options, kind)
             self._kind.value = kind
+        threading.Thread(target=self._advise, name="check", daemon=True).start()
+
+    def _advise(self) -> None:
+        """Say what `check` expects, unless another robot or law runs by then."""
+        session = self._session
+        setting = session.setting
+        row = session.check()
+        with self._quietly():
+            if setting is not session.setting:
+                return
             if row.loops:
-                worst, period = row.worst, session.live.period
-                good, limit = (each / period for each in (worst.limits.recommended, worst.limits.stable))
-                self._mark(abs(worst.gain.value), good, limit)
+                limits, period = row.worst.limits, setting.spec.period
+                self._mark(self._present_gain(), limits.recommended / period, limits.stable / period)
             self._expected.content = f"{row.verdict}. {row.remark}".strip()
-        finally:
-            self._busy = False
+
+    @contextmanager
+    def _quietly(self) -> Iterator[None]:
+        """Change what is shown without taking that for a wish."""
+        with self._lock:
+            self._busy = True
+            try:
+                yield
+            finally:
+                self._busy = False
 
     def _mark(self, gain: float, good: float, limit: float) -> None:
         """Let the slider reach beyond the limit, as far as that is near; mark both."""
@@ -84,9 +100,8 @@ class LawTab:
         present = session.spec["law"]
         try:
             if kind == present.get("kind"):
-                law = law_from(present)
-                rates = _gain_of(law.loop_rates(law.rows(session.robot, None, session.live.period)))
-                law = law.scaled(k / rates) if rates else law
+                law, gain = law_from(present), self._present_gain()
+                law = law.scaled(k / gain) if gain else law
             else:
                 law = law_from({"kind": kind, **law_parameters(k, k / 2)[kind]})
         except Error as error:
@@ -107,13 +122,14 @@ class LawTab:
         data = None if kind == _NONE else {"kind": kind, **law_parameters(k, k / 2)[kind]}
         self._session.set_ghost(data)
 
-
-def _gain_of(rates: LoopRates | None) -> float:
-    """Return the largest of the gains of position and orientation, 1/s."""
-    if rates is None:
-        return 0.0
-    return max(
-        float(np.abs(np.asarray(each, np.complex128)).max())
-        for each in (rates.position, rates.orientation)
-        if each is not None
-    )
+    def _present_gain(self) -> float:
+        """Return the largest of the gains of position and orientation, 1/s; 0 of a law without."""
+        live = self._session.live
+        rates = live.law.loop_rates(live.law.rows(live.robot, None, live.period))
+        if rates is None:
+            return 0.0
+        return max(
+            float(np.abs(np.asarray(each, np.complex128)).max())
+            for each in (rates.position, rates.orientation)
+            if each is not None
+        )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import time
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +18,8 @@ from dqcontrol.browser.play.charts import Charts
 from dqcontrol.browser.play.law_tab import LawTab
 from dqcontrol.browser.play.record_tab import RecordTab
 from dqcontrol.browser.play.robot_tab import RobotTab
-from dqcontrol.browser.play.scenes import SCENES, Scene
 from dqcontrol.browser.play.session import PlaySession
+from dqcontrol.browser.play.target_tab import TargetTab, called
 from dqcontrol.browser.play.world_tab import WorldTab
 from dqcontrol.browser.served_page import ServedPage
 from dqcontrol.figures.style import LIMIT
@@ -31,7 +31,11 @@ _ROOM = 0.15  # of the reach, around the robot where it begins
 _NUDGE = 0.02  # m, of an arrow key
 _CHARTS_EVERY = 0.2  # s
 _ALONE = 5.0  # s
-_OWN = "Free"
+_SPRING, _MOST_FORCE = (
+    200.0,
+    60.0,
+)  # N/m, N: of the mouse; half of what ISO/TS 15066 lets a robot press on a chest
+_PUSH = (230, 64, 26)
 
 
 class PlayPage(ServedPage):
@@ -45,6 +49,8 @@ class PlayPage(ServedPage):
         Where recordings are saved.
     port
         Of this machine; the next free one if it is taken.
+    server
+        Where it is to be seen, as `start_server` makes it; one is started if omitted.
 
     Attributes
     ----------
@@ -60,8 +66,11 @@ class PlayPage(ServedPage):
     session: PlaySession
     alone: float
 
-    def __init__(self, session: PlaySession, folder: Path | None = None, port: int = 8080) -> None:
-        super().__init__(port, "dqcontrol play")
+    def __init__(
+        self, session: PlaySession, folder: Path | None = None, port: int = 8080, *, server: Any = None
+    ) -> None:
+        super().__init__(port, "dqcontrol play", server)
+        folder = folder or Path.cwd()
         self.session, self.alone = session, _ALONE
         self._nodes: list[Any] = []
         self._drawn: DrawnRobot
@@ -69,12 +78,15 @@ class PlayPage(ServedPage):
         self._shown_ghost: object = None
         self._ghost: DrawnRobot | None = None
         self._charted = self._seen_at = 0.0
+        self._base: Any = None
+        self._spring: Any = None
+        self._base_held = False
         self._stage()
         gui = self.server.gui
         self._words = gui.add_html("")
         tabs = gui.add_tab_group()
         with tabs.add_tab("Target"):
-            self._add_target()
+            self._target = TargetTab(self.server, session, folder)
         with tabs.add_tab("Law"):
             self._law = LawTab(gui, session)
         with tabs.add_tab("Robot"):
@@ -82,7 +94,7 @@ class PlayPage(ServedPage):
         with tabs.add_tab("World"):
             self._world = WorldTab(self.server, session)
         with tabs.add_tab("Record"):
-            RecordTab(self.server, session, folder or Path.cwd())
+            self._replay = RecordTab(self.server, session, folder)
         with gui.add_folder("The last 10 s"):
             self._charts = Charts(gui)
         self._add_keys()
@@ -97,31 +109,32 @@ class PlayPage(ServedPage):
             ghost_q = ghost.plant.q.copy() if ghost else None
         if live.robot is not self._drawn.robot:
             self._stage()
+            self._target.refresh()
         if live is not self._shown_live:
             self._shown_live = live
             self._law.refresh()
             self._robot.refresh()
             self._world.refresh()
             self._gizmo_at(desired if target is None else target)
+            self._let_push()
+        now = time.monotonic()
+        if (replayed := self._replay.replayed(now)) is not None:
+            q, desired = replayed
         self._drawn.show(q)
+        self._gizmo.visible = not self._target.board.is_shown
         if target is None:  # who drags sees the gizmo go on from where it is
             self._gizmo_at(self.session.live.state.pose)
+        if self._base is not None and not self._base_held:
+            self._base.wxyz, self._base.position = self._base_pose(q)
         self._draw_ghost(ghost, ghost_q)
+        self._draw_push()
         node = pose7("desired", desired)
         self._desired.wxyz, self._desired.position = node[:4], node[4:]
-        now = time.monotonic()
         self._look_after(now)
         if now - self._charted > _CHARTS_EVERY:
             self._charted = now
             self._charts.show(list(session.history))
             self._words.content = self._told()
-
-    def play(self, scene: Scene | None) -> None:
-        """Begin with a scene, or with the robot that the page was opened for."""
-        if scene is None:
-            self.session.play(self._first)
-        else:
-            self.session.play(dict(scene.spec), scene.ghost)
 
     # The scene
 
@@ -141,8 +154,6 @@ class PlayPage(ServedPage):
         box = Extent(low, high)
         position, looked_at = viewpoint(foot, [hand[None]], box)
         self._set_scene(position, looked_at, float(np.ceil(4 * reach)), float(low[2]), shadows=0.2)
-        if not self._nodes:
-            self._first = dict(self.session.spec)
         self._drawn = DrawnRobot(self.server, robot, "/robot", axes=0.1 * reach)
         size = 0.12 * reach
         self._desired = self.server.scene.add_frame(
@@ -152,10 +163,76 @@ class PlayPage(ServedPage):
         self._gizmo.on_update(self._dragged)
         root = self.server.scene.get_handle_by_name("/robot")
         self._nodes = [root, self._desired, self._gizmo]
+        self._base, self._base_held = None, False
+        if robot.bases:
+            self._base = self.server.scene.add_transform_controls(
+                "/base-target", scale=4 * size, active_axes=(True, True, False), depth_test=False
+            )
+            self._base.on_update(self._base_dragged)
+            self._nodes.append(self._base)
 
     async def _dragged(self, event: Any) -> None:
         """Take the target along, at once and in order: callbacks of threads may overtake each other."""
         self.session.drag(_pose(event.target))
+
+    def _base_pose(self, q: Array) -> tuple[Array, Array]:
+        """Return where the first base stands: quaternion, and position, m."""
+        first = int(self.session.robot.bases[0][0])
+        x, y, heading = q[first : first + 3]
+        return np.array([np.cos(heading / 2), 0, 0, np.sin(heading / 2)]), np.array([x, y, 0.0])
+
+    def _base_dragged(self, event: Any) -> None:
+        """Drive there once the base's target is let go: the hand keeps its pose relative to the base."""
+        self._base_held = event.phase != "end"
+        if self._base_held:
+            return
+        live, goal = self.session.live, _pose(event.target)
+        if not np.isfinite(goal).all():
+            return
+        stands = algebra.pose(*self._base_pose(live.plant.q))
+        carried = algebra.multiply(goal, algebra.conjugate(stands))
+        hand = pose7("hand", algebra.multiply(carried, live.state.pose))
+        start = {"position": hand[4:].tolist(), "quaternion": hand[:4].tolist()}
+        self.session.follow({"kind": "drive-to", "start": start})
+
+    def _let_push(self) -> None:
+        """Let links be taken by the mouse where there is physics; elsewhere that turns the view."""
+        pushes = self.session.live.plant.can_be_pushed
+        for row, node in self._drawn.bodies:
+            node.remove_drag_callback()
+            if pushes and row >= 0:
+                node.on_drag("left")(self._puller(row))
+
+    def _puller(self, row: int) -> Callable[[Any], Awaitable[None]]:
+        """Return what is called, in order, while a link is held."""
+
+        async def pull(event: Any) -> None:
+            self._pull(row, event)
+
+        return pull
+
+    def _pull(self, row: int, event: Any) -> None:
+        """Pull a link by a spring from where it was taken to the mouse."""
+        start, end = (np.asarray(each, np.float64) for each in (event.start_position, event.end_position))
+        force = _SPRING * (end - start)
+        size = float(np.linalg.norm(force))
+        if event.phase == "end" or not np.isfinite(size):
+            force = np.zeros(3)
+        elif size > _MOST_FORCE:
+            force *= _MOST_FORCE / size
+        self.session.push(row, start, force)
+
+    def _draw_push(self) -> None:
+        """Draw the spring between a link and the mouse."""
+        pushed = self.session.pushed
+        if pushed is None:
+            if self._spring is not None:
+                self._spring.remove()
+            self._spring = None
+            return
+        _, point, force = pushed
+        ends = np.array([[point, point + force / _SPRING]])
+        self._spring = self.server.scene.add_line_segments("/spring", ends, _PUSH, thickness=0.008)
 
     def _gizmo_at(self, pose: Array) -> None:
         node = pose7("target", pose)
@@ -176,39 +253,6 @@ class PlayPage(ServedPage):
 
     # The dock
 
-    def _add_target(self) -> None:
-        gui = self.server.gui
-        gui.add_markdown("Drag the arrows and rings in the scene.")
-        titles = (_OWN, *(f"{i}. {scene.title}" for i, scene in enumerate(SCENES, 1)))
-        self._scene = gui.add_dropdown("Scene", titles)
-        self._look_for = gui.add_markdown("")
-        self._scene.on_update(lambda _: self._chosen())
-        for label, does in (
-            ("Hold here", self.session.hold),
-            ("Circle", lambda: self._circle("circle")),
-            ("Square", lambda: self._circle("square")),
-            ("Reset (R)", self._reset),
-        ):
-            gui.add_button(label).on_click(_called(does))
-
-    def _chosen(self) -> None:
-        at = self._scene.options.index(self._scene.value)
-        scene = SCENES[at - 1] if at else None
-        self._look_for.content = scene.look_for if scene else ""
-        self.play(scene)
-
-    def _circle(self, kind: str) -> None:
-        reach = float(describe(self.session.robot).reach)
-        size = round(0.1 * reach, 3) if np.isfinite(reach) else 0.1
-        shapes = {
-            "circle": {"radius": size, "duration": 60.0, "turns": 12.0, "plane": "yz"},
-            "square": {"side": size, "duration": 12.0, "plane": "yz"},
-        }
-        self.session.follow({"kind": kind, **shapes[kind]})
-
-    def _reset(self) -> None:
-        self.session.reset()
-
     def _add_keys(self) -> None:
         session, add = self.session, self.server.gui.add_command
         axes = {"left": (1, 1), "right": (1, -1), "up": (2, 1), "down": (2, -1)}
@@ -220,9 +264,10 @@ class PlayPage(ServedPage):
         for name, (axis, sign) in axes.items():
             keys[f"arrow{name}"] = (f"Target 2 cm {name}", lambda a=axis, s=sign: self._nudge(a, s))
         for i in range(1, 10):
-            keys[str(i)] = (f"Scene {i}", lambda i=i: setattr(self._scene, "value", self._scene.options[i]))
+            keys[str(i)] = (f"Scene {i}", lambda i=i: self._target.choose(i))
         for key, (label, does) in keys.items():
-            add(label, hotkey=key).on_trigger(_called(does))
+            add(label, hotkey=key).on_trigger(called(does))
+        self._keys = {key: does for key, (_, does) in keys.items()}
 
     def _nudge(self, axis: int, sign: int) -> None:
         with self.session.lock:
@@ -252,13 +297,6 @@ class PlayPage(ServedPage):
             f"<span style='{style}'>{html.escape(session.words)}</span><br>"
             f"<span style='opacity:0.7'>{html.escape(last)}</span></div>"
         )
-
-
-def _called(does: Callable[[], object]) -> Callable[[Any], None]:
-    def call(_: Any) -> None:
-        does()
-
-    return call
 
 
 def _pose(node: Any) -> Array:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import msgspec
 import numpy as np
@@ -22,7 +22,6 @@ from dqcontrol.browser.play.recorded_rows import RecordedRows
 from dqcontrol.constraints import Constraints
 from dqcontrol.constraints.constraint_view import ConstraintView, NearestPair
 from dqcontrol.errors import Error, ExistsError, NoteWarning, StabilityWarning, writing
-from dqcontrol.experiments.check import LoopCheck, loop_checks
 from dqcontrol.experiments.driven import live_of
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare_spec
 from dqcontrol.experiments.run import run
@@ -37,6 +36,9 @@ from dqcontrol.loop.targets import Speeds
 from dqcontrol.references.points_file import DUAL_QUATERNION
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot
+
+if TYPE_CHECKING:
+    from dqcontrol.experiments.check import LoopCheck
 
 SPEEDS = Speeds(linear=0.5, angular=2.0, acceleration=3.0)  # brisk for a hand that drags, m/s, rad/s, m/s²
 SHOWN = 10.0  # s of charts
@@ -58,6 +60,8 @@ class ChartPoint(NamedTuple):
         asked, m, NaN without anything around.
     ghost_error
         Of the second robot, m; NaN without one.
+    force
+        That the hand feels, or that somebody pushes with, N; NaN where there is no physics.
     missed
         Periods that passed without a step since the moment before.
     """
@@ -67,16 +71,17 @@ class ChartPoint(NamedTuple):
     share: float
     clearance: float
     ghost_error: float
+    force: float
     missed: int
 
 
 class PlaySession:
-    """A robot that is driven, in a thread of its own at its own period; `with` starts and ends it.
+    """A robot that is driven, in a thread of its own at its own period; ``with`` starts and ends it.
 
     Parameters
     ----------
     spec
-        Plain data of a spec of one run, as `experiments.driven.spec_of_robot` gives it.
+        Plain data of a spec of one run, as ``experiments.driven.spec_of_robot`` gives it.
     folder
         That its file names start from.
 
@@ -92,6 +97,8 @@ class PlaySession:
         How many periods passed without a step, as the machine was busy.
     is_paused
         Whether time stands still.
+    pushed
+        Row, point (m) and force (N) of what pushes it now, as `push` was told; None if nothing does.
     driver
         Called before each step with the robot: what a device tells it.
 
@@ -104,6 +111,7 @@ class PlaySession:
     spec: dict[str, Any]
     live: Live
     ghost: Live | None
+    pushed: tuple[int, Array, Array] | None
     driver: Callable[[Live], None] | None = None
 
     def __init__(self, spec: dict[str, Any], folder: Path | None = None) -> None:
@@ -147,6 +155,7 @@ class PlaySession:
             self.spec, self.setting, self.live, self.ghost = spec, setting, live, ghost
             self.around: ConstraintView | None = scene
             self._record(exact=True)
+            self.pushed = None
             for each in (live, ghost) if ghost else (live,):
                 if self._follows:
                     each.follow(case.scene.reference)
@@ -230,6 +239,16 @@ class PlaySession:
         """Let the hand stay where it is: also what happens when nobody looks any more."""
         self.drag(np.full(8, np.nan))
 
+    def push(self, row: int, point: Array, force: Array) -> None:
+        """Push a link; see `LivePlant.push`. What is recorded is no longer all that moves the robot."""
+        with self.lock:
+            if not self.live.plant.can_be_pushed:
+                self.tell("pushing needs physics: choose it in the tab Robot")
+                return
+            self.live.plant.push(row, point, force)
+            self.pushed = (row, point, force) if np.any(force) else None
+            self._exact = False
+
     def set_law(self, law: Law) -> bool:
         """Go on with another law, without a stop; it keeps what the present one keeps, unless it says so itself."""
         present = self.live.law
@@ -281,7 +300,9 @@ class PlaySession:
         return self.live.robot
 
     def check(self) -> LoopCheck:
-        """Return what is to be expected of its loops; see `experiments.check`."""
+        """Return what is to be expected of its loops; see `experiments.check`. It may take a second."""
+        from dqcontrol.experiments.check import loop_checks  # a robot moves without
+
         (row,) = loop_checks(self.setting)
         return row
 
@@ -302,7 +323,7 @@ class PlaySession:
         if np.isfinite(state.missing) and state.missing > 5e-3:
             rests = np.abs(state.command).max(initial=0.0) < 0.02
             words.append(f"{1e3 * state.missing:.0f} mm {'out of reach' if rests else 'to go'}")
-        if late := sum(moment.missed for moment in self.history):
+        if late := sum(moment.missed for moment in tuple(self.history)):  # the thread adds to it
             words.append(f"{late} periods late in the last 10 s: this machine is busy")
         return "; ".join(words) or "at its target"
 
@@ -350,7 +371,16 @@ class PlaySession:
         ghost = self.ghost.state.position_error if self.ghost else np.nan
         now = self.history[-1].time + _CHARTED if self.history else 0.0
         missed, self._noted = self.missed - self._noted, self.missed
-        self.history.append(ChartPoint(now, state.position_error, state.share, clearance, ghost, missed))
+        point = ChartPoint(now, state.position_error, state.share, clearance, ghost, self._force(), missed)
+        self.history.append(point)
+
+    def _force(self) -> float:
+        """Return how hard the hand, or what it meets, is pressed, N; NaN if nothing says so."""
+        plant = self.live.plant
+        pushed = float(np.linalg.norm(self.pushed[2])) if self.pushed else 0.0
+        if len(plant.wrench):
+            return max(pushed, float(np.linalg.norm(plant.wrench[:3])))
+        return pushed if plant.can_be_pushed else np.nan
 
     def _settle(self) -> None:
         """Begin a recording at rest from which everything follows, once the robot rests after another law began."""
@@ -410,7 +440,7 @@ class PlaySession:
         since = (
             ""
             if exact
-            else "; it began in motion, as the law was changed then: let the robot rest for an exact one"
+            else "; its law was changed in motion, or it was pushed: let the robot rest for an exact one"
         )
         return f"{path}: {record.time[-1]:.1f} s; run again, joints differ by at most {apart:.2g} rad or m{since}"
 

@@ -74,11 +74,29 @@ class Preview(Part, frozen=True, kw_only=True):
     step: Annotated[float, Meta(gt=0, description="s")] | None = None
 
 
+class Until(Part, frozen=True, kw_only=True):
+    """What ends a motion before its time; see `dqcontrol.references.Guarded`."""
+
+    force: Annotated[float, Meta(gt=0, description="N")]
+
+
+class Touch(Part, frozen=True, kw_only=True):
+    """Three touches that find the plane of a reference; see `dqcontrol.references.OnTouchedPlane`."""
+
+    force: Annotated[float, Meta(gt=0, description="N")] = 1.0
+    normal: Vector = (0.0, 0.0, 1.0)
+    points: Annotated[list[Vector], Meta(min_length=3, max_length=3, description="m")] | None = None
+    height: Annotated[float, Meta(gt=0, description="m")] = 0.01
+    depth: Annotated[float, Meta(gt=0, description="m")] = 0.01
+    speed: Annotated[float, Meta(gt=0, description="m/s")] = 0.005
+    travel: Annotated[float, Meta(gt=0, description="m/s")] = 0.05
+
+
 class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
     """A reference; subclasses say which.
 
     The other keys modify it in this order: ``repeat``, one of ``ramp``, ``corner_stops`` and ``jerk_limits``,
-    ``transform``, ``preview``.
+    ``transform``, ``preview``, ``touch``, ``until``.
     """
 
     plans_around: ClassVar[bool] = False  # see `Reference`
@@ -90,6 +108,8 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
     jerk_limits: JerkLimits | None = None
     transform: Displacement | None = None
     preview: Preview | None = None
+    touch: Touch | None = None
+    until: Until | None = None
 
     def build(self, hand: Array, folder: Path, where: str = "reference") -> shapes.Reference:
         """Return the reference.
@@ -143,6 +163,12 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
             )
         if self.preview is not None:
             reference = shapes.Previewed(reference, **msgspec.structs.asdict(self.preview))
+        if self.touch is not None:
+            with _within(f"{where}."):
+                reference = shapes.OnTouchedPlane(reference, **msgspec.structs.asdict(self.touch))
+        if isinstance(self.until, Until):  # the key of 'follow' is a time
+            with _within(f"{where}."):
+                reference = shapes.Guarded(reference, self.until.force)
         return reference
 
     def of_robot(

@@ -9,6 +9,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
+from dqcontrol.contact import load_tool
 from dqcontrol.errors import Error
 from dqcontrol.extensions.registry import by_tag
 from dqcontrol.extensions.user_code import places
@@ -22,7 +25,7 @@ INPUTS = "inputs"  # folder of the copies, in one of results
 
 
 def complete_plants(data: dict[str, Any], folder: Path) -> None:
-    """Make the names of files of plants and laws absolute, and put what plant files hold in their place."""
+    """Make names of files of plants and laws absolute, and put what files of plants and tools hold in their place."""
     for part, kind in _plants_and_laws(data):
         if issubclass(kind, Plant):
             completed = kind.complete(part, folder)
@@ -33,6 +36,8 @@ def complete_plants(data: dict[str, Any], folder: Path) -> None:
                 part[key] = str((folder / part[key]).resolve())
     for part, key in _maps(data):
         part[key] = str((folder / part[key]).resolve())
+    for part, key in _tools(data):
+        part[key] = msgspec.to_builtins(load_tool(folder / part[key]))
 
 
 def locate_files(data: dict[str, Any], folder: Path) -> None:
@@ -118,6 +123,18 @@ def _maps(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
             for key in ("map", "mesh"):
                 if isinstance(each, dict) and isinstance(each.get(key), str):
                     yield each, key
+
+
+def _tools(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
+    """Yield what names files of tools on force sensors."""
+    for part in (data, *_tables(data, "law")):
+        yield from _named_key(_within(part, "contact", "sensor"), "tool")
+    yield from _named_key(_within(data, "supervisor"), "payload")
+
+
+def _named_key(part: dict[str, Any], key: str) -> Iterator[tuple[dict[str, Any], str]]:
+    if isinstance(part.get(key), str):
+        yield part, key
 
 
 def _within(data: dict[str, Any], *keys: str) -> dict[str, Any]:

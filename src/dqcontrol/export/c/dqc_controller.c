@@ -226,11 +226,16 @@ static int64_t find_kinematics(dqc_controller *controller) {
 }
 
 /* Write what the law wants, NaN if it cannot say, and whether the supervisor has the kinematics. */
-static int ask_law(dqc_controller *controller, int64_t row, int *known) {
+static int ask_law(dqc_controller *controller, const double *wrench, int64_t row, int *known) {
   int64_t status = 1;
   void *raised;
   if (is_finite(controller->measured, DQC_COORDINATES)) {
     desire(controller, row);
+#if DQC_HAS_CONTACT
+    for (int i = 0; i < 6; i++) controller->memory_[DQC_WRENCH_AT + i] = wrench ? wrench[i] : NAN;
+#else
+    (void)wrench;
+#endif
     status = find_kinematics(controller);
     *known = DQC_SHARES_KINEMATICS && !status;
     if (!status)
@@ -328,7 +333,7 @@ int dqc_step_measured(dqc_controller *controller, const dqc_measured *measured, 
   if (measured->q) {
     memcpy(controller->measured, measured->q, sizeof controller->measured);
     controller->seen_ = since;
-    law_asked = ask_law(controller, row, &known);
+    law_asked = ask_law(controller, measured->wrench, row, &known);
   } else if (!(age > since - controller->seen_)) {
     age = since - controller->seen_;
   }

@@ -31,6 +31,7 @@ extern "C" {
 #define DQC_PERIOD @PERIOD@ /* s */
 #define DQC_SUPERVISED @SUPERVISED@   /* whether a supervisor stands between law and robot */
 #define DQC_STREAMED @STREAMED@     /* whether poses and twists may be its target */
+#define DQC_HAS_CONTACT @HAS_CONTACT@ /* whether the law gives way to the wrench at the hand */
 #define DQC_PARAMETERS @PARAMETERS@   /* numbers that may be changed, see dqc_set */
 #define DQC_DURATION @DURATION@ /* of the spec's reference, s */
 
@@ -81,7 +82,7 @@ typedef struct {
   double age;           /* of q, s */
   double elapsed;       /* since the last step by a clock of your own, s; 0: as the time of steps says */
   const double *effort; /* DQC_INPUTS numbers, N m or N; null if not measured */
-  const double *wrench; /* force and torque at the hand, N and N m; null if not measured */
+  const double *wrench; /* force and torque at the hand, N and N m; null, or NaN, if not measured */
 } dqc_measured;
 
 /* A number that may be changed while the controller exists. */

@@ -9,6 +9,7 @@ extern "C" {
 #endif
 
 #define DQC_PLANT_NOISE @NOISE@ /* random numbers of a step, of variance 1 */
+#define DQC_PLANT_WRENCH @WRENCH@ /* where its state has force and torque at the hand; -1: it measures none */
 
 typedef struct {
   double q[DQC_COORDINATES];        /* rad or m */

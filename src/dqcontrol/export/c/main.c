@@ -24,7 +24,11 @@ int main(void) {
 #endif
   long every = (long)(0.5 / DQC_PERIOD) > 0 ? (long)(0.5 / DQC_PERIOD) : 1;
   for (long k = 0; status >= 0 && status != DQC_ENDED; k++) {
-    status = dqc_step(&controller, q, k * DQC_PERIOD, 0, u);
+    dqc_measured measured = {q, 0.0, 0.0, 0, 0};
+#ifdef HAS_PLANT
+    if (DQC_PLANT_WRENCH >= 0) measured.wrench = plant.state_ + (DQC_PLANT_WRENCH < 0 ? 0 : DQC_PLANT_WRENCH);
+#endif
+    status = dqc_step_measured(&controller, &measured, k * DQC_PERIOD, 0, u);
     if (k % every == 0 || status) {
       printf("%8.3f s  %-16s  q =", k * DQC_PERIOD, dqc_status_text(status));
       for (int i = 0; i < DQC_COORDINATES; i++) printf(" %8.4f", q[i]);

@@ -20,8 +20,8 @@ static void expect(const char *what, int is, int wanted) {
 static double follow_vector(void) {
   double farthest = 0.0, u[DQC_INPUTS], others[DQC_INPUTS];
   for (int row = 0; row < VECTOR_ROWS; row++) {
-    const double *call = vector[row], *answer = call + 5 + DQC_COORDINATES;
-    dqc_measured measured = {call[1] != 0.0 ? call + 5 : 0, call[3], call[4], 0, 0};
+    const double *call = vector[row], *wrench = call + 5 + DQC_COORDINATES, *answer = wrench + VECTOR_WRENCH;
+    dqc_measured measured = {call[1] != 0.0 ? call + 5 : 0, call[3], call[4], 0, VECTOR_WRENCH ? wrench : 0};
     if (call[0] == 1.0) dqc_end(&controller), dqc_end(&another);
     if (call[0] == 2.0) dqc_stop(&controller), dqc_stop(&another);
     if (call[0] == 3.0) expect("reset", dqc_reset(&controller), DQC_OK), dqc_reset(&another);

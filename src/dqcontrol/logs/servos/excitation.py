@@ -16,7 +16,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each, as_positive, unknown_name
 from dqcontrol.experiments.results_folder import made_folder
 from dqcontrol.experiments.run_comparison import unit_of_way
-from dqcontrol.experiments.slips import degrees_slip
+from dqcontrol.experiments.unit_checks import suspected_degrees
 from dqcontrol.logs.servos.encoder_noise import QUANTUM
 from dqcontrol.logs.servos.joint_fit import NORMAL_95
 from dqcontrol.logs.servos.joint_motion_files import write_joint_motion
@@ -266,7 +266,7 @@ def _start(arm: SerialArm, start: Sequence[float] | None) -> Array:
     for k in np.flatnonzero((q0 < lower) | (q0 > upper))[:1]:
         raise ValueRangeError(
             f"start: {arm.joint_names[k]} = {q0[k]:g} is beyond its limits {lower[k]:.4g} … "
-            f"{upper[k]:.4g}{degrees_slip(q0, arm)}"
+            f"{upper[k]:.4g}{suspected_degrees(q0, arm)}"
         )
     return q0
 

@@ -23,7 +23,7 @@ from dqcontrol.logs.joint_table import Angles, column_names
 from dqcontrol.logs.servos.commanded import CommandedLog, Mode
 from dqcontrol.logs.servos.joint_fit import fit, thinned
 from dqcontrol.logs.servos.joint_gates import JointIdentification, identify_joint
-from dqcontrol.logs.servos.twin import Twin, save_twin
+from dqcontrol.logs.servos.replay import Replay, save_replay
 from dqcontrol.measures.metric_tables import fitting_unit
 from dqcontrol.plants.servo import Servo
 from dqcontrol.robots import Robot, load_robot
@@ -63,7 +63,7 @@ class Identification:
     notes
         What was found out about the logs on reading them.
     first_log, arm
-        What `save_twin` runs.
+        What `save_replay` runs.
 
     Examples
     --------
@@ -214,13 +214,13 @@ class Identification:
             (folder / PLANT).unlink(missing_ok=True)
         return folder
 
-    def save_twin(self, folder: str | Path) -> Twin:
-        """Run the commands of the first log on the identified servos, and save log and twin as runs.
+    def save_replay(self, folder: str | Path) -> Replay:
+        """Run the commands of the first log on the identified servos, and save log and replay as runs.
 
         Parameters
         ----------
         folder
-            As it was given to `save`; takes ``log`` and ``twin``, which ``dqcontrol compare`` and ``view`` read.
+            As it was given to `save`; takes ``log`` and ``replay``, which ``dqcontrol compare`` and ``view`` read.
 
         Raises
         ------
@@ -231,7 +231,7 @@ class Identification:
         self.plant()
         if self.first_log is None or self.arm is None or not (folder / PLANT).is_file():
             raise ValueRangeError(f"folder: {folder} has no {PLANT}; save the identification there first")
-        return save_twin(self.first_log, self.arm, self.mode, folder)
+        return save_replay(self.first_log, self.arm, self.mode, folder)
 
     def plant_text(self) -> str:
         """Return the plant as the text of a file that specs name: ``plant: {kind: servo, file: plant.yaml}``."""

@@ -201,7 +201,8 @@ def identify_joint(name: str, unit: str, segments: list[Segment], period: float)
     kept, dropped = _without_outliers(segments, found, resolution)
     if dropped:
         found = fit(kept, period, near=found)
-    floor = noise_of(found.residual, resolution)
+    rounding = float(np.spacing(np.abs(positions).max()))  # least noise of a log without any
+    floor = max(noise_of(found.residual, resolution), rounding)
     if found.rms > _UNEXPLAINED * floor and (clamp := _clamp(kept, found)) is not None:
         return replace(
             bare,

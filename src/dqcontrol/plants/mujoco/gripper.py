@@ -22,7 +22,7 @@ _HANDS = ("first", "second", "third", "fourth")
 _AXES: dict[str, tuple[int, int, int]] = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
 _METAL = (0.35, 0.37, 0.40, 1.0)
 _PAD = (0.95, 0.45, 0.10, 1.0)
-_BODIES = 2  # bit of MuJoCo's contacts that bodies of the world have
+BODIES = 2  # bit of MuJoCo's contacts of bodies of the world: what moves the robot has it as affinity alone
 _PAST = 0.012  # m; the fingers reach so far beyond the hand's point
 
 
@@ -173,7 +173,7 @@ def add_gripper(spec: Any, gripper: Gripper, link: Any, tool: Any, timestep: flo
             rgba=_PAD,
             mass=0,
         )
-        bar.contype, bar.conaffinity, bar.condim, bar.friction = 0, _BODIES, 4, [0, 0, 0]
+        bar.contype, bar.conaffinity, bar.condim, bar.friction = 0, BODIES, 4, [0, 0, 0]
         motor = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
         motor.gainprm[0] = gripper.force
     first, second = fingers(hand)

@@ -14,7 +14,9 @@ from dqcontrol.plants.live_plant import LivePlant
 from dqcontrol.plants.mujoco.gripper import LiveGripper
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.plants.mujoco.world_model import WorldContacts
+from dqcontrol.plants.mujoco.wrist_sensor import MujocoWrist
 from dqcontrol.plants.plant import as_command
+from dqcontrol.plants.wrist import CHANNELS
 
 if TYPE_CHECKING:
     from dqcontrol.plants.mujoco.mujoco_plant import MujocoPlant
@@ -37,12 +39,14 @@ class LiveMujoco(LivePlant):
 
     model: Any
     data: Any
+    can_be_pushed = True
 
     def __init__(
         self, plant: MujocoPlant, robot: Robot, model: Any, data: Any, substeps: int, seed: int
     ) -> None:
         n = robot.configuration_size
         self.model, self.data = model, data
+        self._parents = robot.parents
         self.q: Array = data.qpos[:n]
         self.measured: Array = np.empty(n)
         hands = len(robot.ends)
@@ -55,12 +59,18 @@ class LiveMujoco(LivePlant):
             self.seen = self._world.bodies.seen
             self.channels: tuple[Channel, ...] = self._world.channels
             self.readings: Array = self._world.readings
+        self._wrist = MujocoWrist(plant.wrist, model, data, seed) if plant.wrist else None
+        if self._wrist is not None:
+            self.channels = (*self.channels, *CHANNELS)
+            self._wrist_at = len(self.readings)
+            self.readings = np.concatenate([self.readings, self._wrist.readings])
+            self.wrench: Array = self._wrist.wrench
         if self._gripper is not None:
             self.channels = (*self.channels, self._gripper.channel)
             self.readings = np.concatenate([self.readings, np.zeros(hands)])
         self._read()
         self._rate, self._target = data.ctrl[:n], data.act
-        self._advance = import_mujoco().mj_step
+        self._advance = self._wrist.advance if self._wrist else import_mujoco().mj_step
         self._substeps = substeps
         self._period = period
         self._from_measured = plant.command_mode == "measured"
@@ -130,11 +140,23 @@ class LiveMujoco(LivePlant):
             raise ValueRangeError("close_gripper: the plant has no gripper; give it 'gripper'")
         self._gripper.told = closed
 
+    def push(self, row: int, point: Array, force: Array) -> None:
+        """Push a link; see `LivePlant.push`."""
+        mujoco, pushed = import_mujoco(), self.data.qfrc_applied
+        pushed[:] = 0.0
+        joint = int(self._parents[row]) if row >= len(self.q) else row  # rows behind the joints' are hands
+        if joint >= 0 and np.any(force):
+            body = self.model.body(f"link_{joint + 1}").id
+            mujoco.mj_applyFT(self.model, self.data, force, np.zeros(3), point, body, pushed)
+
     def _read(self) -> None:
         """Read what is felt, and how far the gripper is open."""
         if self._world is not None:
             self._world.read()
             self.readings[: len(self._world.readings)] = self._world.readings
+        if self._wrist is not None:
+            self._wrist.read()
+            self.readings[self._wrist_at : self._wrist_at + len(self._wrist.readings)] = self._wrist.readings
         if self._gripper is not None:
             self._gripper.read(self.readings[-self._gripper.channel.size :])
 

@@ -16,7 +16,9 @@ from dqcontrol.plants.mujoco.mujoco_model import add_inertias, compiled, import_
 from dqcontrol.plants.mujoco.mujoco_servos import JointServos, mass_matrix
 from dqcontrol.plants.mujoco.pads import Pads
 from dqcontrol.plants.mujoco.world_model import add_links, add_world
+from dqcontrol.plants.mujoco.wrist_sensor import add_wrist
 from dqcontrol.plants.plant import plants_that_drive, start_within_limits
+from dqcontrol.plants.wrist import Wrist
 from dqcontrol.robots.robot import base_coordinates
 from dqcontrol.world import World
 
@@ -64,6 +66,8 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         At each hand; none if omitted.
     pads
         On both of two hands, to carry something between them; none if omitted.
+    wrist
+        A force sensor at the hand with a tool; nothing if omitted.
     world
         What links touch, each other included; nothing if omitted. A spec gives its own.
     position_limit
@@ -90,6 +94,7 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
 
     gripper: Gripper | None = None
     pads: Pads | None = None
+    wrist: Wrist | None = None
     world: World | None = None
     touches_world: ClassVar[bool] = True
 
@@ -160,6 +165,8 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
             )  # what lies costs nothing
         if self.pads is not None:
             self.pads.add(spec, robot, start, self.timestep)
+        if self.wrist is not None:
+            add_wrist(spec, self.wrist, robot, self.timestep, self.gravity_compensation)
         if self.gripper is not None:
             for k, row in enumerate(robot.ends):
                 link = spec.body(f"link_{int(robot.parents[row]) + 1}")

@@ -11,6 +11,7 @@ from dqcontrol.algebra.conversions import matrix_from_pose
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.named_fields import NamedFields
+from dqcontrol.plants.mujoco.gripper import BODIES
 from dqcontrol.robots.files.mujoco_package import import_mujoco
 from dqcontrol.robots.kinematics.kinematics_kernels import REVOLUTE
 from dqcontrol.robots.poses import positions
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
 GRIP_FORCE = "grip_force"
 PADS = ("pad_1", "pad_2")
-_BODIES = 2  # bit of MuJoCo's contacts that bodies of the world have
 _PAD = 0.01, 0.05, 0.05  # half sizes of the hands' pads, m
 _RUBBER = (0.15, 0.15, 0.17, 1.0)
 
@@ -68,7 +68,7 @@ class Pads(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
             body = spec.body(f"link_{int(robot.parents[row]) + 1}")
             pad = body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, rgba=_RUBBER, mass=0, name=PADS[k])
             pad.pos, pad.quat, pad.size = robot.chain[row, 4:7], quaternion, _PAD
-            pad.contype, pad.conaffinity, pad.condim, pad.friction = 0, _BODIES, 4, [0, 0, 0]
+            pad.contype, pad.conaffinity, pad.condim, pad.friction = 0, BODIES, 4, [0, 0, 0]
             pad.solref[:2] = 4 * timestep, 1.0
 
     def squeezed(self, robot: Robot, start: Array) -> Array:

@@ -15,9 +15,10 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
 from dqcontrol.plants.channels import Channel
-from dqcontrol.plants.mujoco.gripper import Gripper, fingers
+from dqcontrol.plants.mujoco.gripper import BODIES, Gripper, fingers
 from dqcontrol.plants.mujoco.pads import GRIP_FORCE, PADS
 from dqcontrol.plants.mujoco.watched_bodies import WatchedBodies, seen_channels
+from dqcontrol.plants.mujoco.wrist_sensor import TOOL
 from dqcontrol.robots.files.mujoco_package import import_mujoco
 from dqcontrol.world import Body, World
 from dqcontrol.world.mesh import convex_parts
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 FORCE, DEPTH, LINK = "contact_force", "penetration", "contact_link"
 ITSELF = "itself"
 
-_BODIES = 2  # bit of MuJoCo's contacts: links touch bodies, bodies each other, links each other by pairs
 CHASSIS, GROUND = "chassis", "ground"  # geoms of a mobile base and of the floor that it stands on
 _SOLREF = 4.0  # time steps in which a contact comes to rest, as stiff as these allow
 _PLATE = 0.2  # kg of what hangs on a stiffness: it gives way to 0.2 % of N/m (docs/world.md)
@@ -96,7 +96,7 @@ def add_links(
             shape = gripper.behind_fingers(shape, robot.chain[ends[each.frame]])
         geom = _add_geom(body, shape)
         geom.name, geom.mass, geom.group = _link_name(each.name), 0.0, 3  # drawn where links have no meshes
-        geom.contype, geom.conaffinity, geom.friction = 0, 0 if bare else _BODIES, [0.0, 0.0, 0.0]
+        geom.contype, geom.conaffinity, geom.friction = 0, 0 if bare else BODIES, [0.0, 0.0, 0.0]
         geom.solref[:2] = _SOLREF * timestep, 1.0
     for a, b in robot.shapes.pairs:
         names = [_geom_of_link(shapes[k], base) for k in (a, b)]
@@ -146,7 +146,7 @@ def add_world(spec: Any, bodies: Mapping[str, Body], timestep: float) -> None:
         volume = sum(each for _, each in geoms) or 1.0
         for geom, share in geoms:
             geom.mass = mass * share / volume if role not in ("fixed", "moving") else 0.0
-            geom.rgba, geom.contype, geom.conaffinity = _COLOURS[role], _BODIES, _BODIES
+            geom.rgba, geom.contype, geom.conaffinity = _COLOURS[role], BODIES, BODIES
             still = role in ("fixed", "moving")
             across = 0.0 if still else 0.1 * _width(body) * body.friction  # of turning on a face, m
             geom.friction, geom.condim = [body.friction, across, 0.0], 3 if still else 4
@@ -375,7 +375,9 @@ class WorldContacts:
         for k, row in enumerate(robot.ends):  # what a hand has counts as the link that carries it
             carrier = int(robot.parents[row]) + 1
             last = max((i for i, each in enumerate(shapes) if each.frame == carrier), default=0)
-            held = {names.index(name): last for name in (*fingers(k), *PADS[k : k + 1]) if name in names}
+            held = {
+                names.index(name): last for name in (*fingers(k), *PADS[k : k + 1], TOOL) if name in names
+            }
             links.update(held)
         self._link_of: NDArray[np.intp] = np.array([links.get(i, -1) for i in range(model.ngeom)])
         self._wrench = np.zeros(6)

@@ -1,3 +1,2 @@
 from .servo_file import load_servo as load_servo
 from .servo_plant import Servo as Servo
-from .touching import Wrist as Wrist

@@ -21,7 +21,8 @@ from dqcontrol.plants.servo import servo_step as layout
 from dqcontrol.plants.servo.free_response import free_response
 from dqcontrol.plants.servo.servo_base import start_on_base
 from dqcontrol.plants.servo.servo_step import servo
-from dqcontrol.plants.servo.touching import Wrist, touching
+from dqcontrol.plants.servo.touching import touching
+from dqcontrol.plants.wrist import Wrist
 from dqcontrol.robots.command_mode import COMMAND_MODES, CommandMode, Lag
 from dqcontrol.robots.kinematics.gravity import WORK
 from dqcontrol.robots.limits import Limits

@@ -8,20 +8,19 @@ in least, with Coulomb's friction along it, which speeds below 1 mm/s build up.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
-from msgspec import Meta
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ValueRangeError, error_prefix
-from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.plant import PLANT, CompiledPlant
 from dqcontrol.plants.servo.servo_step import servo_kernel_inline
+from dqcontrol.plants.wrist import CHANNELS, Three, Wrist
 from dqcontrol.robots.kinematics.kinematics_kernels import joint_frames
 from dqcontrol.world import World
 
@@ -29,32 +28,6 @@ if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
 _SLIDING = 1e-3  # m/s from which on friction is whole
-Three = tuple[float, float, float]
-
-
-class Wrist(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A force sensor at the hand, along its axes and about its origin, and what hangs on it.
-
-    Parameters
-    ----------
-    force_noise, torque_noise
-        Standard deviation, white, N and N·m.
-    force_bias, torque_bias
-        What it shows without load, N and N·m.
-    filter
-        Time constant of its low pass, s.
-    mass, center
-        Of the tool beyond it, kg and m.
-    """
-
-    spec_key: ClassVar[str] = "plant.wrist"
-    force_noise: Annotated[float, Meta(ge=0, description="N")] = 0.0
-    torque_noise: Annotated[float, Meta(ge=0, description="N·m")] = 0.0
-    force_bias: Annotated[Three, Meta(description="N")] = (0.0, 0.0, 0.0)
-    torque_bias: Annotated[Three, Meta(description="N·m")] = (0.0, 0.0, 0.0)
-    filter: Annotated[float, Meta(ge=0, description="s")] = 0.0
-    mass: Annotated[float, Meta(ge=0, le=1e4, description="kg")] = 0.0
-    center: Annotated[Three, Meta(description="m")] = (0.0, 0.0, 0.0)
 
 
 class SpringyBox(NamedTuple):
@@ -115,14 +88,8 @@ class TouchState(NamedTuple):
 _box = MemoryLayout(SpringyBox)
 _touching: MemoryLayout[Touching] = MemoryLayout(Touching, "joints", "boxes")
 _state: MemoryLayout[TouchState] = MemoryLayout(TouchState)
-TOUCH_FORCE = "touch_force"  # of the environment on the hand, base axes
-CHANNELS = (
-    Channel("wrist_force", ("x", "y", "z"), "N"),
-    Channel("wrist_torque", ("x", "y", "z"), "N·m"),
-    Channel(TOUCH_FORCE, ("x", "y", "z"), "N"),
-    Channel("touch_depth", (), "m"),
-)
-_READINGS = sum(channel.size for channel in CHANNELS)
+_CHANNELS = (*CHANNELS, Channel("touch_depth", (), "m"))
+_READINGS = sum(channel.size for channel in _CHANNELS)
 
 
 @inline
@@ -239,19 +206,18 @@ def touching(
                 rows.append(
                     _box.pack(axes=placed[:3, :3], middle=placed[:3, 3], half=0.5 * body.size, **numbers)  # type: ignore[arg-type]
                 )
-    lag = wrist.filter
-    kept = math.exp(-period / lag) if lag else 0.0
-    end = 1.0 - lag / period * (1.0 - kept)
+    kept = wrist.kept(period)
+    end = 1.0 - wrist.filter / period * (1.0 - kept)
     parameters = _touching.pack(
         period=period,
         mass=wrist.mass,
         center=wrist.center,
         gravity=gravity,
-        bias=[*wrist.force_bias, *wrist.torque_bias],
+        bias=wrist.bias,
         kept=kept,
         begin=1.0 - kept - end,
         end=end,
-        scale=np.repeat([wrist.force_noise, wrist.torque_noise], 3),
+        scale=wrist.noise,
         chain=robot.table,
         boxes=np.array(rows).reshape(-1, _box.size()),
         servos=servos.parameters,
@@ -269,5 +235,5 @@ def touching(
     noise = np.random.default_rng([seed, 6]).standard_normal((len(servos.noise), 6))
     found = CompiledPlant(touching_servo, parameters, state, q, np.hstack([servos.noise, noise]))
     found.wrench = _state(found.state).wrench
-    found.channels, found.readings = CHANNELS, found.state[:_READINGS]
+    found.channels, found.readings = _CHANNELS, found.state[:_READINGS]
     return found

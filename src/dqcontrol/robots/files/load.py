@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dqcontrol.errors import (
-    MissingExtraError,
-    ShapeError,
-    UnknownNameError,
-    ValueRangeError,
-    suggest,
-    unknown_name,
-)
+from dqcontrol.errors import ShapeError, UnknownNameError, ValueRangeError, unknown_name
 from dqcontrol.files.yaml_file import parse_yaml, read_text
+from dqcontrol.robots.files.installed import EXAMPLES, MENAGERIE, installed_file
 from dqcontrol.robots.files.robot_file import arm_from
 from dqcontrol.robots.files.suffixes import MJCF, URDF, XACRO
 from dqcontrol.robots.robot import Robot
@@ -27,7 +20,6 @@ if TYPE_CHECKING:
     from dqcontrol.robots.tree_robot import TreeRobot
     from dqcontrol.robots.whole_body import WholeBody
 
-EXAMPLES = "example-robot-data"
 _SEVERAL = {"parts": "a whole body", "frames": "a tree"}  # by keys of their files
 
 _MODELS = Path(__file__).parent.parent / "models"
@@ -46,7 +38,8 @@ def load_robot(source: str | Path, base_link: str | None = None, tip_link: str |
     source
         One of `robot_names`; or a ``.yaml`` or ``.yml`` file in one of our formats (`RobotFile`, `WholeBodyFile`,
         `TwoArmsFile`, `TreeFile`); or a ``.urdf`` or ``.xacro`` file, or an ``.xml`` file of MuJoCo (MJCF); or
-        ``example-robot-data:panda_description/urdf/panda.urdf``, a URDF file of that package.
+        ``example-robot-data:panda_description/urdf/panda.urdf``, a file of that installed package, of which the end of
+        the path is enough; or ``menagerie:NAME``, a model of MuJoCo Menagerie that mujoco-menagerie has fetched.
     base_link, tip_link
         Ends of the chain, for URDF and MJCF files only; see `load_urdf`.
 
@@ -62,7 +55,7 @@ def load_robot(source: str | Path, base_link: str | None = None, tip_link: str |
     FileFormatError
         If the file is missing or malformed.
     MissingExtraError
-        If the source is in example-robot-data, and that is not installed.
+        If the source is in a package that is not installed.
 
     Examples
     --------
@@ -210,8 +203,7 @@ def file_of(source: str | Path) -> Path:
         If it names none.
     """
     text = str(source)
-    package, colon, inner = text.partition(":")
-    path = _example(inner) if package == EXAMPLES and colon else Path(text)
+    path = installed_file(text) or Path(text)
     if path.suffix.lower() not in (URDF, XACRO, MJCF):
         raise UnknownNameError(
             f"robot: '{text}' is no .urdf, .xacro or .xml (MJCF) file, which could have wheels"
@@ -220,14 +212,12 @@ def file_of(source: str | Path) -> Path:
 
 
 def _links(source: str | Path) -> LinkTree:
-    text = str(source)
-    package, colon, inner = text.partition(":")
+    text = str(installed_file(str(source)) or source)
     suffix = Path(text).suffix.lower()
-    is_example = package == EXAMPLES and colon
-    if is_example or suffix in (URDF, XACRO):
+    if suffix in (URDF, XACRO):
         from dqcontrol.robots.files.urdf import urdf_tree
 
-        return urdf_tree(_example(inner) if is_example else text)
+        return urdf_tree(text)
     if suffix == MJCF:
         return _mjcf_tree(text)
     raise UnknownNameError(
@@ -269,20 +259,18 @@ def _load_arm(source: str | Path, base_link: str | None, tip_link: str | None) -
 
 def _read(source: str | Path, base_link: str | None, tip_link: str | None) -> SerialArm | tuple[Path, Any]:
     """Return an arm, or the file of a whole body or of two arms and its plain data."""
-    text = str(source)
-    package, colon, inner = text.partition(":")
+    text = str(installed_file(str(source)) or source)
     suffix = Path(text).suffix.lower()
-    is_example = package == EXAMPLES and colon
-    if is_example or suffix in (URDF, XACRO):
+    if suffix in (URDF, XACRO):
         from dqcontrol.robots.files.urdf import load_urdf
 
-        return load_urdf(_example(inner) if is_example else text, base_link, tip_link)
+        return load_urdf(text, base_link, tip_link)
     if suffix == MJCF:
         return _mjcf_tree(text).chain(base_link, tip_link)
     if suffix not in (".yaml", ".yml") and text not in robot_names():
         raise UnknownNameError(
             f"{unknown_name('robot', text, robot_names())}; or give the path of a "
-            f".yaml, .urdf, .xacro or .xml (MJCF) file, or {EXAMPLES}:PATH.urdf"
+            f".yaml, .urdf, .xacro or .xml (MJCF) file, or {EXAMPLES}:PATH.urdf, PACKAGE:PATH or {MENAGERIE}:NAME"
         )
     for field, link in (("base_link", base_link), ("tip_link", tip_link)):
         if link is not None:
@@ -293,37 +281,3 @@ def _read(source: str | Path, base_link: str | None, tip_link: str | None) -> Se
     data = parse_yaml(path, read_text(path))
     several = isinstance(data, dict) and any(key in data for key in ("parts", "left", "right", "frames"))
     return (path, data) if several else arm_from(path, data)
-
-
-def example_urdfs() -> dict[str, Path]:
-    """Return the URDF files of the installed example-robot-data package by their short names.
-
-    Raises
-    ------
-    MissingExtraError
-        If the package is not installed.
-    """
-    try:
-        files = importlib.metadata.distribution(EXAMPLES).files or []
-    except importlib.metadata.PackageNotFoundError:
-        raise MissingExtraError(
-            f"{EXAMPLES}: is not installed; install it with: pip install 'dqcontrol[robots]'"
-        ) from None
-    marker = f"share/{EXAMPLES}/robots/"
-    return {
-        str(file).split(marker)[1]: Path(str(file.locate()))
-        for file in files
-        if file.suffix == ".urdf" and marker in str(file)
-    }
-
-
-def _example(inner: str) -> Path:
-    known = example_urdfs()
-    if inner not in known:
-        stem = Path(inner).stem.lower()
-        same = [path for path in known if stem and stem in path.lower()]
-        near = f"; did you mean '{same[0]}'?" if same else suggest(inner, known)
-        raise UnknownNameError(
-            f"{EXAMPLES}: unknown file '{inner}'{near} (allowed: {', '.join(sorted(known))})"
-        )
-    return known[inner]

@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -113,6 +113,13 @@ def mjcf_round_links(path: str | Path) -> dict[str, RoundLink]:
     return found
 
 
+class _JointLimits(NamedTuple):
+    lower: float
+    upper: float
+    velocity: float
+    effort: float
+
+
 class MjcfFile:
     """A compiled MJCF file, and where in it everything is."""
 
@@ -209,8 +216,7 @@ class MjcfFile:
                 parent, place = child, shift()
                 continue
             anchor = compose(shift(*model.jnt_pos[j]), z_onto(model.jnt_axis[j]))
-            limited = bool(model.jnt_limited[j])
-            lower, upper = model.jnt_range[j] if limited else (-math.inf, math.inf)
+            limits = self._limits(j)
             yield LinkJoint(
                 name,
                 "revolute" if kind == _HINGE else "prismatic",
@@ -218,25 +224,47 @@ class MjcfFile:
                 child,
                 compose(place, anchor),
                 inverse7(anchor),
-                float(lower),
-                float(upper),
-                effort=self._effort(j),
+                limits.lower,
+                limits.upper,
+                limits.velocity,
+                limits.effort,
                 mimic=follows.get(j),
                 offset=-float(model.qpos0[model.jnt_qposadr[j]]),
             )
             parent, place = child, shift()
 
-    def _effort(self, joint: int) -> float:
-        """Return the largest torque or force of a joint."""
+    def _limits(self, joint: int) -> _JointLimits:
+        """Return the limits of a joint: its own, and those of what its actuators may be told.
+
+        With gain g and bias b of an actuator (f = g u + b₁ q + b₂ q̇, by MuJoCo's documentation) its u is a torque where
+        b = 0, a position where b₁ = −g, a velocity where b₂ = −g and b₁ = 0; gears scale all.
+        """
         model = self.model
-        found = [math.inf]
+        lower, upper = model.jnt_range[joint] if model.jnt_limited[joint] else (-math.inf, math.inf)
+        velocity = effort = math.inf
         if model.jnt_actfrclimited[joint] and model.jnt_actfrcrange[joint, 1] > 0:
-            found.append(float(model.jnt_actfrcrange[joint, 1]))
+            effort = float(model.jnt_actfrcrange[joint, 1])
         for i in range(model.nu):
-            acts = int(model.actuator_trntype[i]) in _TO_JOINT and int(model.actuator_trnid[i, 0]) == joint
-            if acts and model.actuator_forcelimited[i] and model.actuator_forcerange[i, 1] > 0:
-                found.append(float(model.actuator_forcerange[i, 1] * abs(model.actuator_gear[i, 0])))
-        return min(found)
+            if int(model.actuator_trntype[i]) not in _TO_JOINT or int(model.actuator_trnid[i, 0]) != joint:
+                continue
+            gear = float(model.actuator_gear[i, 0])
+            if model.actuator_forcelimited[i] and model.actuator_forcerange[i, 1] > 0:
+                effort = min(effort, float(model.actuator_forcerange[i, 1]) * abs(gear))
+            gain, bias = float(model.actuator_gainprm[i, 0]), model.actuator_biasprm[i]
+            simple = (
+                int(model.actuator_gaintype[i]) == 0 and int(model.actuator_dyntype[i]) == 0
+            )  # fixed, none
+            if not (model.actuator_ctrllimited[i] and simple and gear and gain > 0):
+                continue
+            low, high = model.actuator_ctrlrange[i]
+            largest = max(-low, high)
+            if int(model.actuator_biastype[i]) == 0 and largest > 0:
+                effort = min(effort, largest * gain * abs(gear))
+            elif bias[1] == 0 and bias[2] == -gain and largest > 0:
+                velocity = min(velocity, largest / abs(gear))
+            elif bias[1] == -gain and not model.jnt_limited[joint]:
+                lower, upper = sorted((low / gear, high / gear))
+        return _JointLimits(float(lower), float(upper), float(velocity), float(effort))
 
     def _equalities(self) -> tuple[dict[int, Mimic], dict[str, Error]]:
         """Return what joints follow, by their numbers, and what else ties joints, by their names."""

@@ -22,6 +22,7 @@ from dqcontrol.robots.link_inertias import lump
 from dqcontrol.robots.serial_arm import SerialArm
 
 _MOVABLE = ("revolute", "continuous", "prismatic")
+_FREE = ("floating", "planar")  # what stands on the ground by one; a tree keeps it where the file has it
 
 
 def load_urdf(
@@ -104,7 +105,7 @@ def urdf_tree(path: str | Path) -> LinkTree:
     Raises
     ------
     FileFormatError
-        As for `load_urdf`, but mimic joints are allowed, and floating ones.
+        As for `load_urdf`, but mimic joints are allowed, and floating and planar ones, which stay where they are.
     """
     tree = UrdfTree(CheckedXml(path))
     joints = [_link_joint(tree, tree.parent[link]) for link in tree.below(tree.root) if link != tree.root]
@@ -119,22 +120,15 @@ def urdf_tree(path: str | Path) -> LinkTree:
     def error(joint: str, text: str) -> Error:
         return tree.xml.error("joint", joint, text)
 
-    allowed = f"a tree has only {', '.join(_MOVABLE)}, floating and fixed joints"
-    held = {
-        joint.name: error(joint.name, f"is {joint.type}; {allowed}")
-        for joint in tree.parent.values()
-        if joint.type not in (*_MOVABLE, "fixed", "floating")
-    }
-    return LinkTree(tree.name, str(path), tree.root, tuple(joints), bodies, error, held)
+    return LinkTree(tree.name, str(path), tree.root, tuple(joints), bodies, error)
 
 
 def _link_joint(tree: UrdfTree, joint: Any) -> LinkJoint:
     """Return a joint of a file, turned so that its axis is z."""
     place = _pose7(origin_matrix(joint))
-    if joint.type in ("fixed", "floating"):
-        return LinkJoint(joint.name, joint.type, joint.parent, joint.child, place)
-    if joint.type not in _MOVABLE:
-        return LinkJoint(joint.name, "other", joint.parent, joint.child, place)
+    if joint.type == "fixed" or joint.type in _FREE:
+        kind = "fixed" if joint.type == "fixed" else "floating"
+        return LinkJoint(joint.name, kind, joint.parent, joint.child, place)
     turn = z_onto(_axis(tree, joint))
     limits, mimic = _limits(tree, [joint]), joint.mimic
     follows = None
@@ -187,6 +181,8 @@ class UrdfTree:
                 )
             self.parent[joint.child] = joint
             self.children[joint.parent].append(joint)
+        if not self.links:
+            raise FileFormatError(f"{xml.path}: has no links; a file of macros is for others to include")
         roots = [link for link in self.links if link not in self.parent]
         if len(roots) != 1:
             text = f"several links have no parent: {', '.join(roots)}" if roots else "every link has a parent"
@@ -254,7 +250,8 @@ class UrdfTree:
             raise self.xml.error(
                 "joint",
                 joint.name,
-                f"is {joint.type}; a serial arm has only {', '.join(_MOVABLE)} and fixed joints",
+                f"is {joint.type}; a serial arm has only {', '.join(_MOVABLE)} and fixed joints "
+                f"(--base-link {joint.child} begins below it)",
             )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from xml.parsers import expat
 
@@ -48,7 +49,7 @@ class CheckedXml:
         except OSError as error:
             raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
         self._refuse_declarations()
-        if Path(path).suffix.lower() == XACRO:
+        if Path(path).suffix.lower() == XACRO or _has_macros(self.data):
             self.data = expand_xacro(path)
             self._refuse_declarations()
         self._stack: list[str] = []
@@ -90,9 +91,6 @@ class CheckedXml:
         return FileFormatError(f"{self.path}:{self._parser.CurrentLineNumber}: {text}")
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
-        if " " in tag and "xacro" in tag:
-            name = Path(self.path).with_suffix(XACRO).name
-            raise self._fault(f"has xacro's elements: call it {name}, and it is expanded")
         depth = len(self._stack)
         if depth > _DEEPEST:
             raise self._fault(f"more than {_DEEPEST} elements inside each other")
@@ -147,6 +145,11 @@ class CheckedXml:
             if len(numbers) != count or not (unlimited or all(map(math.isfinite, numbers))):
                 wanted = "a finite number" if count == 1 else f"{count} finite numbers"
                 raise self._fault(f"{where} {key}: expected {wanted}, got '{attributes[key]}'")
+
+
+def _has_macros(data: bytes) -> bool:
+    """Return whether a file is xacro whatever its name: some packages call theirs .urdf."""
+    return b"<xacro:" in re.sub(rb"<!--.*?-->", b"", data, flags=re.DOTALL)
 
 
 _NO_DOCTYPE = (

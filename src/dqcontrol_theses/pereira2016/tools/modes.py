@@ -14,7 +14,7 @@ from dqcontrol.experiments import check, prepare
 from dqcontrol.measures import gain_limits
 from dqcontrol.tables import Column, Table
 from dqcontrol_theses.pereira2016 import published_spec
-from dqcontrol_theses.pereira2016.hundredfold import with_hundredfold
+from dqcontrol_theses.pereira2016.gain_x100 import with_gain_x100
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import PHYSICS
 
 PERIODS = (0.008, 0.02)  # s
@@ -63,7 +63,7 @@ def main() -> None:
     ]
     rows = [row(label, changes, period) for label, changes in VARIANTS.items() for period in PERIODS]
     print(Table(columns, rows).markdown())
-    for remark in check(with_hundredfold(published_spec("spiral", PHYSICS))).remarks():
+    for remark in check(with_gain_x100(published_spec("spiral", PHYSICS))).remarks():
         print(remark)
 
 

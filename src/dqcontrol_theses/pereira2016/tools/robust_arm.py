@@ -22,7 +22,7 @@ from dqcontrol.files import read_yaml
 from dqcontrol.loop import has_failed
 from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.pereira2016 import published_cells, published_spec
-from dqcontrol_theses.pereira2016.hundredfold import SUFFIX, with_hundredfold
+from dqcontrol_theses.pereira2016.gain_x100 import SUFFIX, with_gain_x100
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import MEKA_CONTROLLERS
 
 SEED, COUNT, SHOWN = 17, 40, 8
@@ -100,7 +100,7 @@ def ratios(plant: dict[str, Any]) -> list[Cell]:
     found: list[Cell] = []
     for name, law, label in CELLS:
         run = law if law == "K" else law + SUFFIX
-        data = with_hundredfold(published_spec(name))
+        data = with_gain_x100(published_spec(name))
         sets = data.pop("parameter_sets")
         data |= {"plant": plant, "repeats": 1, "laws": {run: data["laws"][run] | sets[label][run]}}
         setting = prepare(data)

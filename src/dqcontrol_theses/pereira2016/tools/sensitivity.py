@@ -29,7 +29,7 @@ from dqcontrol.measures import Metrics
 from dqcontrol.tables import Column, Table
 from dqcontrol_theses.pereira2016 import PLANTS, published_cells, published_spec
 from dqcontrol_theses.pereira2016.calibration import FITS
-from dqcontrol_theses.pereira2016.hundredfold import SUFFIX, with_hundredfold
+from dqcontrol_theses.pereira2016.gain_x100 import SUFFIX, with_gain_x100
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import MEKA_CONTROLLERS, PHYSICS, SERVO
 
 PERIOD = 0.008  # s, of the spiral
@@ -238,7 +238,7 @@ def robust_laws() -> Table:
     """Return what HIR does in physics with all gains times a factor, as printed and turning as fast as it moves."""
     rows = []
     for factor in FACTORS:
-        spec = with_hundredfold(published_spec("spiral", PHYSICS), factor)
+        spec = with_gain_x100(published_spec("spiral", PHYSICS), factor)
         printed = spec["laws"][f"HIR{SUFFIX}"]
         slow = printed["translation_gain"]
         # The orientation's error is half an angle: twice the gain makes turning as fast as moving.

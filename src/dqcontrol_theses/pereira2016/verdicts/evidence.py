@@ -11,7 +11,7 @@ import numpy as np
 from dqcontrol.experiments import PreparedExperiment, execute, prepare
 from dqcontrol.loop import Record
 from dqcontrol_theses.judgement import Case, Judgement, by_cases
-from dqcontrol_theses.pereira2016.hundredfold import SUFFIX, with_hundredfold
+from dqcontrol_theses.pereira2016.gain_x100 import SUFFIX, with_gain_x100
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import PLANTS
 from dqcontrol_theses.pereira2016.published_numbers import published_cells
 from dqcontrol_theses.pereira2016.published_specs import published_spec
@@ -138,7 +138,7 @@ class Evidence:
 
         A change ``laws`` overrides keys of the laws; None takes a key away.
         """
-        data = with_hundredfold(published_spec(spec, self.plant))
+        data = with_gain_x100(published_spec(spec, self.plant))
         overrides = changes.pop("laws", {})
         data["laws"] = {law: data["laws"][law] | overrides.get(law, {}) for law in labels}
         for key in ("parameter_sets", "grids", "repeats", "skip_initial"):

@@ -12,7 +12,7 @@ from dqcontrol_theses.judgement import (
     by_cases,
     listed,
 )
-from dqcontrol_theses.pereira2016.hundredfold import SUFFIX
+from dqcontrol_theses.pereira2016.gain_x100 import SUFFIX
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import EXACT
 from dqcontrol_theses.pereira2016.published_numbers import published_cells
 from dqcontrol_theses.pereira2016.verdicts.evidence import (

@@ -8,8 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.browser.urdf_shapes import placed_shapes, pose_matrix, urdf_shapes
+from dqcontrol.figures.solids import Surface, box, rod
+from dqcontrol.figures.urdf_shapes import placed_shapes, pose_matrix, urdf_shapes
 from dqcontrol.robots import (
     CarLikeBase,
     DifferentialDrive,
@@ -63,10 +65,10 @@ def robot_shapes(robot: Robot) -> list[CarriedBody]:
     >>> {shape.carrier for shape in robot_shapes(dqc.load_robot("iiwa7"))}
     {0, 1, 2, 3, 4, 5, 6, -1}
     """
-    drawn: list[tuple[int, Any, Colour]] = []
+    drawn: list[tuple[int, Surface, Colour]] = []
     own: set[int] = set()  # joints whose links have meshes
     for rows, found in arm_meshes(robot):
-        drawn += found
+        drawn += [(carrier, smoothed(mesh), colour) for carrier, mesh, colour in found]
         own |= set(rows) if found else set()
     drawn += _chassis(robot)
     drawn += _rods(robot, own)
@@ -123,13 +125,12 @@ def _chains(robot: Robot) -> Iterator[tuple[int, int, Robot | Mover]]:
         yield first, first - 1, part
 
 
-def smoothed(meshes: Iterable[Any]) -> tuple[Array, NDArray[np.int64]]:
-    """Return vertices and faces of meshes as one, whose edges are drawn as edges and whose curves are drawn round."""
+def smoothed(mesh: Any) -> Surface:
+    """Return a mesh (trimesh) whose edges are drawn as edges and whose curves are drawn round."""
     import trimesh
 
-    bare = trimesh.util.concatenate([trimesh.Trimesh(mesh.vertices, mesh.faces) for mesh in meshes])
-    shaded = trimesh.graph.smooth_shade(bare, angle=_SHARP)
-    return np.asarray(shaded.vertices), np.asarray(shaded.faces)
+    shaded = trimesh.graph.smooth_shade(trimesh.Trimesh(mesh.vertices, mesh.faces), angle=_SHARP)
+    return Surface(np.asarray(shaded.vertices), np.asarray(shaded.faces))
 
 
 def tinted(colour: Colour, tint: Colour) -> Colour:
@@ -138,16 +139,16 @@ def tinted(colour: Colour, tint: Colour) -> Colour:
     return r, g, b
 
 
-def _merged(drawn: Iterable[tuple[int, Any, Colour]]) -> Iterator[CarriedBody]:
-    """Yield one shape for each frame and colour: fewer and larger ones are quicker to draw."""
-    groups: dict[tuple[int, Colour], list[Any]] = {}
-    for carrier, mesh, colour in drawn:
-        groups.setdefault((carrier, colour), []).append(mesh)
-    for (carrier, colour), meshes in groups.items():
-        yield CarriedBody(carrier, *smoothed(meshes), colour)
+def _merged(drawn: Iterable[tuple[int, Surface, Colour]]) -> Iterator[CarriedBody]:
+    """Yield one shape for each frame and colour."""
+    groups: dict[tuple[int, Colour], list[Surface]] = {}
+    for carrier, solid, colour in drawn:
+        groups.setdefault((carrier, colour), []).append(solid)
+    for (carrier, colour), solids in groups.items():
+        yield CarriedBody(carrier, *Surface.joined(solids), colour)
 
 
-def _rods(robot: Robot, own: set[int]) -> Iterator[tuple[int, Any, Colour]]:
+def _rods(robot: Robot, own: set[int]) -> Iterator[tuple[int, Surface, Colour]]:
     """Yield a rod from each joint to the next, a drum on each axis, thinner towards the hand; and rails."""
     points, parents, ends = robot.chain[:, 4:7], robot.parents, robot.ends
     count, bases = len(robot.row_coordinates), base_coordinates(robot)
@@ -175,18 +176,18 @@ def _rods(robot: Robot, own: set[int]) -> Iterator[tuple[int, Any, Colour]]:
             yield i, rod(*_along_z(-1.12 * below * radii[i], 1.12 * radii[i]), 0.7 * radii[i]), JOINT
 
 
-def _rail(robot: Robot, i: int, radius: float) -> Iterator[tuple[int, Any, Colour]]:
+def _rail(robot: Robot, i: int, radius: float) -> Iterator[tuple[int, Surface, Colour]]:
     """Yield the way along which joint i slides, if it has ends."""
     way = joint_range(robot, i) + robot.joint_offsets[i]
     if np.isfinite(way).all() and np.ptp(way) > 0:
-        start, end = robot.chain[i, 4:7] + way[:, None] * pose_matrix(robot.chain[i, :7])[:3, 2]
+        start, end = (
+            robot.chain[i, 4:7] + way[:, None] * algebra.matrix_from_rotation(robot.chain[i, :4])[:, 2]
+        )
         yield int(robot.parents[i]), rod(start, end, radius, round_ends=True), DARK
 
 
-def _chassis(robot: Robot) -> Iterator[tuple[int, Any, Colour]]:
+def _chassis(robot: Robot) -> Iterator[tuple[int, Surface, Colour]]:
     """Yield the bases; the wheels of the k-th differential drive are carried by rows n + 1 + 2 k and one more."""
-    import trimesh
-
     row = robot.configuration_size + 1
     for first, part in parts_with_offsets(robot.parts if isinstance(robot, WholeBody) else ()):
         carrier = first + 2
@@ -197,8 +198,7 @@ def _chassis(robot: Robot) -> Iterator[tuple[int, Any, Colour]]:
             yield carrier, rod(*body, max(track - 0.02, 0.5 * track)), DARK
             for _ in range(2):
                 yield row, rod(np.array([0, -0.012, 0]), np.array([0, 0.012, 0]), radius), TYRE
-                spoke = trimesh.creation.box([1.5 * radius, 0.028, _SPOKE * radius])
-                yield row, spoke, SHELL
+                yield row, box([1.5 * radius, 0.028, _SPOKE * radius]), SHELL
                 row += 1
             if not isinstance(part, DifferentialDrive):
                 yield carrier, _front(part.wheelbase, radius, 0.15 * track), DARK
@@ -208,35 +208,16 @@ def _chassis(robot: Robot) -> Iterator[tuple[int, Any, Colour]]:
         elif isinstance(part, HolonomicBase):
             height = min(mount[2], _PLATFORM) if mount[2] > 0 else _PLATFORM
             half = max(1.25 * float(np.abs(mount[:2]).max()), 0.2)
-            box = trimesh.creation.box([2 * half, 1.3 * half, height])
-            box.apply_translation([0, 0, 0.5 * height + 0.03])
-            yield carrier, box, DARK
+            yield carrier, box([2 * half, 1.3 * half, height], [0, 0, 0.5 * height + 0.03]), DARK
             for x in (-0.75 * half, 0.75 * half):
                 for y in (-0.68 * half, 0.68 * half):
                     ends = np.array([[x, y - 0.03, 0.05], [x, y + 0.03, 0.05]])
                     yield carrier, rod(ends[0], ends[1], 0.05), TYRE
 
 
-def _front(wheelbase: float, radius: float, half_width: float) -> Any:
+def _front(wheelbase: float, radius: float, half_width: float) -> Surface:
     """Return the beam from the rear axle to the front one."""
-    import trimesh
-
-    beam = trimesh.creation.box([wheelbase, 2 * half_width, 0.4 * radius])
-    beam.apply_translation([0.5 * wheelbase, 0, 1.2 * radius])
-    return beam
-
-
-def rod(start: Array, end: Array, radius: float, *, round_ends: bool = False) -> Any:
-    """Return the mesh of a cylinder between two points, or of a capsule about them."""
-    import trimesh
-
-    mesh = trimesh.creation.cylinder(radius=radius, segment=[start, end], sections=40)
-    balls = []
-    for point in (start, end) if round_ends else ():
-        ball = trimesh.creation.icosphere(subdivisions=3, radius=radius)
-        ball.apply_translation(point)
-        balls.append(ball)
-    return trimesh.util.concatenate([mesh, *balls])
+    return box([wheelbase, 2 * half_width, 0.4 * radius], [0.5 * wheelbase, 0, 1.2 * radius])
 
 
 def _along_z(low: float, high: float) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, NoteWarning
 from dqcontrol.files.input_file import read_whole
@@ -120,10 +121,8 @@ def _own_colour(mesh: Any) -> tuple[int, int, int]:
 
 def pose_matrix(pose: Array) -> Array:
     """Return the homogeneous matrix of a pose (7,), [quaternion, position]."""
-    from trimesh.transformations import quaternion_matrix
-
-    matrix = quaternion_matrix(pose[:4])
-    matrix[:3, 3] = pose[4:]
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = algebra.matrix_from_rotation(pose[:4]), pose[4:]
     return matrix
 
 

@@ -1,4 +1,4 @@
-"""The ranking that P16 asked for: its six laws on its arm, each at its own best, not at gains that differ by chance."""
+"""The ranking that P16 asked for: its six laws on its arm, each tuned, not at gains that differ by chance."""
 
 from __future__ import annotations
 
@@ -59,9 +59,9 @@ _COMPARISONS = (
 )
 
 
-def reproduce_fair(conditions: Conditions) -> Reproduced:
+def reproduce_tuned_comparison(conditions: Conditions) -> Reproduced:
     """Tune the six laws on a circle, judge them on the spiral, and let the best one learn it."""
-    data, plant = fair_spec(conditions.plant), conditions.plant
+    data, plant = tuned_comparison_spec(conditions.plant), conditions.plant
     tuning = tune(
         data, jobs=conditions.jobs, progress=conditions.of("tuning"), journal=conditions.journal("tuning")
     )
@@ -74,26 +74,26 @@ def reproduce_fair(conditions: Conditions) -> Reproduced:
     results = Results({"": study.rows})
     tables = [
         tuning.table(),
-        confidence_table(study.rows, _SHOWN, "P16's spiral, every law at its own best: mean ± 95 % interval"),
+        confidence_table(study.rows, _SHOWN, "P16's spiral, every law tuned: mean ± 95 % interval"),
         _ranking(tuning, results),
         _learnt(data, tuning, conditions),
         verdict_table(
             [claim for name in ("circle", "spiral") for claim in claims(name) if claim.id in _COMPARISONS],
             _judged(results),
             "P16",
-            f"P16's comparisons, every law at its own best · {plant}",
+            f"P16's comparisons, every law tuned · {plant}",
         ),
     ]
-    return Reproduced(f"{SOURCE}/fair", tables, {"spiral": study}, _figures(tuning), plant)
+    return Reproduced(f"{SOURCE}/tuned-comparison", tables, {"spiral": study}, _figures(tuning), plant)
 
 
-def fair_spec(plant: str) -> dict[str, Any]:
+def tuned_comparison_spec(plant: str) -> dict[str, Any]:
     """Return the spec of the search: P16's arm and period, a circle of its spiral's radius and speed, from rest."""
     data = published_spec("spiral", plant)
     for key in ("parameter_sets", "repeats"):
         data.pop(key, None)
     return data | {
-        "name": "fair",
+        "name": "tuned-comparison",
         "laws": _LAWS,
         "reference": {"kind": "circle", "radius": 0.07, "plane": "xz", "duration": 8.0, "ramp": 1.0},
         "metrics_from": "true",
@@ -118,7 +118,7 @@ def unmodelled(plant: str, laws: Mapping[str, Any], products: tuple[float, float
     return {"margin": 0.0, "free": {law: {"loop_gain": {"low": low, "high": high}} for law in laws}}
 
 
-def linear_twin(plant: dict[str, Any]) -> dict[str, Any] | None:
+def linear_counterpart(plant: dict[str, Any]) -> dict[str, Any] | None:
     """Return what learning takes the arm for: itself without friction, shaking and another period; None for servos."""
     if plant["kind"] == "servo":
         return None
@@ -130,7 +130,7 @@ def _spiral(data: dict[str, Any]) -> dict[str, Any]:
     whole = published_spec("spiral", SERVO)["reference"]
     reference = {key: value for key, value in whole.items() if key != "offset"} | {"ramp": 1.0}
     return {key: value for key, value in data.items() if key != "tune"} | {
-        "name": "fair-spiral",
+        "name": "tuned-spiral",
         "reference": reference,
     }
 
@@ -150,7 +150,7 @@ def _ranking(tuning: Tuning, results: Results) -> Table:
             )
         rows.append([place + 1, law, results.mean(law), text])
     columns = [Column("place"), Column("law"), Column("pose error integral", "s", ".4g"), Column("behind")]
-    return Table(columns, rows, "Ranking on P16's spiral, every law at its own best")
+    return Table(columns, rows, "Ranking on P16's spiral, every law tuned")
 
 
 def _difference(results: Results, law: str, other: str, metric: str = "error") -> tuple[float, float]:
@@ -191,13 +191,13 @@ def _learnt(data: dict[str, Any], tuning: Tuning, conditions: Conditions) -> Tab
         repeats=5,
         measured_by="tracker",
         return_time=5.0,
-        model=linear_twin(data["plant"]),
+        model=linear_counterpart(data["plant"]),
         progress=conditions.of("learning"),
         journal=conditions.journal("learning"),
     )
     first, best = found.repeats[0], found.repeats[found.best]
     rows: list[list[Cell]] = [
-        [f"{tuning.best.label}, at its best", first.position, first.peak],
+        [f"{tuning.best.label}, tuned", first.position, first.peak],
         [f"{tuning.best.label}, after {found.best} repeats with a tracker", best.position, best.peak],
     ]
     columns = [Column(""), Column("position error RMS", "mm", ".3g"), Column("peak", "mm", ".3g")]

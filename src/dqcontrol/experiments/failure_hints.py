@@ -30,7 +30,7 @@ _ROUNDING = 1e-9
 _OFTEN = 0.1  # of the samples at a velocity limit
 
 
-def warn_of_shortfalls(cases: Sequence[tuple[Combination, Trials]], *, stacklevel: int) -> None:
+def warn_of_failures(cases: Sequence[tuple[Combination, Trials]], *, stacklevel: int) -> None:
     """Warn of what fell short in runs: of the first, and how many more there are, for each kind.
 
     Parameters

@@ -26,7 +26,7 @@ _GAINS = ("orientation_gain", "translation_gain")
 _KNOWN = "LQR-DQ"  # of the same error and the same Jacobian
 
 
-def with_hundredfold(data: dict[str, Any], factor: float = FACTOR) -> dict[str, Any]:
+def with_gain_x100(data: dict[str, Any], factor: float = FACTOR) -> dict[str, Any]:
     """Return a spec with the robust laws a second time, their gains times a factor, beside those as printed."""
     sets = data.get("parameter_sets", {})
     return data | {

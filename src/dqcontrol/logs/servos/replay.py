@@ -1,4 +1,4 @@
-"""A log beside its twin: the same commands, given to the identified servos in simulation."""
+"""A log beside its replay: the same commands, given to the identified servos in simulation."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from dqcontrol.logs.servos.commanded import CommandedLog
 from dqcontrol.logs.servos.joint_motion_files import HAND, write_joint_motion
 from dqcontrol.robots import Robot
 
-LOG, TWIN = "log", "twin"
+LOG, REPLAY = "log", "replay"
 
 _SETTLING = 0.5  # s that are not compared: what was commanded before is unknown
 _MOST = 200_000  # periods
@@ -24,13 +24,13 @@ _EARLY = 0.5  # of a period, by which a stamp may jitter
 
 
 @dataclass(frozen=True, eq=False)
-class Twin:
+class Replay:
     """The same commands on the robot and on its identified servos.
 
     Attributes
     ----------
     log, simulated
-        Runs: of the log, against where its commands put the hand, and of the twin.
+        Runs: of the log, against where its commands put the hand, and of the replay.
     hand_rms
         Distance of the two hands, m.
     motion_rms
@@ -44,12 +44,12 @@ class Twin:
 
     def __str__(self) -> str:
         return (
-            f"twin: its hand is {1e3 * self.hand_rms:.3g} mm RMS from the log's, which is "
+            f"replay: its hand is {1e3 * self.hand_rms:.3g} mm RMS from the log's, which is "
             f"{1e3 * self.motion_rms:.3g} mm from where the commands put it"
         )
 
 
-def save_twin(logged: CommandedLog, robot: Robot, mode: str, folder: Path) -> Twin:
+def save_replay(logged: CommandedLog, robot: Robot, mode: str, folder: Path) -> Replay:
     """Run the commands of a log on the servos of ``plant.yaml`` in a folder, and save both as runs there.
 
     Parameters
@@ -61,7 +61,7 @@ def save_twin(logged: CommandedLog, robot: Robot, mode: str, folder: Path) -> Tw
     mode
         What was commanded, see `Identification`.
     folder
-        With ``plant.yaml``; takes ``log`` and ``twin``, folders of runs, and the files that make them.
+        With ``plant.yaml``; takes ``log`` and ``replay``, folders of runs, and the files that make them.
     """
     period, phase = _clock(logged.command_time)
     begin = phase + period * math.ceil(
@@ -80,20 +80,22 @@ def save_twin(logged: CommandedLog, robot: Robot, mode: str, folder: Path) -> Tw
         targets = logged.command[np.maximum(row - 1, 0)]
     plant = {"kind": "servo", "file": "plant.yaml", "rate_limit": False, "position_limit": False}
     note = "The commands of a log on the servos identified from it."
-    write_joint_motion(folder / "twin.yaml", robot, time, targets, measured[0], plant, note)
+    write_joint_motion(folder / "replay.yaml", robot, time, targets, measured[0], plant, note)
     table = np.column_stack([time, measured])
     header = ",".join(["time", *robot.joint_names])
     np.savetxt(folder / "log.csv", table, delimiter=",", header=header, comments="", fmt="%.9g")
-    simulated = run(folder / "twin.yaml")
+    simulated = run(folder / "replay.yaml")
     source, base_link, tip_link = robot.origin or (robot.name, None, None)
     own = evaluate_log(
         folder / "log.csv", source, folder / HAND, base_link=base_link, tip_link=tip_link, low_pass=0
     )
-    simulated.save(folder / TWIN, force=True, figures=False)
+    simulated.save(folder / REPLAY, force=True, figures=False)
     own.save(folder / LOG, force=True, figures=False)
     late = slice(min(round(_SETTLING / period), count - 2), count)
     hands = [translation(robot.fkm(each)) for each in (measured, simulated.q[:count], targets)]
-    return Twin(own, simulated, _rms(hands[0][late] - hands[1][late]), _rms(hands[0][late] - hands[2][late]))
+    return Replay(
+        own, simulated, _rms(hands[0][late] - hands[1][late]), _rms(hands[0][late] - hands[2][late])
+    )
 
 
 def _clock(stamps: Array) -> tuple[float, float]:

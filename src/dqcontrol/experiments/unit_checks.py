@@ -19,7 +19,7 @@ from dqcontrol.robots import Robot, describe
 _TOO_LONG = 3.0  # reaches
 
 
-def degrees_slip(start: NDArray[np.float64], robot: Robot) -> str:
+def suspected_degrees(start: NDArray[np.float64], robot: Robot) -> str:
     """Return a hint if a start configuration outside the limits lies within them when its angles are degrees."""
     turning = np.array([kind == "revolute" for kind in robot.joint_types])
     turned = np.where(turning, np.radians(start), start)
@@ -42,7 +42,7 @@ def note_turns(field: str, q: NDArray[np.float64], robot: Robot) -> None:
         )
 
 
-def length_slip(reference: ReferenceSpec, robot: Robot) -> str:
+def suspected_millimetres(reference: ReferenceSpec, robot: Robot) -> str:
     """Return a hint if a length of a reference is far beyond the robot, but not as millimetres."""
     reach = describe(robot).reach
     lengths = dict(_lengths(msgspec.to_builtins(reference), list(kinds_of(type(reference))), "reference"))

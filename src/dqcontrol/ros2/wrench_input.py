@@ -1,4 +1,4 @@
-"""What a controller hears beside where the joints are, as far as its supervisor bounds it: efforts and a wrench."""
+"""What a controller hears beside where the joints are, as far as it needs it: efforts and a wrench."""
 
 from __future__ import annotations
 
@@ -13,15 +13,17 @@ from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 
 from dqcontrol.arrays import Array
+from dqcontrol.controller import Controller
 from dqcontrol.ros2.interfaces import NEWEST, WRENCH
 from dqcontrol.ros2.messages import RefusedError, by_name, numbers
 from dqcontrol.ros2.robot_parts import RobotParts
 from dqcontrol.supervisor import PreparedSupervisor
 
 _NOTHING: Array = np.zeros(0)
+_HELD = 3.0  # periods that a wrench counts for a law with contact, as its stage holds the last one
 
 
-class Felt:
+class WrenchInput:
     """Efforts of the joints and the wrench at the hand, as last heard.
 
     Parameters
@@ -42,7 +44,8 @@ class Felt:
     effort
         Shape (m,), N·m or N, 0 of a base; empty while the supervisor bounds none.
     wrench
-        Force and torque, shape (6,), N and N·m; empty while the supervisor bounds none, or before the first.
+        Force and torque, shape (6,), N and N·m; empty while nobody needs any, before the first, and for a law with
+        contact when the last is older than three periods.
     topic
         Of the wrench, after ROS's renaming.
     """
@@ -58,23 +61,27 @@ class Felt:
         self._node, self._parts, self._joints = node, parts, joints
         self._frame, self._guarded = frame, guarded
         self.effort: Array = _NOTHING
-        self.wrench: Array = _NOTHING
+        self._wrench: Array = _NOTHING
+        self._silent_after = np.inf
         self.topic: str = node.resolve_topic_name(WRENCH)
         self._has_effort, self._has_payload, self._wrenches, self._heard = False, False, None, -np.inf
         self._wrenches: Subscription | None
+        self._is_watched = False
 
-    def listen(self, supervisor: PreparedSupervisor) -> None:
-        """Hear what a supervisor bounds, and nothing else: at 1 kHz that would cost a tenth of the time."""
+    def listen(self, supervisor: PreparedSupervisor, law: Controller) -> None:
+        """Hear what supervisor and law need, and nothing else: at 1 kHz that would cost a tenth of the time."""
+        self._is_watched = supervisor.watches_wrench
+        self._silent_after = _HELD * law.period if law.wrench.size and not self._is_watched else np.inf
         self._has_effort, self.effort = supervisor.watches_effort, _NOTHING
         self._has_payload = supervisor.carries_payload
-        if supervisor.watches_wrench == (self._wrenches is not None):
+        if (self._is_watched or law.wrench.size > 0) == (self._wrenches is not None):
             return
         if self._wrenches is None:
             hear = self._guarded(self._hear_wrench)
             self._wrenches = self._node.create_subscription(WrenchStamped, WRENCH, hear, NEWEST)
         else:
             self._node.destroy_subscription(self._wrenches)
-            self._wrenches, self.wrench, self._heard = None, _NOTHING, -np.inf
+            self._wrenches, self._wrench, self._heard = None, _NOTHING, -np.inf
 
     def hear_efforts(self, message: JointState) -> None:
         """Keep the efforts of joint states, if they are bounded.
@@ -92,8 +99,18 @@ class Felt:
 
     @property
     def age(self) -> float:
-        """Time since the last wrench, s; 0 if the supervisor bounds none."""
+        """Time since the last wrench, s; 0 if nobody needs any."""
         return 0.0 if self._wrenches is None else time.monotonic() - self._heard
+
+    @property
+    def wrench_age(self) -> float:
+        """The same where the supervisor bounds it, and its age stops; contact knows what to do without."""
+        return self.age if self._is_watched else 0.0
+
+    @property
+    def wrench(self) -> Array:
+        """Force and torque as last heard, empty if there is none that counts."""
+        return self._wrench if self.age <= self._silent_after else _NOTHING
 
     def _hear_wrench(self, message: WrenchStamped) -> None:
         if self._has_payload and message.header.frame_id != self._frame:
@@ -101,5 +118,5 @@ class Felt:
                 f"wrench: in frame '{message.header.frame_id}', but the payload is taken off in '{self._frame}'"
             )
         f, t = message.wrench.force, message.wrench.torque
-        self.wrench = numbers("wrench", [f.x, f.y, f.z, t.x, t.y, t.z], 6)
+        self._wrench = numbers("wrench", [f.x, f.y, f.z, t.x, t.y, t.z], 6)
         self._heard = time.monotonic()

@@ -1,0 +1,126 @@
+"""A wrist's force sensor and its tool in MuJoCo."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dqcontrol.arrays import Array
+from dqcontrol.errors import ValueRangeError
+from dqcontrol.plants.mujoco.gripper import BODIES
+from dqcontrol.robots.files.mujoco_package import import_mujoco
+
+if TYPE_CHECKING:
+    from dqcontrol.plants.wrist import Wrist
+    from dqcontrol.robots.robot import Robot
+
+TOOL = "wrist tool"  # its geom; body, site and sensors are named alike
+_FORCE, _TORQUE = f"{TOOL} force", f"{TOOL} torque"
+_STREAM = 6  # of the sensor's noise, beside that of the encoders
+
+
+def add_wrist(spec: Any, wrist: Wrist, robot: Robot, timestep: float, compensated: float) -> None:
+    """Add a tool, welded to the last link at the hand, and sensors of what it exerts there.
+
+    Parameters
+    ----------
+    spec, robot
+        ``mjSpec`` and whose it is.
+    wrist
+        Sensor and tool.
+    timestep
+        s; contacts are as stiff as it allows.
+    compensated
+        Share of the tool's weight that the arm carries.
+
+    Raises
+    ------
+    ValueRangeError
+        If the robot has several hands.
+    """
+    mujoco = import_mujoco()
+    if len(robot.ends) != 1:
+        raise ValueRangeError(f"plant.wrist: is at one hand, and {robot.name} has {len(robot.ends)}")
+    end = robot.chain[robot.ends[0]]
+    body = spec.body(f"link_{int(robot.parents[robot.ends[0]]) + 1}").add_body(
+        name=TOOL, pos=end[4:7], quat=end[:4]
+    )
+    size = (wrist.length**2 + 3 * wrist.radius**2) / 12  # of a rod, m²
+    body.mass, body.ipos, body.explicitinertial = wrist.mass, wrist.center, True
+    body.inertia = wrist.mass * np.array([size, size, 0.5 * wrist.radius**2])
+    body.gravcomp = compensated
+    if wrist.length:
+        kinds = mujoco.mjtGeom
+        tip = 0.0 if wrist.flat else -wrist.radius
+        geom = body.add_geom(
+            name=TOOL,
+            type=kinds.mjGEOM_CYLINDER if wrist.flat else kinds.mjGEOM_CAPSULE,
+            fromto=[0, 0, -max(wrist.length, 2 * wrist.radius), 0, 0, tip],
+            size=[wrist.radius, 0, 0],
+            mass=0.0,
+        )
+        geom.contype, geom.conaffinity, geom.friction = 0, BODIES, [0.0, 0.0, 0.0]
+        geom.solref[:2] = 2.0 * timestep, 1.0
+    body.add_site(name=TOOL, pos=np.zeros(3), size=[1e-3] * 3, group=4)
+    for name, kind in ((_FORCE, "FORCE"), (_TORQUE, "TORQUE")):
+        spec.add_sensor(
+            name=name,
+            type=getattr(mujoco.mjtSensor, f"mjSENS_{kind}"),
+            objtype=mujoco.mjtObj.mjOBJ_SITE,
+            objname=TOOL,
+        )
+
+
+class MujocoWrist:
+    """A force sensor at work.
+
+    Attributes
+    ----------
+    wrench
+        What it shows: force and torque of tool and environment on the hand, its axes, shape (6,).
+    readings
+        That, and the force of what is touched, base axes, the mean of a period: contacts of hard things come and go
+        from one time step to the next.
+    """
+
+    def __init__(self, wrist: Wrist, model: Any, data: Any, seed: int) -> None:
+        mujoco = import_mujoco()
+        self._model, self._data, self._of_contact = model, data, mujoco.mj_contactForce
+        self._step = mujoco.mj_step
+        self._at = [int(model.sensor(name).adr[0]) for name in (_FORCE, _TORQUE)]
+        self._geom = model.geom(TOOL).id if wrist.length else -1
+        self._kept, self._noise, self._bias = wrist.kept(model.opt.timestep), wrist.noise, wrist.bias
+        self._rng = np.random.default_rng([seed, _STREAM])
+        self.readings: Array = np.zeros(9)
+        self.wrench: Array = self.readings[:6]
+        self._filtered, self._found = self._felt(), np.zeros(6)
+        self._touch, self._steps = np.zeros(3), 0
+
+    def _felt(self) -> Array:
+        """Return force and torque that the tool exerts, and the bias; MuJoCo shows what the hand exerts on it."""
+        force, torque = (self._data.sensordata[at : at + 3] for at in self._at)
+        return self._bias - np.concatenate([force, torque])
+
+    def advance(self, model: Any, data: Any, count: int) -> None:
+        """Take so many time steps, and feel at each."""
+        for _ in range(count):
+            self._step(model, data, 1)
+            self._filtered += (1.0 - self._kept) * (self._felt() - self._filtered)
+            self._add_touch()
+
+    def read(self) -> None:
+        """Update what it shows."""
+        self.wrench[:] = self._filtered + self._noise * self._rng.standard_normal(6)
+        self.readings[6:] = self._touch / max(self._steps, 1)
+        self._touch[:], self._steps = 0.0, 0
+
+    def _add_touch(self) -> None:
+        self._steps += 1
+        for i in range(self._data.ncon if self._geom >= 0 else 0):
+            contact = self._data.contact[i]
+            pair = list(contact.geom)
+            if self._geom in pair:
+                self._of_contact(self._model, self._data, i, self._found)
+                force = contact.frame.reshape(3, 3).T @ self._found[:3]  # on the second geom
+                self._touch += force if pair[1] == self._geom else -force

@@ -1,0 +1,248 @@
+"""What the page of play offers beside the gizmo: a sheet to draw on, files, pushes, base targets, replays, clips."""
+
+import asyncio
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import dqcontrol as dqc
+from dqcontrol import algebra
+from dqcontrol.browser.play import PlayPage, PlaySession
+
+pytest.importorskip("viser", reason="the browser view needs viser: pip install 'dqcontrol[view]'")
+SPEC = {
+    "name": "play",
+    "robot": "iiwa7",
+    "start": [0, 0.6, 0, -1.6, 0, 0.9, 0],
+    "period": 0.01,
+    "reference": {"kind": "set-point", "duration": 1.0},
+    "law": {"kind": "proportional-feedforward", "gain": 5.0},
+    "plant": {"kind": "servo"},
+}
+JOHN = {
+    **SPEC,
+    "robot": "little-john",
+    "start": [0, 0, 0, 0, -0.9, 0.9, 0.9, 0],
+    "period": 0.02,
+    "law": {"kind": "feedback-linearization", "stiffness": 4.0, "damping": 4.0},
+    "plant": {"kind": "integrator"},
+}
+
+
+@pytest.fixture
+def page_of(tmp_path):
+    pages = []
+
+    def make(spec):
+        pages.append(PlayPage(PlaySession(dict(spec)), tmp_path, 18500))
+        return pages[-1]
+
+    yield make
+    for page in pages:
+        page.server.stop()
+
+
+def event(phase, start, end, eye=(2.0, 0.5, 1.0)):
+    camera = SimpleNamespace(position=np.array(eye))
+    return SimpleNamespace(
+        phase=phase, start_position=start, end_position=end, client=SimpleNamespace(camera=camera)
+    )
+
+
+def drag_aside(session):
+    session.drag(algebra.multiply(algebra.pose([1, 0, 0, 0], [0, 0.1, 0]), session.live.state.pose))
+
+
+@pytest.mark.parametrize("plane", ["upright", "level"])
+def test_the_target_is_where_the_line_of_sight_meets_the_sheet(page_of, plane):
+    page = page_of(SPEC)
+    board, session = page._target.board, page.session
+    hand = session.live.state.pose
+    board.show(plane)
+    eye = np.array([2.0, 0.5, 1.5])
+    wanted = board.centre + 0.05 * board.axes[:, 0] - 0.1 * board.axes[:, 1]
+    asyncio.run(board._drawn(event("start", wanted, eye + 0.3 * (wanted - eye), eye)))
+    np.testing.assert_allclose(algebra.translation(session.live.target), wanted, atol=1e-12)
+    np.testing.assert_allclose(algebra.rotation(session.live.target), algebra.rotation(hand), atol=1e-12)
+    assert abs(board.axes[:, 2] @ [0, 0, 1]) == (0.0 if plane == "upright" else 1.0)
+    far = board.centre + 10 * board.axes[:, 0]  # beside the sheet: at its edge
+    np.testing.assert_allclose(
+        board.point(eye, far) - board.centre, board.half * board.axes[:, 0], atol=1e-12
+    )
+    assert board.point(eye, eye + board.axes[:, 0]) is None  # along the sheet
+    assert board.point(eye, eye - (wanted - eye)) is None  # behind the eye
+    page.tick()
+    assert not page._gizmo.visible
+    board.show("off")
+    page.tick()
+    assert page._gizmo.visible
+
+
+def test_a_drawing_file_is_followed_and_kept_beside_the_recordings(page_of, tmp_path):
+    page = page_of(SPEC)
+    text = b"plane yz\nspeed 0.1\nline 0.1 0\nline 0.1 0.1\n"
+    page._target._follow("../l.txt", text)
+    assert (tmp_path / "l.txt").read_bytes() == text
+    assert page.session.spec["reference"] == {"kind": "drawing", "file": str(tmp_path / "l.txt")}
+    start = page.session.live.state.pose
+    for _ in range(330):
+        page.session.step()
+    shift = algebra.translation(page.session.live.state.pose) - algebra.translation(start)
+    np.testing.assert_allclose(shift, [0, 0.1, 0.1], atol=2e-3)
+    page._target._follow("l.txt", b"nonsense")  # another one of the same name
+    assert (tmp_path / "l.txt").read_bytes() == text
+    assert page.session.told[-1].startswith("not done: ")
+    page._target._follow("l.exe", text)
+    assert "expected a drawing" in page.session.told[-1]
+
+
+def test_a_link_is_pulled_by_the_mouse_where_there_is_physics(page_of):
+    pytest.importorskip("mujoco")
+    page = page_of({**SPEC, "plant": {"kind": "mujoco"}})
+    session, row = page.session, 6
+    for _ in range(50):
+        session.step()
+    before = session.live.state.pose
+    point = algebra.translation(before)
+    asyncio.run(page._puller(row)(event("update", point, point + np.array([0, 0.15, 0]))))
+    np.testing.assert_allclose(session.pushed[2], [0, 30.0, 0])
+    robot, plant = session.robot, session.live.plant
+    expected = np.zeros(7)  # Jᵀ f, by differences of the hand's position
+    for j in range(7):
+        step = np.zeros(7)
+        step[j] = 1e-6
+        moved = [algebra.translation(robot.fkm(plant.q + sign * step)) for sign in (1, -1)]
+        expected[j] = (moved[0] - moved[1])[1] / 2e-6 * 30.0
+    np.testing.assert_allclose(plant.data.qfrc_applied, expected, atol=0.1)  # the data's are a time step old
+    for _ in range(50):
+        session.step()
+    aside = algebra.translation(session.live.state.pose) - point
+    assert aside[1] > 1e-4  # servos are stiff, and the law takes it back
+    assert session.history[-1].force == pytest.approx(30.0)
+    page.tick()
+    asyncio.run(page._puller(row)(event("update", point, point + np.array([0, 9.0, 0]))))
+    assert np.linalg.norm(session.pushed[2]) == pytest.approx(60.0)
+    asyncio.run(page._puller(row)(event("end", point, point)))
+    assert session.pushed is None
+    assert not plant.data.qfrc_applied.any()
+    page.tick()
+
+
+def test_without_physics_nothing_is_pushed(page_of):
+    page = page_of(SPEC)
+    asyncio.run(page._puller(3)(event("update", np.zeros(3), np.ones(3))))
+    assert page.session.pushed is None
+    assert "physics" in page.session.told[-1]
+
+
+def test_a_base_drives_to_its_target_and_the_hand_keeps_its_pose_relative_to_it(page_of):
+    page = page_of(JOHN)
+    session = page.session
+    assert page._base is not None
+    before, hand = session.live.plant.q.copy(), session.live.state.pose
+    half = 0.4
+    goal = SimpleNamespace(
+        wxyz=np.array([np.cos(half), 0, 0, np.sin(half)]), position=np.array([0.8, 0.5, 0])
+    )
+    page._base_dragged(SimpleNamespace(phase="start", target=goal))
+    assert page._base_held
+    page._base_dragged(SimpleNamespace(phase="end", target=goal))
+    assert session.spec["reference"]["kind"] == "drive-to", session.told
+    for _ in range(1500):
+        session.step()
+        if session.live.state.time > 1 and np.abs(session.live.control.command).max() < 1e-3:
+            break
+    wanted = algebra.multiply(algebra.pose(goal.wxyz, goal.position), hand)
+    apart = algebra.translation(session.live.state.pose) - algebra.translation(wanted)
+    assert np.linalg.norm(apart) < 5e-3
+    assert np.linalg.norm(session.live.plant.q[:2] - before[:2]) > 0.3
+    page.tick()
+
+
+def test_arms_on_fixed_bases_have_no_base_target(page_of):
+    assert page_of(SPEC)._base is None
+
+
+def test_a_replay_shows_the_record_while_the_robot_stands_still(page_of):
+    page = page_of(SPEC)
+    session, tab = page.session, page._replay
+    drag_aside(session)
+    for _ in range(100):
+        session.step()
+    record = session.record()
+    assert tab.replayed(0.0) is None
+    tab._begin_replay()
+    assert session.is_paused
+    tab.replayed(1.0)
+    first = float(tab._time.value)
+    q, pose = tab.replayed(1.05)
+    at = round((first + 0.05) / 0.01)
+    np.testing.assert_array_equal(q, record.q[at])
+    np.testing.assert_array_equal(pose, record.desired_pose[at])
+    tab._time.value = 0.3  # by hand
+    np.testing.assert_array_equal(tab.replayed(1.06)[0], record.q[31])
+    page.tick()
+    tab._end_replay()
+    assert not session.is_paused
+
+
+def test_a_clip_is_saved(page_of, tmp_path):
+    pytest.importorskip("mujoco")
+    page = page_of(SPEC)
+    drag_aside(page.session)
+    for _ in range(30):
+        page.session.step()
+    page._replay._tried(page._replay._save_clip)
+    if "OpenGL" in page._replay._said.content:
+        pytest.skip("no OpenGL")
+    from PIL import Image
+
+    assert Image.open(tmp_path / "played.webp").n_frames >= 7
+
+
+def test_what_is_copied_as_python_runs(page_of):
+    page = page_of(SPEC)
+    session = page.session
+    drag_aside(session)
+    program = page._replay._show_python().removeprefix("```python\n").removesuffix("\n```")
+    said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert float(said.stdout) < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("key", "axis", "sign"), [("left", 1, 1), ("right", 1, -1), ("up", 2, 1), ("down", 2, -1)]
+)
+def test_arrows_move_the_target_by_two_centimetres(page_of, key, axis, sign):
+    page = page_of(SPEC)
+    before = algebra.translation(page.session.live.target)
+    page._keys[f"arrow{key}"]()
+    moved = algebra.translation(page.session.live.target) - before
+    np.testing.assert_allclose(moved, 0.02 * sign * np.eye(3)[axis], atol=1e-12)
+
+
+def test_digits_choose_scenes_and_space_pauses(page_of):
+    page = page_of(SPEC)
+    page._keys["3"]()
+    assert page._target._scene.value.startswith("3. ")
+    page._keys["space"]()
+    assert page.session.is_paused
+    page._keys["space"]()
+    assert not page.session.is_paused
+    assert {"R", "H", *map(str, range(1, 10))} <= set(page._keys)
+
+
+def test_a_notebook_plays_in_a_cell_until_it_is_closed(tmp_path):
+    shown = dqc.play("iiwa7", folder=tmp_path, port=18510, height=500)
+    try:
+        assert f'src="{shown.url}"' in shown._repr_html_()
+        assert 'height="500"' in shown._repr_html_()
+        drag_aside(shown.session)
+        while shown.session.live.state.time < 0.1:
+            pass
+    finally:
+        shown.close()
+    assert np.abs(shown.session.live.control.command).max() == 0.0
+    shown.close()
