@@ -1,5 +1,6 @@
 import importlib
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import dqcontrol as dqc
 from dqcontrol.algebra import translation
 from dqcontrol.cli.clip_command import clip
 from dqcontrol.errors import ExistsError, FileFormatError, MissingExtraError, ShapeError, ValueRangeError
-from dqcontrol.films.clip import render_clip, render_strip, render_whole
+from dqcontrol.films.clip import _moments, render_clip, render_strip, render_whole
 from dqcontrol.films.film_physics import with_rolling_wheels
 from dqcontrol.films.offscreen import offscreen
 from dqcontrol.plants import CompliantPlant, Gripper, MobilePlant
@@ -271,3 +272,19 @@ def test_bad_input(driven, tmp_path):
     ):
         with pytest.raises(error, match=text):
             call()
+
+
+def test_a_still_shows_where_it_was_nearest_or_pressed_hardest():
+    time, six = np.linspace(0.0, 10.0, 101), np.linspace(0.0, 10.0, 6)
+    force, distance = np.zeros((101, 2)), np.full((101, 2), 0.5)
+    force[33, 1], distance[71, 0] = 12.0, 0.01
+
+    def moments(**readings):
+        return _moments(SimpleNamespace(time=time, readings=readings), 10.0)
+
+    assert moments() == pytest.approx(six)
+    kept = SimpleNamespace(values=distance)
+    assert moments(kept_distance=kept) == pytest.approx([0, 2, 4, 6, 7.1, 10])
+    pressed = SimpleNamespace(values=force)
+    assert moments(kept_distance=kept, contact_force=pressed) == pytest.approx([0, 2, 3.3, 6, 8, 10])
+    assert moments(contact_force=SimpleNamespace(values=0 * force)) == pytest.approx(six)

@@ -6,6 +6,7 @@ from obstacles import around, plane, sphere
 
 import dqcontrol as dqc
 from dqcontrol.constraints.constraint_view import ConstraintView
+from dqcontrol.films.drawn_scene import DrawnScene
 
 HOME = np.array([0.0, -0.3, 0.0, -2.0, 0.0, 1.8, 0.7])
 ARM = dqc.load_robot("panda")
@@ -80,3 +81,22 @@ def test_pictures_show_the_ball_in_red_where_it_is_near(kept, record, tmp_path):
     pixels = np.asarray(Image.open(path).convert("RGB"), dtype=int)
     red = (pixels[..., 0] > 150) & (pixels[..., 1] < 110) & (pixels[..., 2] < 80)
     assert red[:, 160:].sum() > red[:, :160].sum() + 40
+
+
+def test_a_hull_is_drawn_by_its_triangles():
+    """MuJoCo's triangle begins at its geom's place; its sides lie along the first two axes, as long as the sizes."""
+    mujoco = pytest.importorskip("mujoco")
+    points = np.array([[0, 0, 0], [0.3, 0, 0], [0, 0.2, 0], [0.05, 0.02, 0.4]])
+    hull = dqc.geometry.Hull(np.array([1.0, 0, 0, 0, 0, 0, 0, 0]), points)
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    scene = mujoco.MjvScene(model, maxgeom=10)
+    drawn = DrawnScene.__new__(DrawnScene)
+    drawn._add_shape(mujoco, scene, hull, np.array([1.0, 0, 0]), (1, 0, 0, 1))
+    assert scene.ngeom == 4
+    found = set()
+    for geom in scene.geoms[: scene.ngeom]:
+        assert geom.type == mujoco.mjtGeom.mjGEOM_TRIANGLE
+        start, axes = np.array(geom.pos), np.array(geom.mat).reshape(3, 3)
+        for corner in (start, start + geom.size[0] * axes[:, 0], start + geom.size[1] * axes[:, 1]):
+            found.add(tuple(np.round(corner - [1, 0, 0], 6) + 0.0))
+    assert found == {tuple(point) for point in points}

@@ -1,5 +1,8 @@
 """What arms that stand hold in physics: a box between the pads of two hands, a cube in a gripper."""
 
+import re
+import shutil
+from pathlib import Path
 from types import SimpleNamespace
 
 import msgspec
@@ -9,10 +12,13 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.controller import FurtherTask
 from dqcontrol.errors import ValueRangeError
+from dqcontrol.files.plain_data import yaml_text
+from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.plants import Gripper, GripperEvent, MujocoPlant, Pads
 from dqcontrol.reports.run_verdicts import _held_box as held_box
 from dqcontrol.world import Body
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 Q = np.array([-0.1, 0, -0.1, -2.2, -1.7, 1.75, 0.6, 0.1, 0, 0.1, -2.2, 1.7, 1.75, -0.6])
 LAW = dqc.laws.ProportionalFeedforward(gain=5.0)
 GRASP = FurtherTask("relative", gain=0.0, level=0)
@@ -66,6 +72,36 @@ def test_without_a_squeeze_it_falls():
     record = carried(1.0, squeeze=0.0)
     assert record.readings["box_position"].values[-1, 2] < record.position[-1, 2] - 0.3
     assert (record.readings["grip_force"].values[-1] == 0).all()
+
+
+LIFT = parse_yaml("lift.yaml", (EXAMPLES / "lift.yaml").read_text())
+
+
+def lifted(tmp_path, **changes):
+    """Return the run of the example in which two arms lift a box from a table into a crate."""
+    shutil.copytree(EXAMPLES / "points", tmp_path / "points")
+    (tmp_path / "lift.yaml").write_text(yaml_text({**LIFT, **changes}))
+    return dqc.run(tmp_path / "lift.yaml")
+
+
+@pytest.mark.slow
+def test_two_arms_lift_what_lies_on_a_table(tmp_path):
+    run = lifted(tmp_path)
+    assert run.verdict.failure == "", run.verdict.words
+    assert run.verdict.words.startswith("box in crate; ")
+    assert "let go of the box at 7." in run.verdict.words
+    place = run.record.readings["box_position"].values
+    assert place[100] == pytest.approx([0.5054, 0, 0.3669], abs=1e-3)  # it lay on the table
+    assert place[:, 2].max() == pytest.approx(0.3669 + 0.16, abs=4e-3)  # held without slipping
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::dqcontrol.errors.TaskWarning")
+def test_a_box_that_slips_is_said(tmp_path):
+    world = {**LIFT["world"], "box": {**LIFT["world"]["box"], "friction": 0.05}}
+    run = lifted(tmp_path, world=world)
+    assert run.verdict.failure == "outcome"
+    assert re.match(r"not so: box [\d.]+ mm from crate", run.verdict.words), run.verdict.words
 
 
 def test_what_is_refused():

@@ -171,14 +171,14 @@ class Judge:
         touched = list(self._touched(record))
         judged = judge_outcome(self._outcome, record, self.robot, self._world, self._period, touched)
         met = [each.words for each in judged if each.holds]
-        hit = self._felt(record)
+        hit, grip = self._felt(record), list(self._grip(record))
         found: list[tuple[Failure, str]] = [
             *(("outcome", f"not so: {each.words}") for each in judged if not each.holds),
             *(("crossed", words) for words in (*self._crossed(record), *self._supervised(record))),
             *(("contact", words) for words in touched),
             *(("contact", words) for words in hit if not self._outcome and not self._may_be_hit(words)),
             *(("limits", words) for words in self._limits(record, metrics)),
-            *(("grip", words) for words in self._grip(record)),
+            *(("grip", words) for words in grip if not self._outcome),
             *(("task", words) for words in self._shakes(record, metrics)),
         ]
         pressed = list(self._pressed(record))
@@ -188,6 +188,7 @@ class Judge:
         told = [words for words, failed in (*pressed, *further) if not failed]
         task = metrics.verdict
         met += [words for words in hit if self._outcome or self._may_be_hit(words)]
+        met += grip if self._outcome else []
         if self._outcome and not found:
             return Verdict("; ".join([*met, task, *told, *self._kept(record), *self._done(record)]), "")
         if task.startswith("not ") and not self._outcome:

@@ -32,6 +32,8 @@ from dqcontrol.films.film_physics import film_physics, with_rolling_wheels
 from dqcontrol.films.ghosts import COLOURS
 from dqcontrol.films.physics_picture import render_run
 from dqcontrol.films.picture_file import check_picture_file
+from dqcontrol.loop.kept_signals import DISTANCE
+from dqcontrol.measures.contact import contact_force
 from dqcontrol.measures.plans_of_run import plans_of_run
 from dqcontrol.plants.mobile.mobile_plant import MobilePlant
 from dqcontrol.robots.serial_arm import SerialArm
@@ -46,6 +48,7 @@ if TYPE_CHECKING:
     Further = Sequence[tuple[Plant | None, Record]]
 
 _MOST_FRAMES = 3000
+_PICTURES = 6  # of a strip
 _INK = (20, 20, 20)
 _SLOWEST, _FASTEST = 0.1, 100  # frames a second; a GIF counts hundredths of a second
 
@@ -150,7 +153,8 @@ def render_whole(
     """Save one picture of a whole run as a PNG file.
 
     An arm is seen at its end, earlier configurations through it, and its paths, as `render_run` draws them; of a mobile
-    manipulator, of several runs, and where constraints are drawn, there is a strip of six pictures at equal times.
+    manipulator, of several runs, and where constraints are drawn, there is a strip of six pictures at equal
+    times, but one where the robot was nearest to what it keeps away from, or was pressed hardest.
 
     Parameters
     ----------
@@ -169,7 +173,7 @@ def render_whole(
     look: dict[str, Any] = {"width": width, "height": height, "overwrite": overwrite}
     film = _film(robot, [(plant, record), *further], kept)
     if further or kept is not None or getattr(plant, "world", None) or not film.is_overlaid:
-        times = np.linspace(0.0, _end(record, further), 6).tolist()
+        times = _moments(record, _end(record, further))
         look |= {
             "azimuth": azimuth,
             "elevation": elevation,
@@ -256,6 +260,21 @@ def _told(pictures: Iterable[Any], count: int, progress: Callable[[int, int], No
     for drawn, picture in enumerate(pictures, 1):
         yield picture
         progress(drawn, count)
+
+
+def _moments(record: Record, end: float) -> list[float]:
+    """Return six times from 0 to the end, s: the nearest to where it was closest, or pressed hardest, is that."""
+    times = np.linspace(0.0, end, _PICTURES)
+    force, kept = contact_force(record), record.readings.get(DISTANCE)
+    if force is not None and force.any():
+        closest = float(record.time[int(force.argmax())])
+    elif kept is not None and np.isfinite(kept.values).any():
+        closest = float(record.time[np.unravel_index(int(np.nanargmin(kept.values)), kept.values.shape)[0]])
+    else:
+        return times.tolist()
+    inner = 1 + int(np.abs(times[1:-1] - closest).argmin())
+    times[inner] = min(max(closest, times[inner - 1]), times[inner + 1])
+    return times.tolist()
 
 
 def _end(record: Record, further: Further) -> float:

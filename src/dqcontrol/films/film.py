@@ -20,6 +20,7 @@ Pixels = NDArray[np.uint8]
 # Less than for single pictures, as there are many. At 720p without a graphics card a frame takes 0.075 s of processor
 # time: 0.045 s for the shadow, half of that for the pieces of paths in it, the rest for pixels.
 _SHADOWS, _SLICES, _STACKS = 1024, 24, 4
+_OF_BALLS = 10  # stacks; with fewer balls are no longer round, and they cost a frame a quarter more
 _GHOST, _BEHIND = 0.4, 3e-3  # opacity of further runs, and how far they stay behind the first in its place, m
 _SMOOTHED = 500_000  # pixels; the edges of larger frames are not smoothed
 
@@ -46,6 +47,8 @@ class Film:
         Whether one picture shows the whole run, earlier configurations through the last.
     further
         Give the coordinates of further runs, which show through the first.
+    has_balls
+        Whether balls are to look round.
     """
 
     spec: Any
@@ -57,6 +60,7 @@ class Film:
     decorations: int = 0
     is_overlaid: bool = True
     further: Sequence[Callable[[Any], NDArray[np.float64]]] = ()
+    has_balls: bool = False
 
 
 def frames(
@@ -89,7 +93,8 @@ def frames(
     framing, towards = film.framing, film.azimuth if azimuth is None else azimuth
     add_scene_background(mujoco, film.spec, framing, towards, (width, height))
     quality = film.spec.visual.quality
-    quality.shadowsize, quality.numslices, quality.numstacks = _SHADOWS, _SLICES, _STACKS
+    quality.shadowsize, quality.numslices = _SHADOWS, _SLICES
+    quality.numstacks = _OF_BALLS if film.has_balls else _STACKS
     if width * height > _SMOOTHED:
         quality.offsamples = 0
     model = compiled(film.spec)

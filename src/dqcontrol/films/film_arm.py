@@ -79,5 +79,6 @@ def film_arm(
         decorate=decorate,
         is_overlaid=not (around and around.moves),
         decorations=(len(ways) + len(actual)) * _PIECES + len(plans) + (around.most if around else 0),
+        has_balls=around is not None,
         further=[lambda _, q=each.q: skeleton_positions(robot, q) for each in further],
     )

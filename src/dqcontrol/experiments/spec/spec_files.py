@@ -42,7 +42,7 @@ def complete_plants(data: dict[str, Any], folder: Path) -> None:
 
 def locate_files(data: dict[str, Any], folder: Path) -> None:
     """Make the names of files of robots and references absolute."""
-    for part in _references(data.get("reference")):
+    for part in _references_of(data):
         part["file"] = str((folder / part["file"]).resolve())
     for part, key in _robots(data):
         if (folder / part[key]).is_file():
@@ -96,7 +96,7 @@ def _copy_name(path: Path) -> str:
 def _named(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
     """Yield each mapping that names a file, with the key that does."""
     yield from _robots(data)
-    yield from ((part, "file") for part in _references(data.get("reference")))
+    yield from ((part, "file") for part in _references_of(data))
     yield from _maps(data)
     yield from ((part, key) for part, kind in _plants_and_laws(data) for key in _file_keys(part, kind))
     yield from (
@@ -145,6 +145,14 @@ def _within(data: dict[str, Any], *keys: str) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
+def _references_of(data: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield the references of a spec, those of its further tasks among them, that name files."""
+    tasks = data.get("tasks")
+    yield from _references(data.get("reference"))
+    for task in tasks if isinstance(tasks, list) else ():
+        yield from _references(task.get("reference") if isinstance(task, dict) else None)
+
+
 def _references(reference: Any) -> Iterator[dict[str, Any]]:
     """Yield a reference that names a file, and those that it is made of."""
     if not isinstance(reference, dict):
@@ -152,7 +160,7 @@ def _references(reference: Any) -> Iterator[dict[str, Any]]:
     if isinstance(reference.get("file"), str):
         yield reference
     parts = reference.get("references")
-    for part in parts if isinstance(parts, list) else ():
+    for part in (reference.get("reference"), *(parts if isinstance(parts, list) else ())):
         yield from _references(part)
 
 
