@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import zstandard
 
-from dqcontrol.browser import urdf_shapes
 from dqcontrol.errors import Error, FileFormatError
+from dqcontrol.figures import urdf_shapes
 from dqcontrol.files.yaml_file import LARGEST_YAML, read_yaml
 from dqcontrol.logs.joint_log import read_joint_log
 from dqcontrol.recording import load_record

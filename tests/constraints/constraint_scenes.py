@@ -8,7 +8,9 @@ from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 
 HOME = np.array([0.0, -0.3, 0.0, -2.0, 0.0, 1.8, 0.7])
 SUBSAMPLES = 20
-MOVED = [f"panda_link{k}" for k in range(3, 8)]  # the first two cannot get out of the way of what comes
+MOVED = [
+    f"panda_link{k}" for k in (3, 4, "5.1", "5.2", "6.1", "6.2", 7)
+]  # the first two cannot get out of the way of what comes
 
 
 def random_constraints(rng, arm, q, **options):

@@ -140,7 +140,7 @@ def test_check_says_what_many_parts_cost(wedge):
     }
     (said,) = [words for words in dqc.experiments.check(spec).tasks if "shelf" in words]
     found = re.fullmatch(
-        r"constraints.clear_of.shelf: 4 convex parts with (\d+) corners; all their distances from 8 links take "
+        r"constraints.clear_of.shelf: 4 convex parts with (\d+) corners; all their distances from 10 links take "
         r"([\d.e+]+) µs here, each time that a step looks at them; far ones are left out",
         said,
     )

@@ -30,7 +30,7 @@ def test_an_example_keeps_what_it_asks_for_and_says_what_became_of_its_task(name
 
     if name == "keep-out":
         assert run.verdict.words == (
-            "kept clear of the ball (10.6 mm, 10 asked); left the circle by 65 mm at most; back on it at the end"
+            "kept clear of the ball (10.8 mm, 10 asked); left the circle by 65 mm at most; back on it at the end"
         )
         assert not run.verdict.failure
 

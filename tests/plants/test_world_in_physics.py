@@ -118,7 +118,7 @@ SCENES = {
     ),
     "wall": (
         going(0, 0.4, 0) | {"world": {"wall": {"box": [1, 0.1, 2], "position": [0.5, 0.35, 1]}}},
-        r"hit wall: panda_\w+ [\d.]+ N, [\d.]+ mm deep at",
+        r"hit wall: panda_[\w.]+ [\d.]+ N, [\d.]+ mm deep at",
     ),
     "floor": (going(0, 0, -0.6, 3.0) | {"world": {"floor": True}}, r"hit floor: panda_\w+ \d+ N"),
     "ideal table": (
@@ -189,7 +189,7 @@ SCENES = {
             },
             "outcome": [{"force": {"at_most": 500}}],
         },
-        r"N at most felt, 500 N allowed; hit wall: panda_\w+ ",
+        r"N at most felt, 500 N allowed; hit wall: panda_[\w.]+ ",
     ),
 }
 

@@ -284,11 +284,11 @@ def test_an_unlimited_command_passes_unchanged(arm):
         ({"contact_force": -1.0}, "supervisor.contact_force: must be > 0, got -1"),
         (
             {"payload": lambda: Tool(mass=-1.0)},
-            "supervisor.payload.mass: must be ≥ 0, got -1",
+            "tool.mass: must be ≥ 0, got -1",
         ),
         (
             {"payload": lambda: Tool(mass=1.0, center=(0.0, np.nan, 0.0))},
-            r"supervisor.payload.center\[1\]: must be finite",
+            r"tool.center\[1\]: must be finite",
         ),
         (
             {"workspace": WorkspaceBox(lower=(0, 0, 0), upper=(1, 1, 1), points=[LinkPoint(joint="elbo")])},

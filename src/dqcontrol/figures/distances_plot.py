@@ -93,7 +93,7 @@ def distances(record: Record) -> Figure:
 def _draw_proofs(axes: Any, made: Sequence[PlanOfRun], end: float) -> None:
     """Draw the room that is proved of planned ways."""
     ends = [*(each.time for each in made[1:]), end]
-    for each, last in zip(made, ends, strict=True):
+    for each, last in zip(made, ends, strict=False):  # no plans have an end, too
         if np.isfinite(each.room):
             axes.hlines(1e3 * each.room, each.time, last, **_PROVED)
 

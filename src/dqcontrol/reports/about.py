@@ -165,7 +165,7 @@ def _words(plain: Any) -> str:
         return f"{plain:{'.4g' if abs(plain) < _ROUND else '.6g'}}".replace("-", "−")
     if isinstance(plain, dict):
         said = [f"{key.replace('_', ' ')} {_words(value)}" for key, value in plain.items() if _says(value)]
-        return f"({'; '.join(said)})"
+        return f"({'; '.join(said)})" if said else "as by default"
     if isinstance(plain, list | tuple):
         nested = any(isinstance(each, list | tuple | dict) for each in plain)
         return f"of {len(plain)}" if len(plain) > (1 if nested else _LONG) else ", ".join(map(_words, plain))
