@@ -190,4 +190,5 @@ def _sensor(position: str | None, rpy: str | None) -> Any:
         "position": numbers("sensor-position", position, "m"),
         "rpy": numbers("sensor-rpy", rpy, "rad"),
     }
-    return ForceSensor(**{key: tuple(value) for key, value in given.items() if value is not None})
+    told: dict[str, Any] = {key: tuple(value) for key, value in given.items() if value is not None}
+    return ForceSensor(**told)

@@ -47,6 +47,9 @@ class SequenceSpec(ReferenceSpec, frozen=True, kw_only=True, tag="sequence"):
         return shapes.Sequence(parts)
 
 
+_Time = Annotated[float, Meta(ge=0, description="s; the last measurement counts from then on")]
+
+
 class FollowSpec(ReferenceSpec, frozen=True, kw_only=True, tag="follow"):
     """A motion for where a body of the world stands, carried along to where that is measured; see `references.Follow`.
 
@@ -58,9 +61,7 @@ class FollowSpec(ReferenceSpec, frozen=True, kw_only=True, tag="follow"):
     reference: AnyReference | None = None
     duration: Annotated[float, Meta(gt=0, description="s, without 'reference'")] | None = None
     taught: Annotated[Vector | None, Meta(description="its position, m")] = None
-    until: Annotated[float, Meta(ge=0, description="s; the last measurement counts from then on")] | None = (
-        None
-    )
+    until: _Time | None = None  # pyright: ignore[reportIncompatibleVariableOverride]
 
     def _shape(self, start: SpecStart) -> shapes.Reference:
         if (self.reference is None) == (self.duration is None):
