@@ -23,6 +23,7 @@ from dqcontrol.errors import (
 )
 from dqcontrol.geometry import FloorMap
 from dqcontrol.references.base_ways import Piece, arcs_and_lines, rolled, turns_and_lines
+from dqcontrol.references.minimum_jerk import PEAK_SPEED, progress
 from dqcontrol.references.reference import NO_CORNERS, Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE, as_pose
 from dqcontrol.references.set_point import SetPoint
@@ -45,7 +46,7 @@ if TYPE_CHECKING:
 
 _RAMP = 1.0  # s; no motion reaches its full speed sooner
 _WIDER = 1.25  # arcs of bases that steer, against their least radius: the rest is for corrections
-_PEAK_SPEED, _PEAK_ACCELERATION = 1.875, 10 / math.sqrt(3)  # of minimum jerk, over a unit way in a unit time
+_PEAK_ACCELERATION = 10 / math.sqrt(3)  # of minimum jerk, over a unit way in a unit time
 _SpeedFraction = Annotated[float, Meta(gt=0, le=1, description="of the limits")]
 _Acceleration = (
     Annotated[float, Meta(gt=0, description="m/s² or rad/s²")]
@@ -337,8 +338,7 @@ class DriveTo(PlannedWay):
         lasts = np.maximum(self._lasts, 1e-9)
         t = np.clip((times[:, None] - self._begins) / lasts, 0.0, 1.0)
         rest = 1.0 - t
-        progress = t**3 * (10 - 15 * t + 6 * t**2)
-        return progress, 30 * (t * rest) ** 2 / lasts, 60 * t * rest * (1 - 2 * t) / lasts**2
+        return progress(t), 30 * (t * rest) ** 2 / lasts, 60 * t * rest * (1 - 2 * t) / lasts**2
 
 
 def _way_around(
@@ -533,6 +533,6 @@ def _least_durations(robot: Robot, inputs: Array, fraction: float, acceleration:
         straight = np.hypot(rows[:, 2], rows[:, 3]).max() * np.hypot(ways[:, j], ways[:, j + 1])
         rims = (straight + np.abs(rows[:, 4]).max() * ways[:, j + 2]) / fraction
         share[:, j] = np.maximum(share[:, j], rims)  # whichever way the base faces
-    lasts = np.maximum(_PEAK_SPEED * share, np.sqrt(_PEAK_ACCELERATION * _RAMP * share))
+    lasts = np.maximum(PEAK_SPEED * share, np.sqrt(_PEAK_ACCELERATION * _RAMP * share))
     lasts = np.maximum(lasts, np.sqrt(_PEAK_ACCELERATION * ways / (fraction * acceleration)))
     return lasts.max(axis=1, initial=0.0)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.algebra import rotation, translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import as_array, as_positive
+from dqcontrol.references.minimum_jerk import progress
 from dqcontrol.references.reference import NO_CORNERS, Reference
 from dqcontrol.references.rigid_motion import motion_samples
 from dqcontrol.references.sample import as_pose
@@ -67,7 +68,7 @@ class Straight(Reference):
         t, way = (times / self.duration)[:, None], as_array("way", self.way)
         share, rate, more = t, np.ones_like(t), np.zeros_like(t)
         if not self.steady:
-            share = t**3 * (10 - t * (15 - 6 * t))
+            share = progress(t)
             rate, more = 30 * t**2 * (1 - t) ** 2, 60 * t * (1 - t) * (1 - 2 * t)
         out = motion_samples(
             translation(self.start) + share * way,

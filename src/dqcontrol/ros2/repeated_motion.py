@@ -21,6 +21,7 @@ from dqcontrol.loop.control import reference_time
 from dqcontrol.loop.record import has_failed
 from dqcontrol.loop.signals import Signal
 from dqcontrol.recording import load_record
+from dqcontrol.references.minimum_jerk import PEAK_SPEED, progress
 from dqcontrol.references.points_file import DUAL_QUATERNION
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots import Robot
@@ -38,7 +39,6 @@ Interface = Literal["velocity", "position", "trajectory"]
 _SLOW = 0.15  # of the joints' speed limits, at most, on the way back
 _LEAST, _REST = 2.0, 1.0  # s of the way back, and of the rest behind it
 _GAIN = 2.0  # 1/s, towards the start
-_PEAK = 1.875  # times its mean is the largest speed of a minimum-jerk motion
 _UNKNOWN_SPEED = 1.0  # rad/s or m/s of joints without a limit
 
 
@@ -109,7 +109,7 @@ class RobotBehindTopics:
         duration = max(slow_time(robot, now, start), problem.block.return_time or 0.0)
         time = period * np.arange(int(np.ceil((duration + _REST) / period)) + 1, dtype=np.float64)
         share: Array = np.clip(time / duration, 0.0, 1.0)[:, None]
-        positions = now + share**3 * (10 - 15 * share + 6 * share**2) * (start - now)
+        positions = now + progress(share) * (start - now)
         more: dict[str, Any] = {key: problem.data[key] for key in ("supervisor",) if key in problem.data}
         plant = problem.data.get("plant") or {"kind": "servo"}
         back = folder / "back"
@@ -154,4 +154,4 @@ def slow_time(robot: Robot, begin: Array, end: Array) -> float:
     """Return in which time a minimum-jerk motion of the joints keeps well below their speed limits, s."""
     speeds = robot.limits.velocity
     speeds = np.where(np.isfinite(speeds), speeds, _UNKNOWN_SPEED)
-    return max(float(np.max(_PEAK * np.abs(end - begin) / (_SLOW * speeds))), _LEAST)
+    return max(float(np.max(PEAK_SPEED * np.abs(end - begin) / (_SLOW * speeds))), _LEAST)

@@ -23,6 +23,7 @@ from dqcontrol.logs.servos.joint_motion_files import write_joint_motion
 from dqcontrol.logs.servos.lag_response import BY_DELAY, BY_LAG, OUTPUT, TRANSIENT, held, lag_response
 from dqcontrol.logs.servos.servo_orders import MOST_DELAY
 from dqcontrol.measures.metric_tables import fitting_unit
+from dqcontrol.references.minimum_jerk import progress
 from dqcontrol.robots import Robot, SerialArm, load_robot
 from dqcontrol.tables.tables import Cell, Column, Table
 
@@ -358,8 +359,7 @@ def _grid(count: int, period: float) -> Array:
 
 
 def _swell(time: Array) -> Array:
-    at = np.clip(np.minimum(time, time[-1] - time) / 0.5, 0, 1)
-    return at**3 * (10 - 15 * at + 6 * at**2)
+    return progress(np.clip(np.minimum(time, time[-1] - time) / 0.5, 0, 1))
 
 
 _SIGNALS: dict[Signal, Callable[[np.random.Generator, int, float, Array, int, int], Array]] = {
