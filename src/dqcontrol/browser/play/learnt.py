@@ -14,6 +14,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.browser.play.recorded_rows import RecordedRows
 from dqcontrol.browser.play.session import PlaySession
 from dqcontrol.errors import Error
+from dqcontrol.loop import part_of
 
 if TYPE_CHECKING:
     from dqcontrol.loop import Record
@@ -83,4 +84,4 @@ def _repeat(session: PlaySession, spec: dict[str, Any], recorded: list[RecordedR
         if session.rows is not rows or session.is_closed:
             raise _EndedError("the robot does something else by now")
         time.sleep(_LOOK)
-    return session.record()
+    return part_of(session.record(), 0, count)  # it goes on until this thread looks again
