@@ -87,6 +87,10 @@ class Shape:
         return f"{type(self).__name__}({', '.join(parts)})"
 
 
+def _carried_pose(pose: Array, rotation: Array, position: Array) -> Array:
+    return algebra.multiply(algebra.pose(algebra.rotation_from_matrix(rotation), position), pose)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Point(Shape):
     """A point.
@@ -349,8 +353,7 @@ class Box(Shape):
             raise ValueRangeError(f"size: must be > 0, got {self.size.tolist()}")
 
     def _carried(self, rotation: Array, position: Array) -> Self:
-        moved = algebra.pose(algebra.rotation_from_matrix(rotation), position)
-        return type(self)(algebra.multiply(moved, self.pose), self.size)
+        return type(self)(_carried_pose(self.pose, rotation, position), self.size)
 
     def _fill(self, row: Array) -> None:
         matrix = algebra.matrix_from_pose(self.pose)
@@ -419,8 +422,7 @@ class Hull(Shape):
 
     def _carried(self, rotation: Array, position: Array) -> Self:
         found = object.__new__(type(self))
-        moved = algebra.pose(algebra.rotation_from_matrix(rotation), position)
-        _freeze(found, "pose", algebra.multiply(moved, self.pose))
+        _freeze(found, "pose", _carried_pose(self.pose, rotation, position))
         object.__setattr__(found, "points", self.points)
         object.__setattr__(found, "faces", self.faces)
         return found
