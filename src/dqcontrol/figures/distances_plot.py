@@ -77,7 +77,7 @@ def distances(record: Record) -> Figure:
         if signal is room:
             axes.set_yscale("symlog", linthresh=10.0)
             axes.axhline(0.0, color="black", linewidth=0.6)
-            if unit == "m":
+            if unit == "m" and made:
                 _draw_proofs(axes, made, float(record.time[-1]))
         else:
             beyond_spikes(axes, values[:, shown])
@@ -93,7 +93,7 @@ def distances(record: Record) -> Figure:
 def _draw_proofs(axes: Any, made: Sequence[PlanOfRun], end: float) -> None:
     """Draw the room that is proved of planned ways."""
     ends = [*(each.time for each in made[1:]), end]
-    for each, last in zip(made, ends, strict=False):  # no plans have an end, too
+    for each, last in zip(made, ends, strict=True):
         if np.isfinite(each.room):
             axes.hlines(1e3 * each.room, each.time, last, **_PROVED)
 
