@@ -17,6 +17,8 @@ import numpy as np
 
 from dqcontrol.errors import ShapeError, UnknownNameError, ValueRangeError, suggest
 
+Three = tuple[float, float, float]  # along x, y and z
+
 if TYPE_CHECKING:
     from msgspec import Struct as CheckedFields, Struct as NamedFields
 else:

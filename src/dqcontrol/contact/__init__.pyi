@@ -19,5 +19,6 @@ from .tool_identification import (
     IdentifiedTool as IdentifiedTool,
     gravity_condition as gravity_condition,
     identify_tool as identify_tool,
+    tare_tool as tare_tool,
     tool_orientations as tool_orientations,
 )

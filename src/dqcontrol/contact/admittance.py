@@ -17,7 +17,7 @@ from dqcontrol.contact.admittance_step import admittance
 from dqcontrol.contact.contact_layout import BASE, HAND, MOST_GUARDS, REFERENCE, contact_parameters
 from dqcontrol.contact.tool import Tool
 from dqcontrol.errors import ShapeError, ValueRangeError
-from dqcontrol.named_fields import NamedFields
+from dqcontrol.named_fields import NamedFields, Three
 from dqcontrol.references.guarded import Guards
 
 _AXES = {"reference": REFERENCE, "base": BASE, "hand": HAND}
@@ -26,7 +26,6 @@ _RIGID = "rigid"
 
 NO_GUARDS = Guards()
 NEEDS_CONTACT = "reference: 'until' and 'touch' need a force sensor, which 'contact' describes; give it"
-Three = tuple[float, float, float]
 Stiffness = float | Literal["rigid"]
 NotNegative = Annotated[float, Meta(ge=0)]
 _THREE = Meta(min_length=3, max_length=3)
@@ -143,6 +142,11 @@ class ForceSensor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     filter: Annotated[float, Meta(ge=0, description="s")] = 0.0
     tool: Tool | None = None
     tare: Annotated[float, Meta(ge=0, le=60, description="s")] = 0.0
+
+    @property
+    def pose(self) -> Array:
+        """As seen from the hand, unit dual quaternion (8,)."""
+        return algebra.pose(algebra.rotation_from_rpy(self.rpy), self.position)
 
 
 class DeflectionLimits(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -9,9 +9,7 @@ import msgspec
 from msgspec import Meta
 
 from dqcontrol.files.yaml_file import read_yaml
-from dqcontrol.named_fields import NamedFields
-
-Three = tuple[float, float, float]
+from dqcontrol.named_fields import NamedFields, Three
 
 
 class Tool(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):

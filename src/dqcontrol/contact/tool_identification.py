@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
 from dqcontrol import algebra
@@ -70,10 +71,7 @@ def identify_tool(
     >>> round(found.mass, 9), round(found.center[2], 9), round(found.force_bias[0], 9)
     (0.8, 0.05, 0.3)
     """
-    placed = as_array("poses", poses, (None, 8))
-    felt = as_array("wrenches", wrenches, (None, 6))
-    if placed.ndim != 2 or placed.shape[0] != felt.shape[0] or felt.ndim != 2:
-        raise ShapeError(f"wrenches: expected one a pose, ({len(placed)}, 6), got {felt.shape}")
+    placed, felt = _readings(poses, wrenches)
     by_mass, by_moment = _columns(placed, as_array("gravity", gravity, (3,)))
     mass, force_bias, force_left = _fit(by_mass, felt[:, :3], 1)
     moment, torque_bias, torque_left = _fit(by_moment, felt[:, 3:], 3)
@@ -96,6 +94,36 @@ def identify_tool(
     return IdentifiedTool(tool, force_left, torque_left, of_force, of_torque)
 
 
+def tare_tool(
+    known: Tool, poses: ArrayLike, wrenches: ArrayLike, gravity: ArrayLike = (0.0, 0.0, -9.81)
+) -> IdentifiedTool:
+    """Return a known tool with the bias that explains wrenches in the air best: one pose is enough.
+
+    Parameters
+    ----------
+    known
+        Its mass and centre are kept.
+    poses, wrenches, gravity
+        As for `identify_tool`.
+
+    Raises
+    ------
+    ShapeError
+        If shapes do not fit.
+    """
+    placed, felt = _readings(poses, wrenches)
+    by_mass, by_moment = _columns(placed, as_array("gravity", gravity, (3,)))
+    force = felt[:, :3] - known.mass * by_mass[:, :, 0]
+    torque = felt[:, 3:] - by_moment[:, :, :3] @ (known.mass * np.array(known.center))
+    biases = [rest.mean(axis=0) for rest in (force, torque)]
+    left = [
+        float(np.sqrt(np.mean((rest - bias) ** 2)))
+        for rest, bias in zip((force, torque), biases, strict=True)
+    ]
+    tool = replace(known, force_bias=_three(biases[0]), torque_bias=_three(biases[1]))
+    return IdentifiedTool(tool, left[0], left[1], np.nan, np.nan)
+
+
 def gravity_condition(poses: ArrayLike, gravity: ArrayLike = (0.0, 0.0, -9.81)) -> float:
     """Return the condition of the worse one of the two fits of `identify_tool`, from poses (N, 8) alone."""
     placed = as_array("poses", poses, (None, 8))
@@ -114,6 +142,13 @@ def tool_orientations() -> Array:
         (0, -quarter, 0),
     ]
     return np.array([algebra.rotation_from_rpy(turn)[:4] for turn in turns])
+
+
+def _readings(poses: ArrayLike, wrenches: ArrayLike) -> tuple[Array, Array]:
+    placed, felt = as_array("poses", poses, (None, 8)), as_array("wrenches", wrenches, (None, 6))
+    if placed.ndim != 2 or placed.shape[0] != felt.shape[0] or felt.ndim != 2:
+        raise ShapeError(f"wrenches: expected one a pose, ({len(placed)}, 6), got {felt.shape}")
+    return placed, felt
 
 
 def _columns(poses: Array, fall: Array) -> tuple[Array, Array]:

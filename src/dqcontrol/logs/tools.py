@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -23,6 +24,7 @@ from dqcontrol.contact import (
     Tool,
     gravity_condition,
     identify_tool,
+    tare_tool,
     tool_orientations,
 )
 from dqcontrol.contact.tool_identification import WORST_CONDITION
@@ -33,6 +35,7 @@ from dqcontrol.files.whole_file import whole_file
 from dqcontrol.logs.joint_log import JointLog, read_joint_log
 from dqcontrol.logs.joint_messages import is_recording, read_wrenches
 from dqcontrol.logs.servos.joint_motion_files import write_joint_motion
+from dqcontrol.references.minimum_jerk import PEAK_SPEED, progress
 from dqcontrol.robots import Robot, SerialArm, load_robot
 from dqcontrol.tables.tables import Cell, Column, Table
 
@@ -165,7 +168,7 @@ def tool_motion(
     lower, upper = arm.limits.lower, arm.limits.upper
     middle = np.where(np.isfinite(lower + upper), 0.5 * np.nan_to_num(lower + upper), 0.0)
     begin = middle if start is None else as_array("start", start, (arm.configuration_size,))
-    at_sensor = _pose_of(sensor or ForceSensor())
+    at_sensor = (sensor or ForceSensor()).pose
     place = algebra.pose(_STRAIGHT, algebra.translation(arm.fkm(begin)))
     back = algebra.conjugate(algebra.pose(algebra.rotation(at_sensor), np.zeros(3)))
     spins = np.arange(_YAWS) * (2 * np.pi / _YAWS)
@@ -197,16 +200,13 @@ def tool_motion(
     speed = np.minimum(_SPEED, 0.5 * arm.limits.velocity)
     parts = [stops[0][None]]
     for before, after in pairwise(stops):
-        seconds = max(1.875 * float((np.abs(after - before) / speed).max()), period)
+        seconds = max(PEAK_SPEED * float((np.abs(after - before) / speed).max()), period)
         at_times = np.linspace(0.0, 1.0, max(int(np.ceil(seconds / period)), 1) + 1)[1:, None]
-        share = at_times**3 * (10 - 15 * at_times + 6 * at_times**2)
-        parts += [before + share * (after - before), np.repeat(after[None], round(_REST / period), axis=0)]
+        parts += [
+            before + progress(at_times) * (after - before),
+            np.repeat(after[None], round(_REST / period), axis=0),
+        ]
     return ToolMotion(arm, period, np.vstack(parts), found, condition)
-
-
-def _pose_of(sensor: ForceSensor) -> Array:
-    """Return the pose of a sensor as seen from the hand."""
-    return algebra.pose(algebra.rotation_from_rpy(sensor.rpy), sensor.position)
 
 
 def _from_down(fall: Array) -> Array:
@@ -361,16 +361,12 @@ def tool_from_logs(
             f"{paths[0]}: the robot nowhere rests for {_SETTLED + _SHORTEST:g} s; dqcontrol identify tool-motion "
             "proposes a motion that does"
         )
-    poses = algebra.multiply(arm.fkm(np.array(configurations)), _pose_of(sensor or ForceSensor()))
-    if known is None:
-        found = identify_tool(poses, wrenches, gravity)
-    else:
-        found = _tared(known, poses, np.array(wrenches), as_array("gravity", gravity, (3,)))
+    poses = algebra.multiply(arm.fkm(np.array(configurations)), (sensor or ForceSensor()).pose)
+    read = poses, wrenches, gravity
+    found = tare_tool(known, *read) if known else identify_tool(*read)
     stamp = datetime.fromtimestamp(day / 1e9, UTC) if day > _FIRST_STAMP else datetime.now(UTC)
     dated = replace(found.tool, tared=f"{stamp:%Y-%m-%d}")
-    whole = IdentifiedTool(
-        dated, found.force_left, found.torque_left, found.force_condition, found.torque_condition
-    )
+    whole = dataclasses.replace(found, tool=dated)
     return ToolIdentification(arm.name, tuple(paths), whole, len(wrenches), readings)
 
 
@@ -402,18 +398,6 @@ def _wrenches(data: JointLog, topic: str | None) -> tuple[Array, Array]:
         f"{data.path}: holds no wrench: columns fx, fy, fz, tx, ty, tz of tables, readings wrist_force and "
         "wrist_torque of a run, or a topic of WrenchStamped"
     )
-
-
-def _tared(known: Tool, poses: Array, wrenches: Array, fall: Array) -> IdentifiedTool:
-    """Return a tool with the bias that explains wrenches in the air best."""
-    turned = algebra.matrix_from_pose(poses)[:, :3, :3]
-    weight = known.mass * np.einsum("nji,j->ni", turned, fall)
-    rest = wrenches - np.hstack([weight, np.cross(known.center, weight)])
-    bias = rest.mean(axis=0)
-    left = np.sqrt(np.mean((rest - bias) ** 2, axis=0))
-    force, torque = (float(np.sqrt(np.mean(part**2))) for part in (left[:3], left[3:]))
-    tool = replace(known, force_bias=tuple(bias[:3].tolist()), torque_bias=tuple(bias[3:].tolist()))
-    return IdentifiedTool(tool, force, torque, np.nan, np.nan)
 
 
 def _rounded(data: dict[str, Any]) -> dict[str, Any]:

@@ -11,11 +11,10 @@ from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
-from dqcontrol.named_fields import NamedFields
+from dqcontrol.named_fields import NamedFields, Three
 from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance, disturb
 from dqcontrol.robots.robot import Robot
 
-Three = tuple[float, float, float]
 Six = tuple[float, float, float, float, float, float]
 
 LINES = 64  # sines that a band-limited disturbance is made of

@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.arrays import Array
-from dqcontrol.named_fields import NamedFields
+from dqcontrol.named_fields import NamedFields, Three
 from dqcontrol.plants.channels import WRENCH_READINGS, Channel
 
 TOUCH_FORCE = "touch_force"  # of the environment on the hand, base axes
@@ -19,7 +19,6 @@ CHANNELS = (
     Channel(WRENCH_READINGS[1], AXES, "N·m"),
     Channel(TOUCH_FORCE, AXES, "N"),
 )
-Three = tuple[float, float, float]
 
 
 class Wrist(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
