@@ -10,6 +10,7 @@ import numpy as np
 from dqcontrol.browser.layout import extent
 from dqcontrol.browser.page import Page
 from dqcontrol.browser.run_view_model import Reading, Track
+from dqcontrol.browser.served_page import stop_server
 from dqcontrol.experiments.run import Run
 
 _RATE = 25.0  # pictures a second, as films have
@@ -70,7 +71,7 @@ def replay_page(tracks: Sequence[Track], title: str) -> str:
                     label.text = text
         made: str = serializer.as_html()
     finally:
-        page.server.stop()
+        stop_server(page.server)
     head = f"<title>{html.escape(title)}</title>"
     return made.replace("<head>", f"<head>{head}", 1)
 

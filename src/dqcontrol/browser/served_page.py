@@ -61,6 +61,12 @@ def start_server(port: int, title: str = "dqcontrol") -> Any:
     return server
 
 
+def stop_server(server: Any) -> None:
+    """Stop a server, once or more, without a word of viser's."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        server.stop()
+
+
 def address(server: Any) -> str:
     """Return where browsers find a server."""
     return f"http://{HOST}:{server.get_port()}"
@@ -97,7 +103,7 @@ class ServedPage(ABC):
                 self.tick()
                 time.sleep(_TICK)
         finally:
-            self.server.stop()
+            stop_server(self.server)
 
     @abstractmethod
     def tick(self) -> None:

@@ -40,7 +40,7 @@ def play(
     port
         Of this machine, where only its own users reach it; the next free one if it is taken.
     """
-    from dqcontrol.browser.served_page import address, start_server
+    from dqcontrol.browser.served_page import address, start_server, stop_server
     from dqcontrol.cli.view_command import announce
     from dqcontrol.robots import robot_names
 
@@ -53,8 +53,9 @@ def play(
     from dqcontrol.browser.play import PlayPage, PlaySession
     from dqcontrol.experiments.driven import driven_spec
 
-    spec, folder = driven_spec(source, (base_link, tip_link))
     with ExitStack() as stack:
+        stack.callback(stop_server, server)  # where the page does not come to it
+        spec, folder = driven_spec(source, (base_link, tip_link))
         session = PlaySession(spec, folder)
         if device:
             held = _held(device, stack)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from dqcontrol.browser.play.play_page import PlayPage
 from dqcontrol.browser.play.session import PlaySession
+from dqcontrol.browser.served_page import stop_server
 from dqcontrol.experiments.driven import driven_spec
 
 
@@ -70,7 +71,7 @@ class ShownPlay:
         if not self._closed.is_set():
             self._closed.set()
             self._thread.join()
-            self._page.server.stop()
+            stop_server(self._page.server)
             self.session.__exit__(None, None, None)
 
     def __repr__(self) -> str:
