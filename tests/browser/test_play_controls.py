@@ -249,7 +249,7 @@ def test_a_notebook_plays_in_a_cell_until_it_is_closed(tmp_path):
 
 
 def test_a_robot_that_is_not_there_is_one_line(tmp_path):
-    command = [sys.executable, "-m", "dqcontrol", "play", str(tmp_path / "no.yaml"), "--port", "0"]
+    command = [sys.executable, "-m", "dqcontrol", "play", str(tmp_path / "no.yaml")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, ""), "viser says that its server stopped"
     assert len(done.stderr.splitlines()) == 1
