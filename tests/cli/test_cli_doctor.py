@@ -26,7 +26,8 @@ def doctor(folder, cache, *options):
         env={
             **os.environ,
             "PYTHONPATH": str(Path(dqcontrol.__file__).parents[1]),
-            "DQCONTROL_CACHE": cache,  # a short name, for a table that wraps nothing
+            "DQCONTROL_CACHE": cache,
+            "COLUMNS": "200",  # for a table, not lines of words
         },
         capture_output=True,
         text=True,

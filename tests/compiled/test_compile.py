@@ -222,7 +222,7 @@ def test_an_edit_recompiles_only_what_it_can_change(tmp_path):
     shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
     cache = tmp_path / "cache"
     assert call(cache, copy.parent)[:2] == (0.0, 0)
-    for path in (copy / "figures" / "style.py", copy / "laws" / "cascade.py", copy / "__init__.py"):
+    for path in (copy / "figures" / "style.py", copy / "laws" / "h_infinity.py", copy / "__init__.py"):
         path.write_text(path.read_text(encoding="utf-8") + "\n# a remark\n", encoding="utf-8")
     assert call(cache, copy.parent)[:2] == (0.0, 1)
     for path in (copy / "compiled" / "intrinsics.py", copy / "references" / "reference.py"):
