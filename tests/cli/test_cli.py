@@ -163,7 +163,7 @@ def test_shapes_of_robots(here, capsys):
     options = ("--pairs", "--write", "mine.yaml", "--picture", "panda.png")
     code, out, _ = call("robots", "shapes", "panda", *options, capsys=capsys)
     assert code == 0
-    assert "panda: 8 shapes, 9 of" in out
+    assert "panda: 10 shapes, 15 of" in out
     assert load_robot("mine.yaml").shapes == load_robot("panda").shapes
     assert Path("panda.png").read_bytes().startswith(b"\x89PNG")
     code, _, err = call("robots", "shapes", "panda", "--picture", "panda.gif", capsys=capsys)

@@ -179,3 +179,12 @@ def test_what_a_supervisor_holds_back_does_not_wind_up():
     height = algebra.translation(record.pose)[:, 2]
     assert np.abs(np.diff(height)).max() / 0.004 < 0.011  # it was held
     np.testing.assert_array_equal(record.q, again.q)
+
+
+def test_a_loop_that_no_damping_makes_stable_is_said_so(tmp_path):
+    path = tmp_path / "press.yaml"
+    path.write_text(
+        EXAMPLE.read_text(encoding="utf-8").replace("gain: 1}", "gain: 1.0e+300}"), encoding="utf-8"
+    )
+    with pytest.raises(Error, match="unstable from 0 N/m on; no damping makes it stable"):
+        check(path)

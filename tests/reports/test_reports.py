@@ -342,7 +342,7 @@ def test_figures_of_saved_results_as_files_for_papers(run, tmp_path, monkeypatch
     words = "figures run --format pdf --format png --width single"
     monkeypatch.setattr(sys, "argv", ["dqcontrol", *words.split()])
     cli.main()
-    assert capsys.readouterr().out == "errors\nresults: figures\n"
+    assert capsys.readouterr().out == "results: figures\nerrors\n"
     assert (tmp_path / "figures/errors.pdf").read_bytes()[:5] == b"%PDF-"
     png = (tmp_path / "figures/errors.png").read_bytes()
     assert int.from_bytes(png[16:20], "big") == 1050  # 3.5 in of 300 dots

@@ -23,6 +23,8 @@ REFUSED = {  # what others read and what a tree cannot hold, or what nobody can
     "double_pendulum_description/urdf/double_pendulum.urdf": "lower 0 ≥ upper 0",
     "double_pendulum_description/urdf/double_pendulum_simple.urdf": "lower 0 ≥ upper 0",
     "hector_description/robots/quadrotor_base.urdf": "has no joint that turns or slides",
+    "hector_description/robots/quadrotor_base.urdf.xacro": "misses its attribute 'name'",
+    "hector_description/robots/quadrotor_base.xacro": "xacro cannot expand it: No such file",
     "iris_description/robots/iris_simple.urdf": "has no joint that turns or slides",
     "quadruped_description/urdf/quadruped.urdf": "lower 0 ≥ upper 0",
     "ur_description/urdf/ur3.urdf": "misses its attribute 'name'",

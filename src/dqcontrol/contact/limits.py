@@ -253,11 +253,13 @@ class _Loop:
         return _first_failure(lambda stiffness: self.radius(stiffness, mass))
 
     def least_damping(self, stiffness: float) -> float:
-        """Return the damping from which on a stiffness is borne, N·s/m or N·m·s/rad."""
+        """Return the damping from which on a stiffness is borne, N·s/m or N·m·s/rad; infinite if none bears it."""
         damping = self._admittance.axis_rows[self._axis, 1]
         if damping == 0:
             return np.nan
         share = _first_failure(lambda less: self.radius(stiffness, factor=1e4 / less), 1.0, 1e8)
+        if share == 0:  # the loop is unstable with 10⁴ times the damping, too
+            return np.inf
         return 0.0 if np.isinf(share) else float(1e4 / share * damping)
 
 

@@ -60,9 +60,15 @@ def check_contact(spec: Spec, case: Combination) -> None:
     if limits.axis in ("x", "y", "z") and stiffest[1] >= limits.stiffness:
         raise ValueRangeError(
             f"contact: world.{stiffest[0]} has {stiffest[1]:.4g} N/m, but along {limits.axis} this loop is unstable "
-            f"from {limits.stiffness:.3g} N/m on; damping must be above {limits.least_damping:.3g} N·s/m for it "
-            "(allow_unstable: true runs it all the same)"
+            f"from {limits.stiffness:.3g} N/m on; {_damping_for_it(limits)} (allow_unstable: true "
+            "runs it all the same)"
         )
+
+
+def _damping_for_it(limits: ContactLimits) -> str:
+    if np.isinf(limits.least_damping):
+        return "no damping makes it stable"
+    return f"damping must be above {limits.least_damping:.3g} N·s/m for it"
 
 
 def limits_of(spec: Spec, case: Combination) -> ContactLimits:
@@ -126,10 +132,11 @@ def _meanings(contact: Admittance, limits: ContactLimits, spec: Spec) -> Iterato
     along, wall = f" along {limits.axis}", "N·m/rad" if i < 3 else "N/m"
     touched = max(_stiffnesses(spec).values(), default=_UNKNOWN_STIFFNESS)
     bears = "whatever stands still" if np.isinf(limits.stiffness) else f"up to {limits.stiffness:.3g} {wall}"
+    needs = "is borne with none" if np.isinf(limits.least_damping) else f"needs {limits.least_damping:.3g}"
     yield [
         "damping" + along,
         f"{damping:.4g}",
-        f"bears {bears}; {touched:.4g} {wall} needs {limits.least_damping:.3g}",
+        f"bears {bears}; {touched:.4g} {wall} {needs}",
     ]
     loose = limits.loose_part
     if loose.mass:

@@ -399,7 +399,7 @@ class WorldContacts:
         hardest = np.full(parts, -1.0)
         grip = out[3 * parts + self.bodies.size :]
         grip[:] = 0.0
-        for thing, which, deep, pressed, geom in self.contacts():
+        for thing, which, deep, pressed, (geom, _) in self.contacts():
             if geom in self._pads:
                 grip[self._pads.index(geom)] += pressed
             force[thing] += pressed
@@ -408,8 +408,8 @@ class WorldContacts:
                 hardest[thing], link[thing] = pressed, which
         self.bodies.read(out[3 * parts : 3 * parts + self.bodies.size])
 
-    def contacts(self) -> list[tuple[int, int, float, float, int]]:
-        """Return of each contact of a link the body, the link, depth (m), normal force (N) and the geom of the link."""
+    def contacts(self) -> list[tuple[int, int, float, float, tuple[int, int]]]:
+        """Return of each contact of a link the body, the link, depth (m), normal force (N) and geoms, its own first."""
         if not self._data.ncon:
             return []
         pairs, apart, found = self._data.contact.geom, self._data.contact.dist, []
@@ -418,7 +418,7 @@ class WorldContacts:
             thing = len(self._names) if self._link_of[b] >= 0 else int(self._body_of[b])
             self._force(self._model, self._data, int(i), self._wrench)
             deep, force = max(-float(apart[i]), 0.0), float(self._wrench[0])
-            found.append((thing, int(self._link_of[a]), deep, force, int(a)))
+            found.append((thing, int(self._link_of[a]), deep, force, (int(a), int(b))))
         return found
 
     def check_start(self) -> None:
@@ -429,10 +429,11 @@ class WorldContacts:
         ValueRangeError
             With the worst: which link, how deep, in what.
         """
-        deep = sorted(((depth, thing, link) for thing, link, depth, *_ in self.contacts()), reverse=True)
-        if deep and deep[0][0] > _DEEP:
-            depth, thing, link = deep[0]
-            what = (*self._names, "another link")[thing]
+        thing, link, depth, _, (_, other) = max(
+            self.contacts(), key=lambda each: each[2], default=(0, 0, 0.0, 0.0, (0, 0))
+        )
+        if depth > _DEEP:
+            what = self._names[thing] if thing < len(self._names) else self._links[self._link_of[other]]
             raise ValueRangeError(
                 f"start: {self._links[link]} is {1000 * depth:.3g} mm deep in {what}; start elsewhere, or move that"
             )
