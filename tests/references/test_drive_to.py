@@ -222,6 +222,17 @@ def test_a_base_on_rollers_is_at_least_as_wide_as_its_wheels(base, half):
         DriveTo.pose(bare, start, goal, floor=floor)
 
 
+def test_a_way_lasts_twelve_days_at_most():
+    robot, goal = dqc.load_robot("little-john"), [1.0, 0, 0, 0, 0.5, 1, 0, 0]
+    lasts = dqc.references.DriveTo(robot, np.zeros(8), goal, speed_fraction=1e-3).duration
+    least = 1e-3 * lasts / 1e6  # durations grow as the inverse of the fraction
+    assert dqc.references.DriveTo(robot, np.zeros(8), goal, speed_fraction=1.01 * least).duration < 1e6
+    with pytest.raises(
+        dqc.Error, match=r"^goal: takes 1\.01e\+06 s, more than 1e\+06; give more speed_fraction"
+    ):
+        dqc.references.DriveTo(robot, np.zeros(8), goal, speed_fraction=0.99 * least)
+
+
 @pytest.mark.parametrize("x", [1e308, -1e308])
 def test_a_goal_that_takes_no_finite_time_is_refused(x):
     with pytest.raises(

@@ -148,6 +148,7 @@ LINE = r.StraightStroke(0.1, 0.0, speed=0.1)
         ([LINE, LINE], r"strokes\[1\]: has no length: it ends where it starts, at \(0.1, 0\)"),
         ([r.StraightStroke(math.nan, 0, speed=1)], r"strokes\[0\]: x: must be finite"),
         ([r.StraightStroke(1, 0, speed=0)], r"strokes\[0\]: speed: must be > 0, got 0"),
+        ([r.StraightStroke(1, 0, speed=5e-324)], r"strokes\[0\]: takes no finite time"),
         ([r.Rest(-1.0), LINE], r"strokes\[0\]: seconds: must be > 0, got -1"),
         (
             [r.Arc(0.2, 0, 0.05, 0, clockwise=True, speed=1)],

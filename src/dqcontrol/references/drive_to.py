@@ -44,6 +44,7 @@ from dqcontrol.world import World, floor_around
 if TYPE_CHECKING:
     from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 
+_LONGEST = 1e6  # s, twelve days: looked at each `_LOOK`, a longer way takes gigabytes
 _RAMP = 1.0  # s; no motion reaches its full speed sooner
 _WIDER = 1.25  # arcs of bases that steer, against their least radius: the rest is for corrections
 _PEAK_ACCELERATION = 10 / math.sqrt(3)  # of minimum jerk, over a unit way in a unit time
@@ -184,6 +185,10 @@ class DriveTo(PlannedWay):
             farthest = max(float(np.abs(start).max()), float(np.abs(goal).max()))
             raise ValueRangeError(
                 f"goal: takes no finite time from start, with coordinates up to {farthest:.3g}"
+            )
+        if duration > _LONGEST:
+            raise ValueRangeError(
+                f"goal: takes {duration:.3g} s, more than {_LONGEST:g}; give more speed_fraction or acceleration"
             )
         plan = {
             "_moves": np.vstack([moves, joints]),

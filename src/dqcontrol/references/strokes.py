@@ -168,6 +168,8 @@ class PenPath:
         for i, stroke in enumerate(strokes):
             label = labels[i] if labels else f"strokes[{i}]"
             piece = _piece(label, point, stroke)
+            if not math.isfinite(piece.seconds):
+                raise ValueRangeError(f"{label}: takes no finite time; give it a greater speed")
             pieces.append(piece)
             point = piece.end
         moving = [piece for piece in pieces if piece.speed]
