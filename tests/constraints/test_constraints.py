@@ -178,3 +178,21 @@ def test_bad_input_is_named(given, words):
     law = dqc.laws.Proportional(gain=1.0, constraints=dqc.constraints.Constraints(**given))
     with pytest.raises(dqc.Error, match=words):
         law.prepare(ARM, None, 0.01)
+
+
+def test_a_path_lasts_ten_million_periods_at_most(monkeypatch):
+    monkeypatch.setattr(
+        "dqcontrol.constraints.prepared_constraints._MOST_PERIODS", 1000
+    )  # tables of megabytes
+
+    def prepared(lasts):
+        moves = dqc.world.Motion(path=[(0.0, 0.0, 0.0, 0.0), (lasts, 0.1, 0.0, 0.0)])
+        bodies = {"ball": dqc.world.Body(sphere=0.05, position=(1.0, 0.0, 1.0), moves=moves)}
+        given = dqc.constraints.Constraints(world=dqc.World(bodies=bodies), clear_of="all")
+        return dqc.laws.Proportional(gain=1.0, constraints=given).prepare(ARM, None, 0.005)
+
+    assert prepared(5.0).constraints is not None
+    with pytest.raises(
+        dqc.Error, match=r"world: a path .* lasts 5 s; at most 1,000 periods of 0.005 s may be"
+    ):
+        prepared(5.001)

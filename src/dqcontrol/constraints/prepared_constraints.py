@@ -65,6 +65,9 @@ _FREE = 1e-4  # ρ², m²
 _NEAR = 0.1  # m: nearer than that to a camera no target's direction is expected to turn
 _THINNEST = 1e-3  # m between cores, of which nothing smaller is known
 _MOST_PAIRS = 20_000
+_MOST_PERIODS = (
+    10_000_000  # of a path of a body: its table takes half a gigabyte then, and a day at 10 ms fits
+)
 _SAID = 5  # violations in one message
 SELF = "self-collision"
 _STILL = Motion()
@@ -655,7 +658,13 @@ class PreparedConstraints:
                 paths.append(np.asarray(each.path, np.float64))
         if not paths:
             return np.zeros((1, 1))
-        count = math.ceil(max(path[-1, 0] for path in paths) / self.period) + 2
+        lasts = max(path[-1, 0] for path in paths)
+        if lasts > _MOST_PERIODS * self.period:
+            raise ValueRangeError(
+                f"world: a path ('moves') lasts {lasts:.3g} s; at most {_MOST_PERIODS:,} periods of {self.period:g} s "
+                "may be"
+            )
+        count = math.ceil(lasts / self.period) + 2
         times = self.period * np.arange(count + 1)
         table = np.zeros((count, 6 * len(paths) + 1))
         for k, path in enumerate(paths):
