@@ -37,8 +37,10 @@ def position_path(reference: Reference) -> Array:
     >>> import dqcontrol as dqc
     >>> circle = dqc.references.Circle(start=[1, 0, 0, 0, 0, 0, 0, 0], radius=0.1, duration=4.0)
     >>> rows = position_path(circle)
-    >>> rows[[0, -1]].round(6).tolist()
-    [[0.0, 0.0, 0.0, 0.0], [4.0, 0.0, 0.0, 0.0]]
+    >>> rows[[0, -1], 0].tolist()  # s
+    [0.0, 4.0]
+    >>> rows[0, 1:].tolist()  # m
+    [0.0, 0.0, 0.0]
     """
     if not math.isfinite(reference.duration):
         raise ValueRangeError("it never ends; give its duration")
