@@ -19,6 +19,10 @@ from .disturbance import (
     SinusoidalTwist as SinusoidalTwist,
     WorstCase as WorstCase,
 )
+from .drivers import (
+    Driver as Driver,
+    UniversalRobot as UniversalRobot,
+)
 from .integrator import Integrator as Integrator
 from .live_plant import (
     LivePlant as LivePlant,
