@@ -1,13 +1,11 @@
 """UR arms: the real client ``ur_rtde`` against a double of the controller; no robot was met."""
 
-import signal
-import subprocess
 import sys
 import time
 
 import numpy as np
 import pytest
-from robot_doubles import double_of
+from robot_doubles import double_of, seconds_to_rest
 
 import dqcontrol as dqc
 from dqcontrol.errors import Error, MissingExtraError, ShapeError, ValueRangeError
@@ -159,43 +157,9 @@ def test_without_the_client_the_extra_is_named(monkeypatch):
         UniversalRobot(host="127.9.9.9").start(dqc.load_robot("ur5"), np.array(START), 0.008, 10, 0)
 
 
-DRIVEN = """
-import sys, time, numpy as np, dqcontrol as dqc
-host, mode, start = sys.argv[1], sys.argv[2], {start}
-plant = dqc.plants.UniversalRobot(host=host, command_mode=mode)
-live = plant.start(dqc.load_robot("ur5"), np.array(start), 0.008, 10, 0)
-for k in range(10000):
-    live.step(np.full(6, 0.5 * np.cos(0.008 * k)) * min(k / 50, 1))
-    if k == 60:
-        print("moving", flush=True)
-    if live.fault:
-        print(live.fault, flush=True)
-        break
-    time.sleep(0.008)
-"""
-
-
-def ends_at_rest(how, mode, seed):
-    """Cycles from the last command that the double got to its rest, after this process or the cable failed."""
-    moment = np.random.default_rng(seed).uniform(0.0, 0.5)
-    with double_of("ur_double.py", q=START) as double:
-        command = [sys.executable, "-c", DRIVEN.format(start=START), double.host, mode]
-        driver = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        try:
-            assert driver.stdout.readline() == "moving\n"
-            time.sleep(moment)
-            if how == "unplug":
-                double.state(plugged=False)
-            else:
-                driver.send_signal({"kill": signal.SIGKILL, "freeze": signal.SIGSTOP}[how])
-            state = double.until(lambda state: state["cycles"] > state["rested"] + 250)
-            if how == "unplug":
-                assert "silent" in driver.stdout.readline()
-        finally:
-            driver.kill()
-            driver.wait()
-            driver.stdout.close()
-        return (state["rested"] - state["updated"]) * 0.002
+def rest_after(how, mode, seed):
+    ur = {"kind": "UniversalRobot", "robot": "ur5", "start": START, "command_mode": mode}
+    return seconds_to_rest(how, "ur_double.py", seed, **ur)
 
 
 @pytest.mark.slow
@@ -203,12 +167,12 @@ def ends_at_rest(how, mode, seed):
 @pytest.mark.parametrize("how", ["kill", "freeze", "unplug"])
 def test_it_rests_within_the_window_whatever_fails(how, mode):
     for seed in range(17):  # with both modes 102 moments
-        assert ends_at_rest(how, mode, seed) <= WINDOW
+        assert rest_after(how, mode, seed) <= WINDOW
 
 
 @pytest.mark.parametrize("how", ["kill", "unplug"])
 def test_it_rests_after_a_failure(how):
-    assert ends_at_rest(how, "velocity", 0) <= WINDOW
+    assert rest_after(how, "velocity", 0) <= WINDOW
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""A double of a UR controller, in a process of its own: dashboard, script port and RTDE, as the client ``ur_rtde`` asks.
+"""A double of a UR controller: dashboard, script port and RTDE, as the client ``ur_rtde`` uses them.
 
 Real sockets on an address of the loopback, 500 cycles a second of its own time; no robot, no URScript. It knows what
 the client's program does with its registers: `servoJ` goes on to the last target, `speedJ` goes on at the last speed,
@@ -48,7 +48,7 @@ class Controller:
         self.version, self.power, self.in_use, self.remote = tuple(version), power, in_use, remote
         self.cycles, self.running, self.fault = 0, False, ""
         self.ints, self.doubles, self.state = [0] * 48, [0.0] * 48, 1
-        self.mode, self.watchdog, self.updated = None, math.inf, 0
+        self.mode, self.watchdog, self.heard = None, math.inf, 0
         self.fastest = self.hardest = 0.0
         self.commands, self.owner, self.rested = 0, None, 0
 
@@ -100,7 +100,7 @@ class Controller:
         return [towards(was, 0.0, BRAKE * CYCLE) for was in self.qd]
 
     def program(self):
-        if (self.cycles - self.updated) * CYCLE > self.watchdog:
+        if (self.cycles - self.heard) * CYCLE > self.watchdog:
             self.stop("watchdog")
             return
         command = self.ints[0]
@@ -116,7 +116,7 @@ class Controller:
                 if any(self.qd):  # the client waits until the robot stands
                     return
             if command == SET_WATCHDOG:
-                self.watchdog, self.updated = 1 / self.doubles[0], self.cycles
+                self.watchdog, self.heard = 1 / self.doubles[0], self.cycles
             self.state = 2
 
     def start_program(self):
@@ -192,7 +192,7 @@ class Rtde(threading.Thread):
         with self.double.lock:
             if not self.double.plugged:
                 return
-            controller.updated = controller.cycles
+            controller.heard = controller.cycles
             controller.commands += 1
             for name, kind in self.inputs[payload[0] - 1]:
                 form = ">" + TYPES[kind]
@@ -305,11 +305,11 @@ class Double:
                     "hardest",
                     "commands",
                     "mode",
-                    "updated",
+                    "heard",
                     "rested",
                 )
             }
-        print(json.dumps(state), flush=True)
+        print(json.dumps(state | {"cycle": CYCLE}), flush=True)
 
 
 if __name__ == "__main__":

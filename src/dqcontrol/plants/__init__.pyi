@@ -21,6 +21,7 @@ from .disturbance import (
 )
 from .drivers import (
     Driver as Driver,
+    FrankaArm as FrankaArm,
     UniversalRobot as UniversalRobot,
 )
 from .integrator import Integrator as Integrator
