@@ -14,6 +14,7 @@ import struct
 import sys
 import threading
 import time
+from contextlib import suppress
 
 CYCLE = 0.001
 CONNECT, MOVE, STOP_MOVE, RECOVER, MODEL = 0, 1, 2, 10, 11
@@ -61,7 +62,10 @@ def model():
         joint.format(i, rpy, xyz, i - 1, i, lower, upper, speed)
         for i, ((rpy, xyz), lower, upper, speed) in enumerate(rows, 1)
     ]
-    flange = '<joint name="joint8" type="fixed"><origin xyz="0 0 0.107"/><parent link="link7"/><child link="link8"/></joint>'
+    flange = (
+        '<joint name="joint8" type="fixed"><origin xyz="0 0 0.107"/>'
+        '<parent link="link7"/><child link="link8"/></joint>'
+    )
     return f'<robot name="fr3">{"".join(link.format(i) for i in range(9))}{"".join(joints)}{flange}</robot>'
 
 
@@ -186,10 +190,8 @@ class Double:
         connection.close()
 
     def reply(self, kind, number, payload):
-        try:
+        with suppress(OSError):
             self.client.sendall(struct.pack("<III", kind, number, 12 + len(payload)) + payload)
-        except OSError:
-            pass
 
     def answer(self, host, kind, number, payload):
         arm = self.arm

@@ -180,7 +180,7 @@ def test_a_minute_at_500_hz_behind_law_supervisor_and_constraints(robot, tmp_pat
     minute = {
         **spec(robot), "period": 0.002,
         "reference": {"kind": "circle", "radius": 0.1, "turns": 10, "duration": 60.0},
-        "law": {"kind": "proportional-feedforward", "gain": 5.0, "constraints": {"velocity": 1.0}},
+        "law": {"kind": "proportional-feedforward", "gain": 5.0, "constraints": {"acceleration": 5.0}},
     }  # fmt: skip
     done = run_in_real_time(minute, tmp_path / "run", figures=False)
     assert (done.record.stopped, robot.state()["fault"]) == ("duration", "")

@@ -90,12 +90,7 @@ class _Franky(Link):
         if mode in (self._franky.RobotMode.Idle, self._franky.RobotMode.Move):
             return ""
         errors = self._state.current_errors, self._state.last_motion_errors
-        said = [
-            name
-            for each in errors
-            for name in dir(each)
-            if not name.startswith("_") and getattr(each, name) is True
-        ]
+        said = [name for each in errors for name in dir(each) if getattr(each, name) is True]
         return ", ".join(dict.fromkeys([f"robot mode {mode.name}", *said]))
 
     def close(self) -> None:
