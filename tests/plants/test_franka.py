@@ -17,9 +17,7 @@ from dqcontrol.plants import FrankaArm
 pytest.importorskip("franky", reason="franky-control has no wheel here")
 
 START = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
-WINDOW = (
-    0.1 + 0.02 + 0.5 / 10 + 0.05
-)  # s: franky holds a velocity; 20 packets; from 0.5 rad/s; jerk, and filters
+WINDOW = 0.1 + 0.02 + 0.5 / 10 + 0.05  # s: 20 packets; from 0.5 rad/s; jerk, and filters
 SPEC = {
     "name": "franka", "robot": "panda", "start": START, "period": 0.01,
     "reference": {"kind": "circle", "radius": 0.03, "duration": 2.0},
@@ -148,7 +146,8 @@ def test_without_the_client_the_extra_is_named(monkeypatch):
 
 
 def rest_after(how, seed):
-    return seconds_to_rest(how, "franka_double.py", seed, kind="FrankaArm", robot="panda", start=START)
+    panda = {"kind": "FrankaArm", "robot": "panda", "start": START, "timeout": TIMEOUT}
+    return seconds_to_rest(how, "franka_double.py", seed, **panda)
 
 
 @pytest.mark.parametrize("how", ["kill", "freeze"])

@@ -15,7 +15,8 @@ from dqcontrol.plants import UniversalRobot
 pytest.importorskip("rtde_control", reason="ur_rtde has no wheel here")
 
 START = [0.0, -1.2, 1.4, -1.7, -1.5, 0.0]
-WINDOW = 0.1 + 0.002 + 0.5 / 20  # s: the watchdog, then from 0.5 rad/s at the double's 20 rad/s²
+TIMEOUT = 0.5  # s: more than a loaded machine keeps this process waiting
+WINDOW = TIMEOUT + 0.002 + 0.5 / 20  # s: the watchdog, then from 0.5 rad/s at the double's 20 rad/s²
 SPEC = {
     "name": "ur", "robot": "ur5", "start": START, "period": 0.008,
     "reference": {"kind": "circle", "radius": 0.02, "duration": 2.0},
@@ -158,7 +159,7 @@ def test_without_the_client_the_extra_is_named(monkeypatch):
 
 
 def rest_after(how, mode, seed):
-    ur = {"kind": "UniversalRobot", "robot": "ur5", "start": START, "command_mode": mode}
+    ur = {"kind": "UniversalRobot", "robot": "ur5", "start": START, "command_mode": mode, "timeout": TIMEOUT}
     return seconds_to_rest(how, "ur_double.py", seed, **ur)
 
 
