@@ -186,9 +186,10 @@ class LiveDriver(LivePlant):
             )
         if why := told(address, self._link.fault):
             raise Error(f"plant: {address}: {why}")
+        began = time.monotonic()
         time.sleep(_LOOK)
         q, self._stamp = told(address, self._link.read)
-        speed = np.abs(np.asarray(q) - first) / _LOOK
+        speed = np.abs(np.asarray(q) - first) / (time.monotonic() - began)
         if not np.isfinite(q).all() or speed.max() > _STILL:
             i = int(np.argmax(speed))
             raise Error(f"plant: {address} moves, {_joint(robot, i)} at {speed[i]:.2g} rad/s; it must stand")
