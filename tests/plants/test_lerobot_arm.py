@@ -1,7 +1,5 @@
 """Arms of LeRobot: the driver against a double of LeRobot; with LeRobot itself in tests/lerobot."""
 
-import time
-
 import lerobot_double
 import numpy as np
 import pytest
