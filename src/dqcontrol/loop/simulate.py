@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,9 +29,7 @@ from dqcontrol.plants.plant import Plant, command_mode, lagging_mode, limits_bef
 from dqcontrol.references import Reference
 from dqcontrol.references.follow import follow_in
 from dqcontrol.robots.robot import Robot
-
-if TYPE_CHECKING:
-    from dqcontrol.supervisor import Supervisor
+from dqcontrol.supervisor import Supervisor
 
 _MOST_STEPS = 10_000_000
 
@@ -189,6 +186,9 @@ def simulate_prepared(
                 "leave them out"
             )
         samples = replanning.with_room(samples)
+    if plant.is_robot:
+        clock = clock or Clock(overrun="skip")
+        supervisor = supervisor or Supervisor()
     supervision = supervisor and supervise(supervisor, law, plant, start, watch, black_box)
     trace = close_loop(
         law,
