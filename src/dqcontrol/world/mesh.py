@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.errors import FileFormatError, MissingExtraError
+from dqcontrol.files.input_file import version
 from dqcontrol.geometry import Hull
 
 _MOST_FACES = 500_000  # taking them apart takes minutes beyond
@@ -17,7 +18,6 @@ _CONVEX = 0.999  # of a hull's volume
 _HERE = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
 
 
-@lru_cache(maxsize=16)
 def convex_parts(file: str) -> tuple[Any, ...]:
     """Return the convex hulls, as trimesh has them, of the convex parts of a mesh; of one convex already, itself.
 
@@ -28,6 +28,11 @@ def convex_parts(file: str) -> tuple[Any, ...]:
     MissingExtraError
         If coacd, which takes meshes apart, is not installed.
     """
+    return _convex_parts(file, version(file))
+
+
+@lru_cache(maxsize=16)
+def _convex_parts(file: str, version: tuple[int, int, int]) -> tuple[Any, ...]:
     import trimesh
 
     try:
@@ -54,7 +59,11 @@ def convex_parts(file: str) -> tuple[Any, ...]:
     return tuple(trimesh.Trimesh(*part).convex_hull for part in parts)
 
 
-@lru_cache(maxsize=16)
 def hulls(file: str) -> tuple[Hull, ...]:
     """Return the convex parts of a mesh as shapes, in its own axes; see `convex_parts`."""
+    return _hulls(file, version(file))
+
+
+@lru_cache(maxsize=16)
+def _hulls(file: str, version: tuple[int, int, int]) -> tuple[Hull, ...]:
     return tuple(Hull(_HERE, np.asarray(part.vertices)) for part in convex_parts(file))
