@@ -89,6 +89,23 @@ def test_nothing_of_a_spec_changes_without_constraints():
     assert spec.variants[0].law == read_spec(SPEC)[0].variants[0].law
 
 
+def test_files_of_bodies_that_are_written_anew_are_read_anew(tmp_path):
+    """Also the image of a map whose own file stays."""
+    trimesh = pytest.importorskip("trimesh")
+    room, grid, mesh = tmp_path / "room.yaml", tmp_path / "grid.yaml", tmp_path / "block.stl"
+    grid.write_text("image: grid.pgm\nresolution: 1.0\n")
+    for x in (1.0, 2.0):
+        room.write_text(f"polygons: [[[{x}, 0], [{x + 1}, 0], [{x + 1}, 1], [{x}, 1]]]\n")
+        cells = bytes(0 if column == x else 254 for column in range(4))
+        (tmp_path / "grid.pgm").write_bytes(b"P5\n4 1\n255\n" + cells)
+        trimesh.creation.box([2 * x, 0.2, 0.1]).export(mesh)
+        for body in (Body(map=str(room)), Body(map=str(grid))):
+            (box,) = body.shapes
+            np.testing.assert_allclose(dqc.algebra.translation(box.pose)[0], x + 0.5)
+        (hull,) = Body(mesh=str(mesh)).shapes
+        assert np.abs(np.asarray(hull.points)[:, 0]).max() == pytest.approx(x)
+
+
 def test_a_mesh_is_taken_apart(tmp_path):
     trimesh = pytest.importorskip("trimesh")
     pytest.importorskip("scipy")

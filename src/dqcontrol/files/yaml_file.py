@@ -20,7 +20,7 @@ try:
 except ImportError:  # PyYAML was built without libyaml, which reads several times as fast
     CParser = None
 
-from dqcontrol.errors import FileFormatError, suggest
+from dqcontrol.errors import FileFormatError, suggest, suggest_file
 from dqcontrol.files.input_file import read_whole
 from dqcontrol.files.units import as_quantity
 
@@ -56,8 +56,7 @@ def read_text(path: str | Path) -> str:
     try:
         return read_whole(path, LARGEST_YAML).decode("utf-8-sig")
     except FileNotFoundError as error:
-        near = suggest(Path(path).name, [each.name for each in Path(path).parent.glob("*")])
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror}{near}") from None
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror}{suggest_file(path)}") from None
     except IsADirectoryError as error:
         inside = sorted(Path(path).glob("*.yaml"))
         which = f"; did you mean '{inside[0]}'?" if inside else ""

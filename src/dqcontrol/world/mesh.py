@@ -18,6 +18,7 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.kernel_cache import module_folder, root as cache_root
 from dqcontrol.errors import FileFormatError, MissingExtraError, NoteWarning
+from dqcontrol.files.input_file import version
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.geometry import Hull
 
@@ -28,7 +29,6 @@ _SAMPLES = 500  # points of a surface beside its corners: on a torus 20 000 find
 _HERE = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
 
 
-@lru_cache(maxsize=16)
 def convex_parts(file: str) -> tuple[Any, ...]:
     """Return the convex hulls, as trimesh has them, of the convex parts of a mesh; of one convex already, itself.
 
@@ -41,6 +41,11 @@ def convex_parts(file: str) -> tuple[Any, ...]:
     MissingExtraError
         If coacd, which takes meshes apart, is not installed.
     """
+    return _convex_parts(file, version(file))
+
+
+@lru_cache(maxsize=16)
+def _convex_parts(file: str, version: tuple[int, int, int]) -> tuple[Any, ...]:
     import trimesh
 
     try:
@@ -114,7 +119,11 @@ def _surface(mesh: Any) -> Any:
     return np.concatenate([mesh.vertices, mesh.sample(_SAMPLES, seed=0)])
 
 
-@lru_cache(maxsize=16)
 def hulls(file: str) -> tuple[Hull, ...]:
     """Return the convex parts of a mesh as shapes, in its own axes; see `convex_parts`."""
+    return _hulls(file, version(file))
+
+
+@lru_cache(maxsize=16)
+def _hulls(file: str, version: tuple[int, int, int]) -> tuple[Hull, ...]:
     return tuple(Hull(_HERE, np.asarray(part.vertices)) for part in convex_parts(file))
