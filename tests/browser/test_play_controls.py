@@ -253,3 +253,13 @@ def test_a_robot_that_is_not_there_is_one_line(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, ""), "viser says that its server stopped"
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_no_node_of_another_robot_has_a_former_name(page_of):
+    """Browsers gave a link of the new robot the place of its namesake where its own is the default one."""
+    page, shown = page_of(SPEC), []
+    for spec in (JOHN, SPEC, JOHN):
+        page.session.play(dict(spec))
+        page.tick()
+        shown.append({node.name for _, node in page._drawn.bodies} | {page._gizmo.name})
+    assert len(set.union(*shown)) == sum(map(len, shown))

@@ -31,6 +31,7 @@ _ROOM = 0.15  # of the reach, around the robot where it begins
 _NUDGE = 0.02  # m, of an arrow key
 _CHARTS_EVERY = 0.2  # s
 _ALONE = 5.0  # s
+_WORDS_WIDTH = 300.0  # px
 _SPRING, _MOST_FORCE = (
     200.0,
     60.0,
@@ -72,7 +73,8 @@ class PlayPage(ServedPage):
         super().__init__(port, "dqcontrol play", server)
         folder = folder or Path.cwd()
         self.session, self.alone = session, _ALONE
-        self._nodes: list[Any] = []
+        self._scenery: Any = None
+        self._staged = 0
         self._drawn: DrawnRobot
         self._shown_live: object = None
         self._shown_ghost: object = None
@@ -84,7 +86,8 @@ class PlayPage(ServedPage):
         self._stage()
         gui = self.server.gui
         self._words = gui.add_html("")
-        # Panels beside the first one are folded on phones, where that one would hide the scene.
+        # Panels beside the first one are folded on phones, where that one would hide the scene. It holds words alone,
+        # and floats: docked, it would leave the charts half of their place.
         tabs, charts = gui.add_panel(), gui.add_panel()
         with tabs.add_tab("Target"):
             self._target = TargetTab(self.server, session, folder)
@@ -98,9 +101,9 @@ class PlayPage(ServedPage):
             self._replay = RecordTab(self.server, session, folder)
         with charts.add_tab("The last 10 s"):
             self._charts = Charts(gui)
+        gui.main_panel.float(x=-12, y=-12, width=_WORDS_WIDTH)
         tabs.dock_right()
-        gui.main_panel.dock_below(tabs)
-        charts.dock_below(gui.main_panel)  # each takes half of what it is docked to
+        charts.dock_below(tabs)
         self._add_keys()
         self.tick()
 
@@ -145,8 +148,11 @@ class PlayPage(ServedPage):
     def _stage(self) -> None:
         """Draw a robot that was not there before, its floor and its gizmo."""
         robot = self.session.robot
-        for node in self._nodes:
-            node.remove()
+        if self._scenery is not None:
+            self._scenery.remove()
+        self._scenery = self.server.scene.add_frame(self._new_name("stage"), show_axes=False)
+        self._ghost = self._shown_ghost = None  # it was part of that
+        root = self._scenery.name
         q = np.array(self.session.spec["start"])
         joints = algebra.translation(robot.frames(q))
         reach = describe(robot).reach
@@ -158,22 +164,26 @@ class PlayPage(ServedPage):
         box = Extent(low, high)
         position, looked_at = viewpoint(foot, [hand[None]], box)
         self._set_scene(position, looked_at, float(np.ceil(4 * reach)), float(low[2]), shadows=0.2)
-        self._drawn = DrawnRobot(self.server, robot, "/robot", axes=0.1 * reach)
+        self._drawn = DrawnRobot(self.server, robot, f"{root}/robot", axes=0.1 * reach)
         size = 0.12 * reach
         self._desired = self.server.scene.add_frame(
-            "/desired", axes_length=0.5 * size, axes_radius=0.015 * size, origin_radius=0.0
+            f"{root}/desired", axes_length=0.5 * size, axes_radius=0.015 * size, origin_radius=0.0
         )
-        self._gizmo = self.server.scene.add_transform_controls("/target", scale=1.6 * size, depth_test=False)
+        self._gizmo = self.server.scene.add_transform_controls(
+            f"{root}/target", scale=1.6 * size, depth_test=False
+        )
         self._gizmo.on_update(self._dragged)
-        root = self.server.scene.get_handle_by_name("/robot")
-        self._nodes = [root, self._desired, self._gizmo]
         self._base, self._base_held = None, False
         if robot.bases:
             self._base = self.server.scene.add_transform_controls(
-                "/base-target", scale=4 * size, active_axes=(True, True, False), depth_test=False
+                f"{root}/base-target", scale=4 * size, active_axes=(True, True, False), depth_test=False
             )
             self._base.on_update(self._base_dragged)
-            self._nodes.append(self._base)
+
+    def _new_name(self, kind: str) -> str:
+        """Return the name of a node that no other one had: browsers may give nodes the places of former namesakes."""
+        self._staged += 1
+        return f"/{kind}{self._staged}"
 
     async def _dragged(self, event: Any) -> None:
         """Take the target along, at once and in order: callbacks of threads may overtake each other."""
@@ -245,9 +255,16 @@ class PlayPage(ServedPage):
     def _draw_ghost(self, ghost: Any, q: Array | None) -> None:
         if ghost is not self._shown_ghost:
             if self._ghost is not None:
-                self.server.scene.remove_by_name("/ghost")
+                self._ghost.remove()
             self._ghost = (
-                DrawnRobot(self.server, ghost.robot, "/ghost", tint=_GHOST_TINT, opacity=_GHOST, axes=0.05)
+                DrawnRobot(
+                    self.server,
+                    ghost.robot,
+                    self._scenery.name + self._new_name("ghost"),
+                    tint=_GHOST_TINT,
+                    opacity=_GHOST,
+                    axes=0.05,
+                )
                 if ghost is not None
                 else None
             )
