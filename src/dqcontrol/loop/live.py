@@ -23,8 +23,8 @@ from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.supervision import Senses
 from dqcontrol.loop.targets import PoseTarget, SampledTarget, Speeds, Target, TwistTarget
-from dqcontrol.plants.live_plant import LivePlant, PlantProtocol, live_plant
 from dqcontrol.plants.plant import Plant, command_mode, lagging_mode, limits_before
+from dqcontrol.plants.running_plant import PlantProtocol, RunningPlant, running_plant
 from dqcontrol.references.previewed import Previewed
 from dqcontrol.references.reference import Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME
@@ -153,7 +153,7 @@ class Live:
         seed: int = 0,
     ) -> None:
         period = as_positive("period", period)
-        at_work = None if isinstance(plant, Plant) else live_plant(plant)
+        at_work = None if isinstance(plant, Plant) else running_plant(plant)
         if start is None:
             start = most_dexterous(robot) if at_work is None else at_work.measured
         q0 = as_array("start", start, (robot.configuration_size,)).copy()
@@ -170,9 +170,9 @@ class Live:
         sample = np.zeros(SAMPLE_SIZE)
         sample[POSE] = robot.fkm(q0)
         warm_up(controller, guard, q0, sample)
-        moved = at_work if kind is None else live_plant(kind.start(robot, q0, period, NOISE, seed))
+        moved = at_work if kind is None else running_plant(kind.start(robot, q0, period, NOISE, seed))
         assert moved is not None
-        self.plant: LivePlant = moved
+        self.plant: RunningPlant = moved
         self.law: Law = law
         self.speeds: Speeds = speeds or Speeds()
         self.control: Control = Control(controller, PoseTarget(self.speeds), guard)

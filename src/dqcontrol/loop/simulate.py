@@ -18,7 +18,7 @@ from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.closed_loop import close_loop
-from dqcontrol.loop.kept_signals import kept_signals
+from dqcontrol.loop.constraint_signals import constraint_signals
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.replanning import Replanning, plan_signals
 from dqcontrol.loop.sample_sink import SampleSink
@@ -221,7 +221,7 @@ def simulate_prepared(
         readings=trace.readings
         | actuator_command(robot, trace.q, trace.command)
         | task_errors(law, trace.q)
-        | kept_signals(law, trace.q, done[:, -1], trace.kept)
+        | constraint_signals(law, trace.q, done[:, -1], trace.kept)
         | plan_signals(reference, replanning, len(trace.q)),
     )
 

@@ -246,7 +246,7 @@ class PlaySession:
         self.drag(np.full(8, np.nan))
 
     def push(self, row: int, point: Array, force: Array) -> None:
-        """Push a link; see `LivePlant.push`. What is recorded is no longer all that moves the robot."""
+        """Push a link; see `RunningPlant.push`. What is recorded is no longer all that moves the robot."""
         with self.lock:
             if not self.live.plant.can_be_pushed:
                 self.tell("pushing needs physics: choose it in the tab Robot")
