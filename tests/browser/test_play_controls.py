@@ -7,21 +7,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from played_spec import SPEC
 
 import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.browser.play import PlayPage, PlaySession
 
 pytest.importorskip("viser", reason="the browser view needs viser: pip install 'dqcontrol[view]'")
-SPEC = {
-    "name": "play",
-    "robot": "iiwa7",
-    "start": [0, 0.6, 0, -1.6, 0, 0.9, 0],
-    "period": 0.01,
-    "reference": {"kind": "set-point", "duration": 1.0},
-    "law": {"kind": "proportional-feedforward", "gain": 5.0},
-    "plant": {"kind": "servo"},
-}
 JOHN = {
     **SPEC,
     "robot": "little-john",
@@ -75,10 +67,10 @@ def test_the_target_is_where_the_line_of_sight_meets_the_sheet(page_of, plane):
     assert board.point(eye, eye + board.axes[:, 0]) is None  # along the sheet
     assert board.point(eye, eye - (wanted - eye)) is None  # behind the eye
     page.tick()
-    assert not page._gizmo.visible
+    assert not page._gizmos[""].visible
     board.show("off")
     page.tick()
-    assert page._gizmo.visible
+    assert page._gizmos[""].visible
 
 
 def test_a_drawing_file_is_followed_and_kept_beside_the_recordings(page_of, tmp_path):
@@ -261,5 +253,5 @@ def test_no_node_of_another_robot_has_a_former_name(page_of):
     for spec in (JOHN, SPEC, JOHN):
         page.session.play(dict(spec))
         page.tick()
-        shown.append({node.name for _, node in page._drawn.bodies} | {page._gizmo.name})
+        shown.append({node.name for _, node in page._drawn.bodies} | {page._gizmos[""].name})
     assert len(set.union(*shown)) == sum(map(len, shown))

@@ -15,6 +15,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.browser.drawn_robot import DrawnRobot
 from dqcontrol.browser.layout import Extent, viewpoint
 from dqcontrol.browser.play.charts import Charts
+from dqcontrol.browser.play.end_effectors import LAW
 from dqcontrol.browser.play.law_tab import LawTab
 from dqcontrol.browser.play.record_tab import RecordTab
 from dqcontrol.browser.play.robot_tab import RobotTab
@@ -28,6 +29,7 @@ from dqcontrol.robots.poses import pose7
 
 _GHOST, _GHOST_TINT = 0.35, (230, 159, 0)
 _ROOM = 0.15  # of the reach, around the robot where it begins
+_SMALL = 0.6  # of the size of what lies between hands: their own arrows
 _NUDGE = 0.02  # m, of an arrow key
 _CHARTS_EVERY = 0.2  # s
 _ALONE = 5.0  # s
@@ -112,9 +114,10 @@ class PlayPage(ServedPage):
         session = self.session
         with session.lock:
             live, ghost = session.live, session.ghost
-            q, target, desired = live.plant.q.copy(), live.target, live.state.desired
+            q, handles, desired = live.plant.q.copy(), session.ends.handles, live.state.desired
+            desired = session.ends.in_room(desired)
             ghost_q = ghost.plant.q.copy() if ghost else None
-        if live.robot is not self._drawn.robot:
+        if live.robot is not self._drawn.robot or handles.keys() != self._gizmos.keys():
             self._stage()
             self._target.refresh()
         if live is not self._shown_live:
@@ -122,21 +125,21 @@ class PlayPage(ServedPage):
             self._law.refresh()
             self._robot.refresh()
             self._world.refresh()
-            self._gizmo_at(desired if target is None else target)
+            self._held = None
             self._let_push()
         now = time.monotonic()
         if (replayed := self._replay.replayed(now)) is not None:
             q, desired = replayed
         self._drawn.show(q)
-        self._gizmo.visible = not self._target.board.is_shown
-        if target is None:  # who drags sees the gizmo go on from where it is
-            self._gizmo_at(self.session.live.state.pose)
+        for name, pose in handles.items():
+            self._gizmos[name].visible = not self._target.board.is_shown
+            if name != self._held:
+                _put(self._gizmos[name], pose)
         if self._base is not None and not self._base_held:
             self._base.wxyz, self._base.position = self._base_pose(q)
         self._draw_ghost(ghost, ghost_q)
         self._draw_push()
-        node = pose7("desired", desired)
-        self._desired.wxyz, self._desired.position = node[:4], node[4:]
+        _put(self._desired, desired)
         self._look_after(now)
         if now - self._charted > _CHARTS_EVERY:
             self._charted = now
@@ -169,10 +172,16 @@ class PlayPage(ServedPage):
         self._desired = self.server.scene.add_frame(
             f"{root}/desired", axes_length=0.5 * size, axes_radius=0.015 * size, origin_radius=0.0
         )
-        self._gizmo = self.server.scene.add_transform_controls(
-            f"{root}/target", scale=1.6 * size, depth_test=False
-        )
-        self._gizmo.on_update(self._dragged)
+        self._gizmos: dict[str, Any] = {}
+        self._held: str | None = None
+        handles = self.session.ends.handles
+        for name in handles:
+            part = 1.0 if name == LAW or LAW not in handles else _SMALL
+            gizmo = self.server.scene.add_transform_controls(
+                f"{root}/target-{name}", scale=1.6 * part * size, depth_test=False
+            )
+            gizmo.on_update(self._dragger(name))
+            self._gizmos[name] = gizmo
         self._base, self._base_held = None, False
         if robot.bases:
             self._base = self.server.scene.add_transform_controls(
@@ -185,9 +194,14 @@ class PlayPage(ServedPage):
         self._staged += 1
         return f"/{kind}{self._staged}"
 
-    async def _dragged(self, event: Any) -> None:
-        """Take the target along, at once and in order: callbacks of threads may overtake each other."""
-        self.session.drag(_pose(event.target))
+    def _dragger(self, name: str) -> Callable[[Any], Awaitable[None]]:
+        """Return what takes the target of a gizmo along, at once and in order: threads may overtake each other."""
+
+        async def dragged(event: Any) -> None:
+            self._held = None if event.phase == "end" else name
+            self.session.drag(_pose(event.target), name)
+
+        return dragged
 
     def _base_pose(self, q: Array) -> tuple[Array, Array]:
         """Return where the first base stands: quaternion, and position, m."""
@@ -248,10 +262,6 @@ class PlayPage(ServedPage):
         ends = np.array([[point, point + force / _SPRING]])
         self._spring = self.server.scene.add_line_segments("/spring", ends, _PUSH, thickness=0.008)
 
-    def _gizmo_at(self, pose: Array) -> None:
-        node = pose7("target", pose)
-        self._gizmo.wxyz, self._gizmo.position = node[:4], node[4:]
-
     def _draw_ghost(self, ghost: Any, q: Array | None) -> None:
         if ghost is not self._shown_ghost:
             if self._ghost is not None:
@@ -292,20 +302,18 @@ class PlayPage(ServedPage):
 
     def _nudge(self, axis: int, sign: int) -> None:
         with self.session.lock:
-            target = self.session.live.target
-            pose = self.session.live.state.desired if target is None else target
+            handles = self.session.ends.handles
+        name = LAW if LAW in handles else next(iter(handles))
         shift = np.zeros(3)
         shift[axis] = sign * _NUDGE
-        moved = algebra.multiply(algebra.pose([1, 0, 0, 0], shift), pose)
-        self.session.drag(moved)
-        self._gizmo_at(moved)
+        self.session.drag(algebra.multiply(algebra.pose([1, 0, 0, 0], shift), handles[name]), name)
 
     def _look_after(self, now: float) -> None:
         """Let the robot rest when nobody has looked for a while."""
         if self.server.get_clients():
             self._seen_at = now
         elif self._seen_at and now - self._seen_at > self.alone:
-            self._seen_at = 0.0
+            self._seen_at, self._held = 0.0, None
             self.session.hold()
 
     def _told(self) -> str:
@@ -318,6 +326,13 @@ class PlayPage(ServedPage):
             f"<span style='{style}'>{html.escape(session.words)}</span><br>"
             f"<span style='opacity:0.7'>{html.escape(last)}</span></div>"
         )
+
+
+def _put(node: Any, pose: Array) -> None:
+    """Show a node of the scene at a pose, shape (8,), if it is not there."""
+    placed = pose7("pose", pose)
+    if not np.allclose(np.append(node.wxyz, node.position), placed, rtol=0, atol=1e-9):
+        node.wxyz, node.position = placed[:4], placed[4:]
 
 
 def _pose(node: Any) -> Array:

@@ -18,6 +18,7 @@ import numpy as np
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
+from dqcontrol.browser.play.end_effectors import LAW, EndEffectors
 from dqcontrol.browser.play.recorded_rows import RecordedRows
 from dqcontrol.constraints import Constraints
 from dqcontrol.constraints.constraint_view import ConstraintView, NearestPair
@@ -34,7 +35,7 @@ from dqcontrol.loop.live import Live, Pace
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.targets import Speeds
 from dqcontrol.references.points_file import DUAL_QUATERNION
-from dqcontrol.references.sample import POSE, TIME
+from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
 
 if TYPE_CHECKING:
@@ -91,6 +92,8 @@ class PlaySession:
         What the present robot was made from; its ``start`` is where the recording begins.
     live, ghost
         The robot, and a second one with another law, if there is one.
+    ends
+        What the robot is dragged by.
     told
         What happened, in words, the last last.
     missed
@@ -111,6 +114,7 @@ class PlaySession:
     spec: dict[str, Any]
     live: Live
     ghost: Live | None
+    ends: EndEffectors
     pushed: tuple[int, Array, Array] | None
     driver: Callable[[Live], None] | None = None
 
@@ -158,6 +162,7 @@ class PlaySession:
         spec = spec | {"start": case.scene.start.tolist()}
         with self.lock:
             self.spec, self.setting, self.live, self.ghost = spec, setting, live, ghost
+            self.ends, self._ghost_ends = EndEffectors(live), EndEffectors(ghost) if ghost else None
             self.around: ConstraintView | None = scene
             self._record(exact=True)
             self.pushed = None
@@ -186,6 +191,7 @@ class PlaySession:
     def _record(self, *, exact: bool) -> None:
         """Begin the recording anew."""
         self.rows = self.live.recording = RecordedRows(self.live.robot, _MOST_ROWS)
+        self._aimed: dict[int, list[Array]] = {}  # where further tasks were to be, row by row
         self._exact, self._still = exact, 0.0
 
     def change(self, **keys: Any) -> bool:
@@ -229,16 +235,24 @@ class PlaySession:
         """Whether the spec's reference moves."""
         return self.spec["reference"].get("kind") != "set-point"
 
+    @property
+    def _tasks(self) -> list[dict[str, Any]]:
+        """What the spec says of further tasks."""
+        return self.spec.get("tasks") or []
+
     # What is done to it
 
-    def drag(self, pose: Array) -> None:
-        """Take the hand to a pose, shape (8,); NaN: it stays."""
+    def drag(self, pose: Array, name: str = LAW) -> None:
+        """Take the hand, or what of `ends` has a name, to a pose, shape (8,), inertial frame; NaN: it stays."""
         with self.lock:
-            self.live.target = pose
-            if self.ghost:
-                self.ghost.target = pose
-            if self._follows:
-                self.spec = {**self.spec, "reference": _REST}
+            self.ends.drag(name, pose)
+            if self._ghost_ends:
+                self._ghost_ends.drag(name, pose)
+            if self._follows or (self.ends.frames and any("reference" in task for task in self._tasks)):
+                rest = [
+                    {key: value for key, value in task.items() if key != "reference"} for task in self._tasks
+                ]
+                self.spec = {**self.spec, "reference": _REST, "tasks": rest or None}
                 self._disturbed()
 
     def hold(self) -> None:
@@ -355,6 +369,9 @@ class PlaySession:
             if self.driver is not None:
                 self.driver(live)
             live.step()
+            if not self.rows.is_full:
+                for i in self.ends.aimed:
+                    self._aimed.setdefault(i, []).append(live.aimed(i))
             if self.ghost:
                 self.ghost.step()
         except Error as error:  # a plant that has no state any more
@@ -392,11 +409,10 @@ class PlaySession:
         """Begin a recording at rest from which everything follows, once the robot rests after another law began."""
         if self.live.plant.compiled() is None:  # physics takes long to begin
             return
-        goal = self.live.target
+        before = self.ends
         with suppress(Error):
             self._take({**self.spec, "start": self._here(), "reference": _REST})
-            if goal is not None:
-                self.live.target = goal
+            self.ends.go_on_from(before)
 
     # What comes of it
 
@@ -405,39 +421,51 @@ class PlaySession:
         with self.lock:
             return self.rows.record()
 
-    def run_spec(self, points: str) -> dict[str, Any]:
-        """Return the spec that gives the recording again, with its target in a points file of that name if need be."""
+    def run_spec(self, points: str) -> tuple[dict[str, Any], dict[str, Array]]:
+        """Return the spec that gives the recording again, and the poses (N, 8) of the points files that it names.
+
+        Parameters
+        ----------
+        points
+            Name of the file for what the law drives; the others' begin with its stem.
+        """
         with self.lock:
-            spec, periods = copy.deepcopy(self.spec), len(self.rows)
+            spec, record, files = copy.deepcopy(self.spec), self.rows.record(), dict[str, Array]()
+            aimed = {i: np.array(poses[: len(record)]) for i, poses in self._aimed.items()}
         locate_files(spec, self._folder)
-        spec["duration"] = (periods - 1) * self.live.period
+        spec["duration"] = (len(record) - 1) * self.live.period
         spec["supervisor"] = spec.get("supervisor") or True
         if spec["reference"].get("kind") == "set-point":
-            spec["reference"] = {"kind": "points", "file": points, "streamed": True}
-        return spec
+            spec["reference"] = _streamed(points)
+            files[points] = record.desired[:, POSE]
+        for i, poses in aimed.items():
+            if "reference" not in spec["tasks"][i]:
+                name = f"{Path(points).stem}-task-{i + 1}.csv"
+                spec["tasks"][i]["reference"] = _streamed(name)
+                files[name] = poses
+        return spec, files
 
     def save(self, path: Path) -> str:
-        """Write a spec that gives the recording again, and the target as a points file beside it; say how exactly.
+        """Write a spec that gives the recording again, and targets as points files beside it; say how exactly.
 
         Raises
         ------
         Error
             If there is nothing to save, a file exists, or cannot be written.
         """
-        points = path.with_suffix(".csv")
         with self.lock:
             if len(self.rows) < 2:
                 raise Error("record: nothing has happened yet; move the target first")
-            record, exact, spec = self.record(), self._exact, self.run_spec(points.name)
-        for file in (path, points):
+            record, exact = self.record(), self._exact
+            spec, files = self.run_spec(path.with_suffix(".csv").name)
+        for file in (path, *(path.with_name(name) for name in files)):
             if file.exists():
                 raise ExistsError(f"{file}: exists already; choose another name")
-        is_streamed = bool(spec["reference"].get("streamed"))
         spec = {key: readable_again(key, each) for key, each in spec.items()} | {"name": path.stem}
         with writing(path):
             path.write_text(yaml_text(spec), encoding="utf-8")
-            if is_streamed:
-                points.write_text(_points(record), encoding="utf-8")
+            for name, poses in files.items():
+                path.with_name(name).write_text(_points(record.time, poses), encoding="utf-8")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             again = run(path).record
@@ -453,15 +481,15 @@ class PlaySession:
     def python(self) -> str:
         """Return a Python program that drives the same robot with the same law to the present target."""
         spec, target = self.spec, self.live.target
-        pose = self.live.state.desired if target is None else target
-        position = [round(float(x), 4) for x in algebra.translation(pose)]
-        rotation = [round(float(x), 6) for x in algebra.rotation(pose)]
+        pose = _program_pose(self.live.state.desired if target is None else target)
+        aims = "".join(f"live.aim({i}, {_program_pose(self.live.aimed(i))})\n" for i in self.ends.aimed)
         return (
             "import dqcontrol as dqc\n"
             "from dqcontrol.experiments.driven import live_of, prepare_driven\n\n"
             f"spec = {_plain(spec)!r}\n"
             "live = live_of(prepare_driven(spec))\n"
-            f"live.target = dqc.algebra.pose({rotation}, {position})\n"
+            f"live.target = {pose}\n"
+            f"{aims}"
             "for _ in range(500):\n"
             "    live.step()\n"
             "print(live.state.missing)\n"
@@ -485,13 +513,22 @@ def law_data(law: Law) -> dict[str, Any]:
     return {"kind": config.tag, **msgspec.to_builtins(said)}
 
 
+def _program_pose(pose: Array) -> str:
+    position = [round(float(x), 4) for x in algebra.translation(pose)]
+    rotation = [round(float(x), 6) for x in algebra.rotation(pose)]
+    return f"dqc.algebra.pose({rotation}, {position})"
+
+
 def _plain(spec: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in spec.items() if value is not None}
 
 
-def _points(record: Record) -> str:
-    """Return the desired poses as a points file, to the last bit."""
+def _streamed(name: str) -> dict[str, Any]:
+    return {"kind": "points", "file": name, "streamed": True}
+
+
+def _points(time: Array, poses: Array) -> str:
+    """Return poses (N, 8) as a points file, to the last bit."""
     heading = ", ".join(("time", *DUAL_QUATERNION))
-    rows = np.column_stack([record.time, record.desired[:, POSE]])
-    assert record.desired[0, TIME] == record.time[0]
+    rows = np.column_stack([time, poses])
     return heading + "\n" + "".join(", ".join(map(repr, row)) + "\n" for row in rows.tolist())
