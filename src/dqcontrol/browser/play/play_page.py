@@ -19,7 +19,7 @@ from dqcontrol.browser.play.end_effectors import LAW
 from dqcontrol.browser.play.law_tab import LawTab
 from dqcontrol.browser.play.record_tab import RecordTab
 from dqcontrol.browser.play.robot_tab import RobotTab
-from dqcontrol.browser.play.session import PlaySession
+from dqcontrol.browser.play.session import SPRING, PlaySession
 from dqcontrol.browser.play.target_tab import TargetTab, called
 from dqcontrol.browser.play.world_tab import WorldTab
 from dqcontrol.browser.served_page import ServedPage
@@ -34,11 +34,7 @@ _NUDGE = 0.02  # m, of an arrow key
 _CHARTS_EVERY = 0.2  # s
 _ALONE = 5.0  # s
 _WORDS_WIDTH = 300.0  # px
-_SPRING, _MOST_FORCE = (
-    200.0,
-    60.0,
-)  # N/m, N: of the mouse; half of what ISO/TS 15066 lets a robot press on a chest
-_PUSH = (230, 64, 26)
+_PULL = (230, 64, 26)
 
 
 class PlayPage(ServedPage):
@@ -83,7 +79,7 @@ class PlayPage(ServedPage):
         self._ghost: DrawnRobot | None = None
         self._charted = self._seen_at = 0.0
         self._base: Any = None
-        self._spring: Any = None
+        self._spring: list[Any] = []
         self._base_held = False
         self._stage()
         gui = self.server.gui
@@ -126,7 +122,7 @@ class PlayPage(ServedPage):
             self._robot.refresh()
             self._world.refresh()
             self._held = None
-            self._let_push()
+            self._let_pull()
         now = time.monotonic()
         if (replayed := self._replay.replayed(now)) is not None:
             q, desired = replayed
@@ -138,7 +134,7 @@ class PlayPage(ServedPage):
         if self._base is not None and not self._base_held:
             self._base.wxyz, self._base.position = self._base_pose(q)
         self._draw_ghost(ghost, ghost_q)
-        self._draw_push()
+        self._draw_pull()
         _put(self._desired, desired)
         self._look_after(now)
         if now - self._charted > _CHARTS_EVERY:
@@ -223,44 +219,35 @@ class PlayPage(ServedPage):
         start = {"position": hand[4:].tolist(), "quaternion": hand[:4].tolist()}
         self.session.follow({"kind": "drive-to", "start": start})
 
-    def _let_push(self) -> None:
+    def _let_pull(self) -> None:
         """Let links be taken by the mouse where there is physics; elsewhere that turns the view."""
-        pushes = self.session.live.plant.can_be_pushed
+        can_be_pulled = self.session.live.plant.can_be_pushed
         for row, node in self._drawn.bodies:
             node.remove_drag_callback()
-            if pushes and row >= 0:
+            if can_be_pulled and row >= 0:
                 node.on_drag("left")(self._puller(row))
 
     def _puller(self, row: int) -> Callable[[Any], Awaitable[None]]:
         """Return what is called, in order, while a link is held."""
 
         async def pull(event: Any) -> None:
-            self._pull(row, event)
+            start, end = (np.asarray(each, np.float64) for each in (event.start_position, event.end_position))
+            self.session.pull(row, start, np.full(3, np.nan) if event.phase == "end" else end)
 
         return pull
 
-    def _pull(self, row: int, event: Any) -> None:
-        """Pull a link by a spring from where it was taken to the mouse."""
-        start, end = (np.asarray(each, np.float64) for each in (event.start_position, event.end_position))
-        force = _SPRING * (end - start)
-        size = float(np.linalg.norm(force))
-        if event.phase == "end" or not np.isfinite(size):
-            force = np.zeros(3)
-        elif size > _MOST_FORCE:
-            force *= _MOST_FORCE / size
-        self.session.push(row, start, force)
-
-    def _draw_push(self) -> None:
-        """Draw the spring between a link and the mouse."""
-        pushed = self.session.pushed
-        if pushed is None:
-            if self._spring is not None:
-                self._spring.remove()
-            self._spring = None
+    def _draw_pull(self) -> None:
+        """Draw the spring between a link and the mouse, and say how hard it draws."""
+        pulled = self.session.pulled
+        if pulled is None:
+            for node in self._spring:
+                node.remove()
+            self._spring = []
             return
-        _, point, force = pushed
-        ends = np.array([[point, point + force / _SPRING]])
-        self._spring = self.server.scene.add_line_segments("/spring", ends, _PUSH, thickness=0.008)
+        scene, end = self.server.scene, pulled.point + pulled.force / SPRING
+        line = scene.add_line_segments("/spring", np.array([[pulled.point, end]]), _PULL, thickness=0.008)
+        label = scene.add_label("/spring-force", f"{np.linalg.norm(pulled.force):.0f} N", position=end)
+        self._spring = [line, label]
 
     def _draw_ghost(self, ghost: Any, q: Array | None) -> None:
         if ghost is not self._shown_ghost:

@@ -45,7 +45,10 @@ SPEEDS = Speeds(linear=0.5, angular=2.0, acceleration=3.0)  # brisk for a hand t
 SHOWN = 10.0  # s of charts
 _CHARTED = 0.05  # s between points of charts
 _MOST_ROWS = 60_000  # of a recording: ten minutes at 100 Hz, 20 MB
+_BESIDE = ("constraints", "null_space", "contact")  # what a spec may say beside a law, for all of them
 _REST = {"kind": "set-point", "duration": 1.0}
+SPRING = 200.0  # N/m, of the mouse
+MOST_FORCE = 60.0  # N, of it: half of what ISO/TS 15066 lets a robot press on a chest
 _SLOW, _RESTS = 1e-4, 0.3  # rad/s or m/s, and s for which nothing is faster: the robot rests
 
 
@@ -62,7 +65,7 @@ class ChartPoint(NamedTuple):
     ghost_error
         Of the second robot, m; NaN without one.
     force
-        That the hand feels, or that somebody pushes with, N; NaN where there is no physics.
+        That the hand feels, or that somebody pulls with, N; NaN where there is no physics.
     missed
         Periods that passed without a step since the moment before.
     """
@@ -74,6 +77,31 @@ class ChartPoint(NamedTuple):
     ghost_error: float
     force: float
     missed: int
+
+
+class Pull(NamedTuple):
+    """What a spring does to a link.
+
+    Attributes
+    ----------
+    point, force
+        Where it holds the link, m, and how it draws, N, shape (3,), inertial frame.
+    gave_way
+        How far that point is from where the link was taken, m.
+    """
+
+    point: Array
+    force: Array
+    gave_way: float
+
+
+class _Spring(NamedTuple):
+    """Where a spring holds a link: the row of its frame, the point in that and in the room; and where it leads."""
+
+    row: int
+    on_link: Array
+    taken: Array
+    towards: Array
 
 
 class PlaySession:
@@ -100,8 +128,8 @@ class PlaySession:
         How many periods passed without a step, as the machine was busy.
     is_paused
         Whether time stands still.
-    pushed
-        Row, point (m) and force (N) of what pushes it now, as `push` was told; None if nothing does.
+    pulled
+        What a spring does to it; None without one.
     driver
         Called before each step with the robot: what a device tells it.
 
@@ -115,7 +143,7 @@ class PlaySession:
     live: Live
     ghost: Live | None
     ends: EndEffectors
-    pushed: tuple[int, Array, Array] | None
+    pulled: Pull | None
     driver: Callable[[Live], None] | None = None
 
     def __init__(self, spec: dict[str, Any], folder: Path | None = None) -> None:
@@ -165,7 +193,8 @@ class PlaySession:
             self.ends, self._ghost_ends = EndEffectors(live), EndEffectors(ghost) if ghost else None
             self.around: ConstraintView | None = scene
             self._record(exact=True)
-            self.pushed = None
+            self._spring: _Spring | None = None
+            self.pulled = None
             for each in (live, ghost) if ghost else (live,):
                 if self._follows:
                     each.follow(case.scene.reference)
@@ -259,27 +288,62 @@ class PlaySession:
         """Let the hand stay where it is: also what happens when nobody looks any more."""
         self.drag(np.full(8, np.nan))
 
-    def push(self, row: int, point: Array, force: Array) -> None:
-        """Push a link; see `RunningPlant.push`. What is recorded is no longer all that moves the robot."""
+    def pull(self, row: int, point: Array, towards: Array) -> None:
+        """Pull a link by a spring; it is recorded, but what is recorded is no longer all that moves the robot.
+
+        Parameters
+        ----------
+        row
+            Of `Robot.frames`: what the link moves with.
+        point
+            Where it is taken, shape (3,), m, inertial frame; while it is held, the spring stays where it was.
+        towards
+            Where the spring leads, shape (3,), m, inertial frame; not finite: it is let go.
+        """
         with self.lock:
             if not self.live.plant.can_be_pushed:
-                self.tell("pushing needs physics: choose it in the tab Robot")
-                return
-            self.live.plant.push(row, point, force)
-            self.pushed = (row, point, force) if np.any(force) else None
-            self._exact = False
+                self.tell("pulling needs physics: choose it in the tab Robot")
+            elif not np.isfinite(towards).all():
+                self._spring = self.pulled = None
+                self.live.plant.push(row, np.zeros(3), np.zeros(3))
+            else:
+                if self._spring is None or self._spring.row != row:
+                    pose = algebra.conjugate(self.robot.frames(self.live.plant.q)[row])
+                    on_link = algebra.multiply(pose, algebra.pose([1, 0, 0, 0], point))
+                    self._spring = _Spring(row, on_link, np.array(point, np.float64), towards)
+                self._spring = self._spring._replace(towards=towards)
+                self._exact = False
+                self._draw_spring()
+
+    def _draw_spring(self) -> None:
+        """Let the spring draw at its link where that is now."""
+        if (spring := self._spring) is None:
+            return
+        pose = algebra.multiply(self.robot.frames(self.live.plant.q)[spring.row], spring.on_link)
+        point = algebra.translation(pose)
+        force = SPRING * (spring.towards - point)
+        force *= min(1.0, MOST_FORCE / max(float(np.linalg.norm(force)), 1e-9))
+        self.pulled = Pull(point, force, float(np.linalg.norm(point - spring.taken)))
+        self.live.plant.push(spring.row, point, force)
 
     def set_law(self, law: Law) -> bool:
         """Go on with another law, without a stop; it keeps what the present one keeps, unless it says so itself."""
         present = self.live.law
-        kept = {key: getattr(law, key) or getattr(present, key) for key in ("constraints", "null_space")}
+        kept = {
+            key: getattr(law, key) or getattr(present, key)
+            for key in ("constraints", "null_space", "contact")
+        }
         with self.lock:
             try:
                 self.live.set_law(msgspec.structs.replace(law, **kept))
             except Error as error:
                 self.tell(f"not done: {error}")
                 return False
-            self.spec = {**self.spec, "law": law_data(law)}
+            said = {
+                key for key in _BESIDE if self.spec.get(key) is not None
+            }  # beside the law: not in it, too
+            data = {key: value for key, value in law_data(law).items() if key not in said}
+            self.spec = {**self.spec, "law": data}
             self._disturbed()
         return True
 
@@ -340,7 +404,15 @@ class PlaySession:
             words.append(f"{state.condition}; reset (R) brings it back")
         elif self.live.reason:
             words.append(self.live.reason)
-        if np.isfinite(state.missing) and state.missing > 5e-3:
+        if (pulled := self.pulled) is not None:
+            words.append(
+                f"pulled with {np.linalg.norm(pulled.force):.0f} N, gives way by {1e3 * pulled.gave_way:.1f} mm"
+            )
+            if self.live.law.contact is None:
+                words.append(
+                    "servos and law hold against it; 'Give way' in the tab Robot lets the hand go along"
+                )
+        elif np.isfinite(state.missing) and state.missing > 5e-3:
             rests = np.abs(state.command).max(initial=0.0) < 0.02
             words.append(f"{1e3 * state.missing:.0f} mm {'out of reach' if rests else 'to go'}")
         if late := sum(moment.missed for moment in tuple(self.history)):  # the thread adds to it
@@ -368,6 +440,7 @@ class PlaySession:
         try:
             if self.driver is not None:
                 self.driver(live)
+            self._draw_spring()
             live.step()
             if not self.rows.is_full:
                 for i in self.ends.aimed:
@@ -400,10 +473,10 @@ class PlaySession:
     def _force(self) -> float:
         """Return how hard the hand, or what it meets, is pressed, N; NaN if nothing says so."""
         plant = self.live.plant
-        pushed = float(np.linalg.norm(self.pushed[2])) if self.pushed else 0.0
+        pulled = float(np.linalg.norm(self.pulled.force)) if self.pulled else 0.0
         if len(plant.wrench):
-            return max(pushed, float(np.linalg.norm(plant.wrench[:3])))
-        return pushed if plant.can_be_pushed else np.nan
+            return max(pulled, float(np.linalg.norm(plant.wrench[:3])))
+        return pulled if plant.can_be_pushed else np.nan
 
     def _settle(self) -> None:
         """Begin a recording at rest from which everything follows, once the robot rests after another law began."""
