@@ -13,7 +13,7 @@ from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.mujoco.gripper import LiveGripper
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.plants.mujoco.world_model import WorldContacts
-from dqcontrol.plants.mujoco.wrist_sensor import MujocoWrist
+from dqcontrol.plants.mujoco.wrist_sensor import TOOL, MujocoWrist
 from dqcontrol.plants.plant import as_command
 from dqcontrol.plants.running_plant import RunningPlant
 from dqcontrol.plants.wrist import CHANNELS
@@ -141,13 +141,22 @@ class RunningMujoco(RunningPlant):
         self._gripper.told = closed
 
     def push(self, row: int, point: Array, force: Array) -> None:
-        """Push a link; see `RunningPlant.push`."""
-        mujoco, pushed = import_mujoco(), self.data.qfrc_applied
-        pushed[:] = 0.0
+        """Push a link; see `RunningPlant.push`. A wrist's sensor feels what pushes the link at its hand."""
+        applied = self.data.xfrc_applied
+        applied[:] = 0.0
         joint = int(self._parents[row]) if row >= len(self.q) else row  # rows behind the joints' are hands
-        if joint >= 0 and np.any(force):
-            body = self.model.body(f"link_{joint + 1}").id
-            mujoco.mj_applyFT(self.model, self.data, force, np.zeros(3), point, body, pushed)
+        if joint >= 0:
+            body = self._body_of(joint)
+            applied[body, :3] = force
+            applied[body, 3:] = np.cross(point - self.data.xipos[body], force)
+
+    def _body_of(self, joint: int) -> int:
+        """Return the body that a link is, or what hangs on its wrist's sensor."""
+        link = int(self.model.body(f"link_{joint + 1}").id)
+        if self._wrist is None:
+            return link
+        tool = int(self.model.body(TOOL).id)
+        return tool if self.model.body(tool).parentid[0] == link else link
 
     def _read(self) -> None:
         """Read what is felt, and how far the gripper is open."""
