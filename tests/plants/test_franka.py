@@ -17,7 +17,8 @@ from dqcontrol.plants import FrankaArm
 pytest.importorskip("franky", reason="franky-control has no wheel here")
 
 START = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
-WINDOW = 0.1 + 0.02 + 0.5 / 10 + 0.05  # s: 20 packets; from 0.5 rad/s; jerk, and filters
+TIMEOUT = 0.5  # s: more than a loaded machine keeps this process waiting
+WINDOW = TIMEOUT + 0.02 + 0.5 / 10 + 0.05  # s: 20 packets; from 0.5 rad/s; jerk, and filters
 SPEC = {
     "name": "franka", "robot": "panda", "start": START, "period": 0.01,
     "reference": {"kind": "circle", "radius": 0.03, "duration": 2.0},

@@ -139,7 +139,7 @@ def test_a_bracket_is_made_of_convex_parts_of_which_number_and_error_are_said(tm
     least = min(geometry.distance(inside_of_the_angle, part).distance for part in parts)
     assert least == pytest.approx(0.15, abs=1e-4)
 
-    mesh.convex_parts.cache_clear()
+    mesh._convex_parts.cache_clear()
     monkeypatch.setattr(coacd, "run_coacd", None)  # what is kept is not made again
     with pytest.warns(dqc.errors.NoteWarning):
         assert len(mesh.convex_parts(str(tmp_path / "bracket.stl"))) == 2
