@@ -97,7 +97,7 @@ class PreparedConstraints:
     names
         Of what is kept, in the order of the report.
     labels
-        Of each row, as ``table: panda_link5``.
+        Of each row, as ``table: panda_link5``; several shapes of a link have one, and `pair` says which.
     owners
         Number of the name of each row.
     asked
@@ -291,11 +291,15 @@ class PreparedConstraints:
                     "('dqcontrol robots shapes' fits them to meshes), or links: [hand] for its point alone"
                 )
             return found
-        known = {each.name: i for i, each in enumerate(self._bodies) if i not in self._points}
+        known: dict[str, list[int]] = {}
+        for i, each in enumerate(self._bodies):
+            if i not in self._points:
+                for name in dict.fromkeys((each.name, each.link)):
+                    known.setdefault(name, []).append(i)
         numbers, points = [], self._frames.point_names()
         for name in names:
             if name in known:
-                found = [known[name]]
+                found = known[name]
             elif name == HAND:
                 found = [self._ball_at(hand, 0.0) for hand in self._frames.hands(field, None)]
             elif name in points:
@@ -380,7 +384,7 @@ class PreparedConstraints:
                     if clear.links is None and self._stands_on(shape, self._bodies[chosen]):
                         continue
                     for body in self._end_balls(chosen) if isinstance(shape, Plane) else [chosen]:
-                        label = f"{name}{part}: {self._bodies[body].name}"
+                        label = f"{name}{part}: {self._bodies[chosen].link}"
                         number = self.names.index(name)
                         self._add_distance(
                             APART, body, obstacle, label, number, clear.level, margin, each.moves.speed
@@ -489,7 +493,7 @@ class PreparedConstraints:
             row = _row(kind=APART, a=first, b=second, kept=margin, level=0, name=len(self.names) - 1)
             levers = self._frames.levers(far.frame, far.extent, near.frame, near.extent)
             if levers.any():
-                self._lines.append(_Line(row, f"{near.name}, {far.name}", levers, 0.0))
+                self._lines.append(_Line(row, f"{near.link}, {far.link}", levers, 0.0))
 
     def _allowance(self, line: _Line) -> float:
         """Return κ T²/8 for the largest κ that limits of speed allow, and that of obstacles' paths."""

@@ -26,10 +26,6 @@ from .drivers import (
     UniversalRobot as UniversalRobot,
 )
 from .integrator import Integrator as Integrator
-from .live_plant import (
-    LivePlant as LivePlant,
-    PlantProtocol as PlantProtocol,
-)
 from .mobile import MobilePlant as MobilePlant
 from .mobile.odometry import Odometry as Odometry
 from .mobile.wheeled_base import WheeledBase as WheeledBase
@@ -45,6 +41,10 @@ from .plant import (
     Plant as Plant,
     lagging_mode as lagging_mode,
     limits_before as limits_before,
+)
+from .running_plant import (
+    PlantProtocol as PlantProtocol,
+    RunningPlant as RunningPlant,
 )
 from .servo import (
     Servo as Servo,

@@ -18,7 +18,7 @@ from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.live_plant import ControllerSettings, LivePlant, PlantProtocol
+from dqcontrol.plants.running_plant import ControllerSettings, PlantProtocol, RunningPlant
 from dqcontrol.robots.command_mode import AT_ONCE, CommandMode, Lag
 from dqcontrol.robots.robot import Robot, base_coordinates
 from dqcontrol.world import World
@@ -268,7 +268,7 @@ def _periods(field: str, seconds: float, period: float) -> float:
     return periods
 
 
-class CompiledPlant(LivePlant):
+class CompiledPlant(RunningPlant):
     """A plant whose step is a compiled function of signature ``PLANT``.
 
     Attributes
@@ -297,7 +297,7 @@ class CompiledPlant(LivePlant):
         self._step = 0
 
     def step(self, command: Array) -> None:
-        """Apply the inputs for one period; see `LivePlant.step`."""
+        """Apply the inputs for one period; see `RunningPlant.step`."""
         if self._step == len(self.noise):
             raise ValueRangeError(f"step: the plant was started for {self._step} periods, and they are over")
         status = self.kernel(
@@ -323,9 +323,9 @@ class CompiledPlant(LivePlant):
         return "the plant's function raised an exception"
 
     def rewind(self) -> None:
-        """Use the noise again from its start; see `LivePlant.rewind`."""
+        """Use the noise again from its start; see `RunningPlant.rewind`."""
         self._step = 0
 
     def compiled(self) -> CompiledPlant:
-        """Return itself; see `LivePlant.compiled`."""
+        """Return itself; see `RunningPlant.compiled`."""
         return self

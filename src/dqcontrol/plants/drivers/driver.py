@@ -20,8 +20,8 @@ from msgspec import Meta
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, MissingExtraError, ShapeError, ValueRangeError, as_positive
-from dqcontrol.plants.live_plant import LivePlant
 from dqcontrol.plants.plant import Plant, as_command, start_within_limits
+from dqcontrol.plants.running_plant import RunningPlant
 from dqcontrol.robots.command_mode import CommandMode
 from dqcontrol.robots.robot import Robot
 
@@ -94,7 +94,7 @@ class Driver(Plant, frozen=True, kw_only=True):
         """Connect to the robot so that its state can be read; commands will come with a period (s)."""
         raise NotImplementedError
 
-    def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> LiveDriver:
+    def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> RunningDriver:
         """Return the robot, standing where the run starts.
 
         Raises
@@ -102,14 +102,14 @@ class Driver(Plant, frozen=True, kw_only=True):
         Error
             If it is not there, is driven already, moves, has other joints, refuses, or stands elsewhere.
         """
-        return LiveDriver(self, robot, start_within_limits(robot, start), as_positive("period", period))
+        return RunningDriver(self, robot, start_within_limits(robot, start), as_positive("period", period))
 
     def target_mode(self) -> CommandMode:
         """Return what targets grow from: the last ones."""
         return "integrated"
 
 
-class LiveDriver(LivePlant):
+class RunningDriver(RunningPlant):
     """A robot at work behind its client."""
 
     def __init__(self, driver: Driver, robot: Robot, start: Array, period: float) -> None:
@@ -137,7 +137,7 @@ class LiveDriver(LivePlant):
             raise
 
     def step(self, command: Array) -> None:
-        """Send the command and read what the robot measured last; see `LivePlant.step`.
+        """Send the command and read what the robot measured last; see `RunningPlant.step`.
 
         A robot that fails says so in ``fault``, and is sent nothing from then on.
         """
