@@ -187,3 +187,15 @@ def test_a_minute_at_500_hz_behind_law_supervisor_and_constraints(robot, tmp_pat
     assert (done.record.stopped, robot.state()["fault"]) == ("duration", "")
     assert done.record.position_error.max() < 0.03
     print(f"{done.timing.missed} periods missed of {len(done.record)}")
+
+
+@pytest.mark.slow
+def test_it_learns_from_repeats_and_goes_back_to_the_start_between_them(robot):
+    repeated = {
+        **spec(robot, approach=0.3),
+        "reference": {"kind": "circle", "radius": 0.03, "duration": 2.0, "ramp": 0.5},
+        "law": {"kind": "proportional-feedforward", "gain": 2.0},
+    }  # fmt: skip
+    found = dqc.learn(repeated, 1, real_time=True, model={"kind": "servo", "time_constant": 0.1})
+    assert found.gain > 3  # its errors: 8.5 mm, then 0.7 mm, on a quiet machine
+    assert robot.state()["fault"] == ""
