@@ -157,7 +157,7 @@ def rest_after(process, how, seed):
     return seconds_to_rest(process, how, "franka_double.py", seed, **panda)
 
 
-@pytest.mark.parametrize("how", ["kill", "freeze"])
+@pytest.mark.parametrize("how", ["freeze"])
 def test_it_rests_after_a_failure(driving, how):
     assert rest_after(driving, how, 0) <= WINDOW
 
