@@ -74,6 +74,14 @@ except pylibfranka.ControlException as error:
 """
 
 
+def test_a_loop_that_begins_late_takes_no_old_state_for_silence(robot):
+    live = started(robot, timeout=0.2)
+    time.sleep(0.5)
+    live.step(np.zeros(7))
+    assert live.fault == ""
+    live.close()
+
+
 def test_a_naive_loop_trips_it(robot):
     if find_spec("pylibfranka") is None:
         pytest.skip("pylibfranka has no wheel here")
