@@ -55,7 +55,9 @@ def main() -> None:
         peaks.append(force)
         print(f"{seed:3d}: {force:5.1f} N on the peg, {pressed:5.1f} N in all; {words}", flush=True)
     share = 100 * done / trials
-    print(f"{done} of {trials} in with at most {MOST:g} N ({share:.0f} %, ≥ {SHARE:g} wanted), {max(peaks):.1f} N at most")
+    print(
+        f"{done} of {trials} in with at most {MOST:g} N ({share:.0f} %, ≥ {SHARE:g} wanted), {max(peaks):.1f} N at most"
+    )
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ from dqcontrol.references.guarded import Guards
 _AXES = {"reference": REFERENCE, "base": BASE, "hand": HAND}
 _TURN = 2.0  # rad: a deflection below half a turn keeps its logarithm smooth
 _RIGID = "rigid"
+_ROUNDING = 1e-6  # of a period: times are sums
 
 NO_GUARDS = Guards()
 NEEDS_CONTACT = "reference: 'until' and 'touch' need a force sensor, which 'contact' describes; give it"
@@ -300,7 +301,9 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             if wanted[i] is not None and not rows[i, :2].any():
                 raise ValueRangeError(f"contact.force.{name}: is wanted along a rigid axis; let it give way")
         if self.goes_on is not None and not rows[3:, 1].any():
-            raise ValueRangeError("contact.goes_on: no axis of 'translation' has damping, along which it could go")
+            raise ValueRangeError(
+                "contact.goes_on: no axis of 'translation' has damping, along which it could go"
+            )
         if not rows[:, :2].any():
             raise ValueRangeError(
                 "contact: all axes are rigid; give 'translation' or 'rotation' that gives way"
@@ -346,7 +349,10 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             )
         guarding = np.zeros((MOST_GUARDS, 12))
         for row, each in zip(guarding, moves, strict=False):
-            row[:4] = round(each.begin / period), round(each.end / period), each.force, each.drop
+            row[:2] = np.ceil(
+                np.array([each.begin, each.end]) / period - _ROUNDING
+            )  # first rows of it and after
+            row[2:4] = each.force, each.drop
             row[4:] = each.pose
         fit = np.zeros(2) if plane is None else np.round(np.array([plane.begin, plane.end]) / period)
         rows, wanted = self.axis_rows, self.force.components
