@@ -1,8 +1,8 @@
 """Cranks of unknown radius in physics: how often they are turned by 90°, and by what side force.
 
-``python benchmarks/crank.py [TRIALS]`` runs ``examples/crank.yaml`` so often (20), with cranks of 8 to 40 cm whose axes lie
-anywhere around the hand where the arm can follow, other friction, and a first direction that is wrong by up to 20°. A
-long one is turned as far as 50 mm/s come in 12 s. The side force is the handle's on the pin along the radius.
+``python benchmarks/crank.py [TRIALS]`` runs ``examples/crank.yaml`` so often (20), with cranks of 8 to 40 cm whose axes
+lie anywhere around the hand where the arm can follow, other friction, and a first direction wrong by up to 20°. A long
+one is turned as far as 50 mm/s come in 12 s. The side force is the handle's on the pin along the radius.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Peg in hole in physics: 20 in 20.2 mm, 2 mm and 2° off in any direction; how often it goes in, and with what force.
 
-``python benchmarks/peg.py [TRIALS]`` runs ``examples/peg.yaml`` so often (20), with the rim displaced and tilted in other
-directions and other noise, on springs of 100 kN/m. It prints the largest force of the socket on the peg, as its wrist
-feels it, and the sum of all that presses in the hole, where both sides of a jammed peg count.
+``python benchmarks/peg.py [TRIALS]`` runs ``examples/peg.yaml`` so often (20), with the rim displaced and tilted in
+other directions and other noise, on springs of 100 kN/m. It prints the largest force of the socket on the peg, and the
+sum of all that presses in the hole, where both sides of a jammed peg count.
 """
 
 from __future__ import annotations

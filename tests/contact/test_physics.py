@@ -113,7 +113,7 @@ def test_how_fast_to_approach_counts_the_lag_of_servos_with_masses():
 
 def test_a_flat_tool_is_as_wide_as_it_says():
     """The hull of its corners: a prism whose sides lie within 0.1 % of its radius, and which ends at the hand."""
-    live = plant(**{"radius": 0.01, "flat": True}).in_world(board(5e3)).start(ARM, START, T, 1, 0)
+    live = plant(radius=0.01, flat=True).in_world(board(5e3)).start(ARM, START, T, 1, 0)
     corners = live.model.mesh_vert + live.model.mesh_pos[0]
     assert np.hypot(*corners[:, :2].T) == pytest.approx(0.01, rel=1e-3)
     assert corners[:, 2].max() == pytest.approx(0.0, abs=1e-6)

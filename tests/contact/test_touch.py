@@ -185,7 +185,7 @@ def test_a_move_ends_where_the_hand_drops():
 def test_a_drop_goes_by_a_wanted_force():
     spec = SPEC | {"reference": {"kind": "set-point", "duration": 1, "until": {"drop": 1e-3}}}
     spec["contact"] = {"translation": {"damping": 200}}
-    with pytest.raises(Error, match="until.drop"):
+    with pytest.raises(Error, match=r"until\.drop"):
         check(spec)
 
 

@@ -66,7 +66,7 @@ def _fit(given, own, scratch):
 
 @inline
 def is_at_end(k, given, own, force, gone):
-    """Say whether a force, or how far the hand has gone where the wanted one pushes it, ends the guarded move of a row."""
+    """Say whether a force, or how far the hand has gone where the wanted one pushes, ends the guarded move of a row."""
     for i in range(int(given.guarded)):
         if given.guards[i, 0] <= k < given.guards[i, 1]:
             if k == given.guards[i, 0]:

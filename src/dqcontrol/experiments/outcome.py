@@ -178,6 +178,7 @@ def _inside(name: str, container: str, record: Record, world: World) -> Judged:
 
 def _deep(asked: float, container: str, record: Record, world: World) -> Judged:
     body = world.bodies[container]
+    assert body.container is not None
     seen = algebra.translation(algebra.multiply(algebra.conjugate(body.pose), record.pose[-1]))
     depth = body.container[-1] - float(seen[2])
     holds = bool(body.holds(record.position[-1]))
