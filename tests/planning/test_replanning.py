@@ -217,9 +217,7 @@ def test_where_nothing_plans_while_the_robot_moves_it_is_refused_in_a_line(tmp_p
     path.write_text(yaml.safe_dump(spec))
     with pytest.raises(ValueRangeError, match=rf"^{asked}: plans .* no node does; leave it out$"):
         load_node(path).prepared_law("spec")
-    with pytest.raises(
-        ValueRangeError, match=rf"^spec: {asked}: plans .* only judged do not; leave it out$"
-    ):
+    with pytest.raises(ValueRangeError, match=rf"^spec: {asked}: plans .* only judged do not; leave it out$"):
         dqc.tune(
             {**spec, "tune": {"free": {"guided-proportional": {"gain": {"low": 1, "high": 3}}}, "budget": 20}}
         )
