@@ -22,6 +22,7 @@ from .disturbance import (
 from .drivers import (
     Driver as Driver,
     FrankaArm as FrankaArm,
+    LeRobotArm as LeRobotArm,
     UniversalRobot as UniversalRobot,
 )
 from .integrator import Integrator as Integrator

@@ -30,7 +30,8 @@ Answer = TypeVar("Answer")
 _STILL = 0.02  # rad/s or m/s: above it a robot moves; encoders at rest show a hundredth of it
 _LOOK = 0.1  # s that it is watched to tell
 _AT_START = 0.01  # rad or m that the robot may be from where the run starts; limits are kept as exactly
-_PULL, _SETTLING = 2.0, 3.0  # 1/s and s: a robot that follows half a second late still settles so
+_PULL = 2.0  # 1/s: a robot that follows a tenth of a second late is damped well
+_SETTLING = 3.0  # s, then at most
 _PEAK = 1.875  # of the mean speed: peak of a minimum-jerk motion
 
 
@@ -50,7 +51,7 @@ class Link(ABC):
 
     @abstractmethod
     def send(self, target: Array, rate: Array) -> None:
-        """Send where the joints are to be next, and how fast they go, shape (n,) each, rad or m, and per s."""
+        """Send where the joints are to be next, or how fast they go to be there, (n,) each, rad or m, and per s."""
 
     @abstractmethod
     def fault(self) -> str:
@@ -112,7 +113,7 @@ class RunningDriver(RunningPlant):
     """A robot at work behind its client."""
 
     def __init__(self, driver: Driver, robot: Robot, start: Array, period: float) -> None:
-        self._driver, self._period = driver, period
+        self._driver, self._period, self._fastest = driver, period, robot.limits.velocity
         lock = _locked(driver.address)
         try:
             link = told(driver.address, lambda: driver.open(robot, period))
@@ -152,8 +153,10 @@ class RunningDriver(RunningPlant):
     def _send(self, rate: Array) -> None:
         if self.fault:
             return
+        # Velocities alone would drift from the supervisor's position command, by each period that is late.
+        back = np.clip(rate + _PULL * (self._target - self.q), -self._fastest, self._fastest)
         try:
-            self._link.send(self._target, rate)
+            self._link.send(self._target, back)
         except Exception as error:  # clients raise what they like
             self.fault = f"{self._driver.address}: {_line(error)}"
 
@@ -186,9 +189,10 @@ class RunningDriver(RunningPlant):
             )
         if why := told(address, self._link.fault):
             raise Error(f"plant: {address}: {why}")
+        began = time.monotonic()
         time.sleep(_LOOK)
         q, self._stamp = told(address, self._link.read)
-        speed = np.abs(np.asarray(q) - first) / _LOOK
+        speed = np.abs(np.asarray(q) - first) / (time.monotonic() - began)
         if not np.isfinite(q).all() or speed.max() > _STILL:
             i = int(np.argmax(speed))
             raise Error(f"plant: {address} moves, {_joint(robot, i)} at {speed[i]:.2g} rad/s; it must stand")
@@ -216,8 +220,7 @@ class RunningDriver(RunningPlant):
             s = min(k / count, 1.0)
             if s == 1.0 and np.abs(start - self.q).max() <= _AT_START / 2:
                 return
-            pull = _PULL * (start - self.q) if s == 1.0 else 0.0
-            self.step(way * 30 * s**2 * (1 - s) ** 2 / (count * self._period) + pull)
+            self.step(way * 30 * s**2 * (1 - s) ** 2 / (count * self._period))
             if self.fault:
                 raise Error(f"plant: on the way to the start: {self.fault}")
             time.sleep(self._period)
