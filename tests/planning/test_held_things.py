@@ -68,7 +68,7 @@ def test_a_law_keeps_what_is_held_clear():
     way = dqc.planning.PlanTo(plan(ARM, keep, START, GOAL))
     record = dqc.simulate(ARM, way, law, dqc.plants.Integrator(), START, 0.01, way.duration + 1.0)
     assert np.abs(record.q[-1] - GOAL).max() < 1e-6
-    assert record.readings["kept_room"].values.min() >= 0
+    assert record.readings["constraint_room"].values.min() >= 0
 
 
 def test_it_is_kept_away_from_the_robot_itself():

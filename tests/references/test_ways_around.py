@@ -258,6 +258,6 @@ def test_in_a_spec(tmp_path):
     }
     run = dqc.run(spec)
     assert run.error[-1] < 1e-3
-    assert run.record.readings["kept_distance"].values.min() > 0.01
+    assert run.record.readings["constraint_distance"].values.min() > 0.01
     floor = load_map(tmp_path / "room.yaml")
     assert room_of(floor, ROBOT, run.record.q[::10]) > 0

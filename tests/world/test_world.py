@@ -6,7 +6,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol import geometry
 from dqcontrol.experiments.spec import read_spec
-from dqcontrol.world import Body, Hinge, Motion, Slide, Solid, World, floor_around
+from dqcontrol.world import Body, Hinge, Motion, Slide, Solid, World, floor_around, mesh
 
 SPEC = {
     "name": "world",
@@ -122,6 +122,36 @@ def test_a_mesh_is_taken_apart(tmp_path):
     block.export(tmp_path / "open.stl")
     with pytest.raises(dqc.Error, match=r"mesh: .*open.stl is open"):
         dqc.World(bodies={"it": Body(mesh=str(tmp_path / "open.stl"))})
+
+
+def test_a_bracket_is_made_of_convex_parts_of_which_number_and_error_are_said(tmp_path, monkeypatch, capfd):
+    trimesh, shapely = pytest.importorskip("trimesh"), pytest.importorskip("shapely")
+    coacd = pytest.importorskip("coacd")
+    monkeypatch.setattr(mesh, "module_folder", lambda module: tmp_path)
+    corner = shapely.Polygon([(0, 0), (0.4, 0), (0.4, 0.05), (0.05, 0.05), (0.05, 0.3), (0, 0.3)])
+    trimesh.creation.extrude_polygon(corner, 0.2).export(tmp_path / "bracket.stl")
+    with pytest.warns(
+        dqc.errors.NoteWarning, match=r"bracket.stl: 2 convex parts .*, up to 0.011 mm outside and 0"
+    ):
+        parts = Body(mesh=str(tmp_path / "bracket.stl"), position=(1, 0, 0)).shapes
+    assert "taking bracket.stl apart" in capfd.readouterr().err
+    inside_of_the_angle = geometry.Point([1.2, 0.2, 0.1])  # 150 mm from both arms of it, and within its hull
+    least = min(geometry.distance(inside_of_the_angle, part).distance for part in parts)
+    assert least == pytest.approx(0.15, abs=1e-4)
+
+    mesh._convex_parts.cache_clear()
+    monkeypatch.setattr(coacd, "run_coacd", None)  # what is kept is not made again
+    with pytest.warns(dqc.errors.NoteWarning):
+        assert len(mesh.convex_parts(str(tmp_path / "bracket.stl"))) == 2
+    assert capfd.readouterr().err == ""
+
+
+def test_a_huge_mesh_is_refused(tmp_path, monkeypatch):
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.creation.icosphere(subdivisions=2).export(tmp_path / "ball.stl")
+    monkeypatch.setattr(mesh, "_MOST_FACES", 319)  # it has 320
+    with pytest.raises(dqc.Error, match=r"mesh: .*ball.stl has 320 faces, at most 319; simplify it"):
+        dqc.World(bodies={"it": Body(mesh=str(tmp_path / "ball.stl"))})
 
 
 @pytest.mark.parametrize(

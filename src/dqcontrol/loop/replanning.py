@@ -13,7 +13,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.constraints.constraint_layout import report_of
 from dqcontrol.controller.controller import Controller
 from dqcontrol.errors import NoteWarning, PlanError, ValueRangeError
-from dqcontrol.loop.kept_signals import HELD_WINDOW, is_held
+from dqcontrol.loop.constraint_signals import HELD_WINDOW, is_held
 from dqcontrol.loop.signals import Signal
 from dqcontrol.references import Reference
 from dqcontrol.references.drive_to import PlannedWay

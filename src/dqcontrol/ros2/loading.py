@@ -109,7 +109,7 @@ class Loaded:
         return self.case.plant.linear_model(self.robot, self.case.scene.start, self.period)
 
     def target(self, source: str) -> Target:
-        """Return what gives the desired motion: the ``spec``, a ``pose`` or a ``twist``."""
+        """Return what gives the desired motion: the ``spec``, a ``pose``, or a ``twist``, as ``servo`` begins."""
         if source == "spec":
             return SampledTarget(self.case.scene.samples, self.period)
         return PoseTarget(self.speeds) if source == "pose" else TwistTarget(self.speeds)
