@@ -460,6 +460,11 @@ def _checked_plants(spec: Spec, plants: dict[str, AnyPlant], scene: PreparedRobo
     for label, plant in plants.items():
         if supervisor := spec.supervisor_of(plant):
             supervisor.prepare(scene.robot, spec.period).start(scene.start)
+        if plant.is_robot:
+            if spec.disturbance is not None:
+                raise ValueRangeError("disturbance: only simulated joints can be moved so; leave it out")
+            compiled[label] = False
+            continue
         with error_prefix(f"plant {label}"):
             live = running_plant(plant.start(scene.robot, scene.start, spec.period, 1, spec.seed))
             if spec.disturbance is not None:

@@ -24,6 +24,7 @@ from dqcontrol.experiments.prepared_experiment import Combination, PreparedExper
 from dqcontrol.export.own_code import own_law_kernel
 from dqcontrol.extensions import user_code
 from dqcontrol.laws import Law, OwnLaw
+from dqcontrol.loop.replanning import refuse_replanning
 from dqcontrol.loop.target_motion import move_by_twist, move_to_pose
 from dqcontrol.loop.targets import SampledTarget, Target
 from dqcontrol.plants.plant import CompiledPlant, command_mode
@@ -242,6 +243,7 @@ def controller_parts(
     case = _chosen(setting, law)
     spec, robot = setting.spec, case.scene.robot
     prepared = case.prepare_law(spec).with_limits(case.limits)  # its own, with clean scratch memory
+    refuse_replanning(prepared, case.scene.reference, "which no exported controller does")
     if not isinstance(prepared.kernel, Kernel):
         raise Error(
             f"law: {case.names.law or 'it'} does not compile, so it cannot be exported: {prepared.kernel.reason}"

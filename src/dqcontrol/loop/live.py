@@ -20,6 +20,7 @@ from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.control import Control, Phase, warm_up
 from dqcontrol.loop.interrupts import first_interrupt
+from dqcontrol.loop.replanning import refuse_replanning
 from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.supervision import Senses
 from dqcontrol.loop.targets import PoseTarget, SampledTarget, Speeds, Target, TwistTarget
@@ -187,7 +188,9 @@ class Live:
     def _prepared(self, law: Law, robot: Robot, period: float) -> Controller:
         if not isinstance(law, Law):
             raise ShapeError(f"law: expected a Law, got {law!r:.80}")
-        return law.prepare(robot, self._reference, period, self._limits, self._mode, self._tasks, self._lag)
+        made = law.prepare(robot, self._reference, period, self._limits, self._mode, self._tasks, self._lag)
+        refuse_replanning(made, self._reference, "which nothing does under a person's hand")
+        return made
 
     @property
     def robot(self) -> Robot:

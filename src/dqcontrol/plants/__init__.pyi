@@ -19,6 +19,12 @@ from .disturbance import (
     SinusoidalTwist as SinusoidalTwist,
     WorstCase as WorstCase,
 )
+from .drivers import (
+    Driver as Driver,
+    FrankaArm as FrankaArm,
+    LeRobotArm as LeRobotArm,
+    UniversalRobot as UniversalRobot,
+)
 from .integrator import Integrator as Integrator
 from .mobile import MobilePlant as MobilePlant
 from .mobile.odometry import Odometry as Odometry

@@ -76,6 +76,9 @@ class Plant(
         physics, which real joints stand behind.
     is_ideal
         Whether joints do at once and exactly what is commanded.
+    is_robot
+        Whether it is no simulation: runs then keep real time, always with a supervisor before it, and it is started by
+        nothing but a run.
     file_keys
         Its parameters that name files, relative to the spec.
     """
@@ -85,6 +88,7 @@ class Plant(
     touches_world: ClassVar[bool] = False
     has_velocity_limits: ClassVar[bool] = False
     is_ideal: ClassVar[bool] = False
+    is_robot: ClassVar[bool] = False
     file_keys: ClassVar[tuple[str, ...]] = ()
 
     def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> PlantProtocol:
