@@ -205,7 +205,7 @@ def runs(count: int) -> None:
         law = dqc.laws.Proportional(gain=3.0, constraints=given)
         record = dqc.simulate(arm, goal, law, dqc.plants.Integrator(), HOME, period, LASTING)
         worst = min(worst, least_room(law.prepare(arm, goal, period), record, period))
-        excesses.append(float(record.readings["kept_effect"].values[:, 3].max()))
+        excesses.append(float(record.readings["constraint_effect"].values[:, 3].max()))
     exceeded = sum(each > ROUNDING for each in excesses)
     print(
         f"{count} runs, 20 instants a period: worst shortfall {max(-worst, 0.0):.3g} m, "

@@ -160,7 +160,7 @@ class Playing:
             middle = np.array([camera.image_width, camera.image_height]) / 2
             return np.array([box["x"], box["y"]]) + scale * (middle + focal * np.array([x, y]) / z)
 
-        gizmo = self.page._gizmo
+        gizmo = self.page._gizmos[""]
         along = algebra.matrix_from_rotation(np.asarray(gizmo.wxyz))[:, 1] * gizmo.scale
         near, far = (pixel(np.asarray(gizmo.position) + share * along) for share in (0.7, 0.8))
         return near, (far - near) / np.linalg.norm(far - near)

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import difflib
 import math
+import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+_NEAR, _NEAR_FILE = 0.5, 0.65  # of `difflib`: one letter of two, or of a file's three, which no list follows
 
 
 class Error(Exception):
@@ -160,8 +164,19 @@ def error_prefix(place: str) -> Iterator[None]:
 
 def suggest(name: str, allowed: Iterable[str]) -> str:
     """Return ``; did you mean 'x'?`` for the nearest allowed name, or an empty string."""
-    known = {each.casefold(): each for each in allowed}
-    near = difflib.get_close_matches(name.casefold(), list(known), n=1, cutoff=0.5)
+    return _nearest(name, {each: each for each in allowed}, _NEAR)
+
+
+def suggest_file(path: str | os.PathLike[str]) -> str:
+    """Return the same for what is beside a file that is missing; suffixes, which many have, make no two alike."""
+    file = Path(path)
+    beside = sorted(file.parent.glob("*"), key=lambda each: each.suffix == file.suffix)
+    return _nearest(file.stem, {each.stem: each.name for each in beside}, _NEAR_FILE)
+
+
+def _nearest(name: str, allowed: dict[str, str], cutoff: float) -> str:
+    known = {each.casefold(): said for each, said in allowed.items()}
+    near = difflib.get_close_matches(name.casefold(), list(known), n=1, cutoff=cutoff)
     return f"; did you mean '{known[near[0]]}'?" if near else ""
 
 

@@ -7,21 +7,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from played_spec import SPEC
 
 import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.browser.play import PlayPage, PlaySession
 
 pytest.importorskip("viser", reason="the browser view needs viser: pip install 'dqcontrol[view]'")
-SPEC = {
-    "name": "play",
-    "robot": "iiwa7",
-    "start": [0, 0.6, 0, -1.6, 0, 0.9, 0],
-    "period": 0.01,
-    "reference": {"kind": "set-point", "duration": 1.0},
-    "law": {"kind": "proportional-feedforward", "gain": 5.0},
-    "plant": {"kind": "servo"},
-}
 JOHN = {
     **SPEC,
     "robot": "little-john",
@@ -75,10 +67,10 @@ def test_the_target_is_where_the_line_of_sight_meets_the_sheet(page_of, plane):
     assert board.point(eye, eye + board.axes[:, 0]) is None  # along the sheet
     assert board.point(eye, eye - (wanted - eye)) is None  # behind the eye
     page.tick()
-    assert not page._gizmo.visible
+    assert not page._gizmos[""].visible
     board.show("off")
     page.tick()
-    assert page._gizmo.visible
+    assert page._gizmos[""].visible
 
 
 def test_a_drawing_file_is_followed_and_kept_beside_the_recordings(page_of, tmp_path):
@@ -100,15 +92,15 @@ def test_a_drawing_file_is_followed_and_kept_beside_the_recordings(page_of, tmp_
 
 
 def test_a_link_is_pulled_by_the_mouse_where_there_is_physics(page_of):
-    pytest.importorskip("mujoco")
+    mujoco = pytest.importorskip("mujoco")
     page = page_of({**SPEC, "plant": {"kind": "mujoco"}})
     session, row = page.session, 6
     for _ in range(50):
         session.step()
-    before = session.live.state.pose
-    point = algebra.translation(before)
-    asyncio.run(page._puller(row)(event("update", point, point + np.array([0, 0.15, 0]))))
-    np.testing.assert_allclose(session.pushed[2], [0, 30.0, 0])
+    point = algebra.translation(session.live.state.pose)
+    mouse = point + np.array([0, 0.15, 0])
+    asyncio.run(page._puller(row)(event("update", point, mouse)))
+    np.testing.assert_allclose(session.pulled.force, [0, 30.0, 0], atol=1e-9)
     robot, plant = session.robot, session.live.plant
     expected = np.zeros(7)  # Jᵀ f, by differences of the hand's position
     for j in range(7):
@@ -116,25 +108,70 @@ def test_a_link_is_pulled_by_the_mouse_where_there_is_physics(page_of):
         step[j] = 1e-6
         moved = [algebra.translation(robot.fkm(plant.q + sign * step)) for sign in (1, -1)]
         expected[j] = (moved[0] - moved[1])[1] / 2e-6 * 30.0
-    np.testing.assert_allclose(plant.data.qfrc_applied, expected, atol=0.1)  # the data's are a time step old
+    (body,) = np.flatnonzero(plant.data.xfrc_applied.any(axis=1))
+    moves, turns = np.zeros((3, 7)), np.zeros((3, 7))
+    mujoco.mj_jacBodyCom(plant.model, plant.data, moves, turns, body)
+    felt = plant.data.xfrc_applied[body] @ np.vstack([moves, turns])
+    np.testing.assert_allclose(felt, expected, atol=0.1)  # the data's are a time step old
+    farthest = 0.0
     for _ in range(50):
         session.step()
-    aside = algebra.translation(session.live.state.pose) - point
-    assert aside[1] > 1e-4  # servos are stiff, and the law takes it back
-    assert session.history[-1].force == pytest.approx(30.0)
+        pulled, hand = session.pulled, algebra.translation(session.live.state.pose)
+        farthest = max(farthest, pulled.gave_way)
+        np.testing.assert_allclose(pulled.force, 200.0 * (mouse - pulled.point), atol=1e-9)
+    np.testing.assert_allclose(pulled.point, hand, atol=1e-3)  # the spring goes along
+    assert 1e-3 < farthest < 5e-3  # servos are stiff, and the law takes it back
+    assert pulled.gave_way < 0.3 * farthest
+    assert session.history[-1].force == pytest.approx(30.0, abs=0.5)
+    assert "gives way by" in session.words
+    assert "servos and law hold" in session.words
     page.tick()
+    assert page._spring[1].text.endswith(" N")
     asyncio.run(page._puller(row)(event("update", point, point + np.array([0, 9.0, 0]))))
-    assert np.linalg.norm(session.pushed[2]) == pytest.approx(60.0)
+    assert np.linalg.norm(session.pulled.force) == pytest.approx(60.0)
     asyncio.run(page._puller(row)(event("end", point, point)))
-    assert session.pushed is None
-    assert not plant.data.qfrc_applied.any()
+    assert session.pulled is None
+    assert not plant.data.xfrc_applied.any()
     page.tick()
+    assert page._spring == []
 
 
-def test_without_physics_nothing_is_pushed(page_of):
+def test_a_hand_gives_way_to_a_pull_and_comes_back(page_of):
+    pytest.importorskip("mujoco")
+    page = page_of(SPEC)
+    session = page.session
+    assert not page._robot._gives_way.visible
+    page._robot._plant.value = "physics"
+    page.tick()
+    assert page._robot._gives_way.visible
+    page._robot._gives_way.value = True
+    assert session.spec["contact"]["translation"]["stiffness"] == 200.0, session.told
+    assert session.live.law.contact is not None
+    session.set_law(session.live.law.scaled(1.2))
+    assert session.live.law.contact is not None  # another gain keeps it
+    for _ in range(50):
+        session.step()
+    point = algebra.translation(session.live.state.pose)
+    session.pull(6, point, point + np.array([0, 0.2, 0]))
+    for _ in range(400):
+        session.step()
+    # Springs of 200 N/m on both sides share the way; 20 N before, 20 N of them left
+    assert session.pulled.gave_way == pytest.approx(0.1, abs=0.01)
+    assert session.history[-1].force == pytest.approx(20.0, abs=2.0)
+    assert "hold against it" not in session.words
+    session.pull(6, point, np.full(3, np.nan))
+    for _ in range(400):
+        session.step()
+    assert np.linalg.norm(algebra.translation(session.live.state.pose) - point) < 2e-3
+    page._robot._plant.value = "servo"
+    assert session.spec["plant"]["kind"] == "servo", session.told
+    assert session.spec["contact"] is None
+
+
+def test_without_physics_nothing_is_pulled(page_of):
     page = page_of(SPEC)
     asyncio.run(page._puller(3)(event("update", np.zeros(3), np.ones(3))))
-    assert page.session.pushed is None
+    assert page.session.pulled is None
     assert "physics" in page.session.told[-1]
 
 
@@ -253,3 +290,13 @@ def test_a_robot_that_is_not_there_is_one_line(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, ""), "viser says that its server stopped"
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_no_node_of_another_robot_has_a_former_name(page_of):
+    """Browsers gave a link of the new robot the place of its namesake where its own is the default one."""
+    page, shown = page_of(SPEC), []
+    for spec in (JOHN, SPEC, JOHN):
+        page.session.play(dict(spec))
+        page.tick()
+        shown.append({node.name for _, node in page._drawn.bodies} | {page._gizmos[""].name})
+    assert len(set.union(*shown)) == sum(map(len, shown))

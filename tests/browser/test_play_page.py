@@ -7,9 +7,11 @@ import time
 
 import numpy as np
 import pytest
+from played_spec import SPEC
 
 from dqcontrol import algebra
 from dqcontrol.browser.play import SCENES, PlayPage, PlaySession
+from dqcontrol.experiments.driven import driven_spec
 
 pytest.importorskip("viser", reason="the browser view needs viser: pip install 'dqcontrol[view]'")
 playwright = pytest.importorskip("playwright.sync_api", reason="the browser test needs playwright")
@@ -24,15 +26,6 @@ OPTIONS = [
     "--disable-background-networking",
 ]
 WIDTH, HEIGHT = 1000, 640
-SPEC = {
-    "name": "play",
-    "robot": "iiwa7",
-    "start": [0, 0.6, 0, -1.6, 0, 0.9, 0],
-    "period": 0.01,
-    "reference": {"kind": "set-point", "duration": 1.0},
-    "law": {"kind": "proportional-feedforward", "gain": 5.0},
-    "plant": {"kind": "servo"},
-}
 
 
 class Playing:
@@ -96,28 +89,26 @@ class Playing:
             box["y"] + scale * (0.5 * camera.image_height + focal * y / z),
         )
 
-    def handle(self, axis):
-        """Return where an arrow of the gizmo is seen, px, and which way it points."""
-        pose = algebra.pose(np.asarray(self.page._gizmo.wxyz), np.asarray(self.page._gizmo.position))
+    def handle(self, axis, name=""):
+        """Return where an arrow of a gizmo is seen, px, and which way it points."""
+        gizmo = self.page._gizmos[name]
+        pose = algebra.pose(np.asarray(gizmo.wxyz), np.asarray(gizmo.position))
         turn = algebra.matrix_from_rotation(algebra.rotation(pose))
         middle, along = algebra.translation(pose), turn[:, axis]
-        size = self.page._gizmo.scale
-        near, far = (np.array(self.pixel(middle + share * size * along)) for share in (0.6, 0.8))
+        near, far = (np.array(self.pixel(middle + share * gizmo.scale * along)) for share in (0.6, 0.8))
         return near, (far - near) / np.linalg.norm(far - near)
 
-    def drag(self, axis, way, pieces=12):
-        """Take an arrow by the pointer and draw it along, px; return when each piece was moved, s."""
-        at, along = self.handle(axis)
-        mouse, moved = self.tab.mouse, []
+    def drag(self, axis, way, name="", pieces=12):
+        """Take an arrow of a gizmo by the pointer and draw it along, px."""
+        at, along = self.handle(axis, name)
+        mouse = self.tab.mouse
         mouse.move(*at)
         self.tab.wait_for_timeout(300)
         mouse.down()
         for k in range(1, pieces + 1):
             mouse.move(*(at + way * k / pieces * along))
-            moved.append(time.monotonic())
             self.tab.wait_for_timeout(30)
         mouse.up()
-        return moved
 
     def close(self):
         self.end.set()
@@ -190,6 +181,27 @@ def test_a_pointer_drags_the_target_and_the_arm_follows(browser, tmp_path):
         playing.page.alone = 1.0
         tab.goto("about:blank")
         playing.until(lambda: session.live.target is None)  # nobody looks: the arm rests
+    finally:
+        playing.close()
+
+
+def places(poses):
+    return {name: algebra.translation(pose) for name, pose in poses.items()}
+
+
+@pytest.mark.slow
+def test_a_pointer_drags_either_of_two_arms(browser, tmp_path):
+    playing = Playing(browser, tmp_path, driven_spec("two-pandas")[0])
+    session = playing.session
+    try:
+        for name, other in (("left", "right"), ("right", "left")):
+            begin = places(session.ends.handles)
+            while np.abs(places(session.ends.handles)[name] - begin[name]).max() < 0.02:
+                playing.drag(1, 40, name)
+            playing.until(lambda: session.live.state.missing < 1e-3)
+            hands = places({each: session.robot.fkm(session.live.plant.q, each) for each in begin})
+            assert np.linalg.norm(hands[name] - begin[name]) > 0.02
+            assert np.linalg.norm(hands[other] - begin[other]) < 1e-3
     finally:
         playing.close()
 

@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import pytest
+from played_spec import SPEC as IIWA
 
 import dqcontrol as dqc
 from dqcontrol import algebra
@@ -14,16 +15,10 @@ from dqcontrol.browser.play.learnt import learn_in
 from dqcontrol.browser.play.recorded_rows import RecordedRows
 from dqcontrol.browser.play.session import law_data, law_from
 from dqcontrol.errors import Error, ExistsError
+from dqcontrol.experiments.driven import driven_spec
 
-SPEC = {
-    "name": "play",
-    "robot": "iiwa7",
-    "start": [0, 0.6, 0, -1.6, 0, 0.9, 0],
-    "period": 0.01,
-    "reference": {"kind": "set-point", "duration": 1.0},
-    "law": {"kind": "proportional-feedforward", "gain": 5.0},
-    "plant": {"kind": "servo", "delay": 0.02, "encoder_noise": 1e-4},
-}
+NOISY = {"kind": "servo", "delay": 0.02, "encoder_noise": 1e-4}
+SPEC = {**IIWA, "plant": NOISY}
 
 
 def moved(pose, shift):
@@ -48,7 +43,7 @@ def wave(session, count, far=0.1):
 
 @pytest.mark.parametrize(
     "plant",
-    [{"kind": "servo", "delay": 0.02, "encoder_noise": 1e-4}, {"kind": "integrator"}],
+    [NOISY, {"kind": "integrator"}],
     ids=lambda plant: plant["kind"],
 )
 def test_what_is_saved_gives_the_same_joints_again(tmp_path, plant):
@@ -92,7 +87,7 @@ def test_a_circle_is_saved_as_one_and_a_drag_ends_it(tmp_path):
 
 
 def test_another_law_goes_on_without_a_stop_and_is_exact_again_once_all_rests(tmp_path):
-    session = PlaySession({**SPEC, "plant": {"kind": "servo"}})
+    session = PlaySession(IIWA)
     wave(session, 100)
     assert session.set_law(session.live.law.scaled(2.0))
     assert session.spec["law"] == {"kind": "proportional-feedforward", "gain": 10.0}
@@ -237,3 +232,75 @@ def test_the_scene_of_a_board_presses_with_what_it_says():
     steps(session, 1500)
     forces = [moment.force for moment in list(session.history)[-60:]]
     assert np.median(forces) == pytest.approx(2.0, abs=0.5)
+
+
+def hands(session):
+    return {name: session.robot.fkm(session.live.plant.q, name) for name in ("left", "right")}
+
+
+def shifts(before, after):
+    return [algebra.translation(after[name]) - algebra.translation(before[name]) for name in before]
+
+
+def test_each_of_two_arms_goes_where_it_is_dragged_and_what_is_saved_is_the_same_again(tmp_path):
+    session = PlaySession(driven_spec("two-pandas")[0])
+    assert list(session.ends.handles) == ["left", "right"]
+    before = hands(session)
+    session.drag(moved(before["left"], [0.05, 0, 0.05]), "left")
+    steps(session, 400)
+    np.testing.assert_allclose(shifts(before, hands(session)), [[0.05, 0, 0.05], [0, 0, 0]], atol=1e-3)
+    session.drag(moved(before["right"], [0, -0.06, 0]), "right")
+    steps(session, 50)
+    assert session.words.endswith("mm to go")  # of the right one: the left one is there
+    steps(session, 350)
+    np.testing.assert_allclose(shifts(before, hands(session)), [[0.05, 0, 0.05], [0, -0.06, 0]], atol=1e-3)
+    session.save(tmp_path / "both.yaml")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["both-task-1.csv", "both.csv", "both.yaml"]
+    again = dqc.run(tmp_path / "both.yaml").record
+    np.testing.assert_allclose(again.q[:800], session.record().q, rtol=0, atol=1e-9)
+    session.drag(moved(before["right"], [0, 0.06, 0]), "right")
+    steps(session, 20)
+    session.hold()
+    steps(session, 200)
+    assert np.abs(session.live.control.command).max() < 1e-3
+
+
+def test_a_tray_goes_along_as_it_is_held_and_by_one_hand_what_both_hold_changes():
+    (scene,) = (scene for scene in SCENES if "tray" in scene.title)
+    session = PlaySession(dict(scene.spec))
+    assert session.ends.handles.keys() == {"left", "right", ""}
+    before, held = hands(session), session.robot.relative_pose(session.live.plant.q)
+    session.drag(moved(session.ends.handles[""], [0, 0.05, -0.05]))
+    for _ in range(400):
+        session.step()
+        apart = session.robot.relative_pose(session.live.plant.q) - held
+        assert np.abs(apart).max() < 1e-3  # they hold it on the way
+    np.testing.assert_allclose(shifts(before, hands(session)), [[0, 0.05, -0.05]] * 2, atol=1e-3)
+    before = hands(session)
+    session.drag(moved(before["left"], [0.05, 0, 0.05]), "left")
+    steps(session, 400)
+    np.testing.assert_allclose(shifts(before, hands(session)), [[0.05, 0, 0.05], [0, 0, 0]], atol=1e-3)
+
+
+def test_a_relative_target_is_dragged_where_it_is_seen():
+    """One hand seen from the other: the arrows are at that hand, not at the base."""
+    (scene,) = (scene for scene in SCENES if "tray" in scene.title)
+    spec = {**scene.spec, "robot": {"source": "two-pandas", "task": "relative"}, "tasks": None}
+    session = PlaySession(spec)
+    ((name, handle),) = session.ends.handles.items()
+    np.testing.assert_allclose(handle, hands(session)["left"], atol=1e-12)
+    session.drag(moved(handle, [0, 0, 0.03]), name)
+    right = hands(session)["right"]
+    wanted = algebra.multiply(algebra.conjugate(right), moved(handle, [0, 0, 0.03]))
+    np.testing.assert_allclose(session.live.target, wanted, atol=1e-12)
+
+
+def test_a_further_task_that_moves_by_itself_rests_once_an_end_effector_is_dragged():
+    spec = driven_spec("two-pandas")[0]
+    circle = {"kind": "circle", "radius": 0.03, "duration": 60.0, "turns": 12.0, "plane": "yz"}
+    session = PlaySession({**spec, "tasks": [{**spec["tasks"][0], "reference": circle}]})
+    steps(session, 100)
+    session.drag(hands(session)["left"], "left")
+    steps(session, 200)
+    assert np.abs(session.live.control.command).max() < 1e-3
+    assert "reference" not in session.spec["tasks"][0]

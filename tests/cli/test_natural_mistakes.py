@@ -70,6 +70,7 @@ def test_in_an_experiment(here, capsys, change, message):  # noqa: F811
     [
         ("run", "parameter SPEC requires an argument; see dqcontrol run --help"),
         ("run spec", "spec: cannot be read: No such file or directory; did you mean 'spec.yaml'?"),
+        ("run nothing.yaml", "nothing.yaml: cannot be read: No such file or directory\n"),
         ("run spec.yml", "did you mean 'spec.yaml'?"),
         ("run folder", "folder: cannot be read: Is a directory; did you mean 'folder/spec.yaml'?"),
         ("run tab.yaml", "tab.yaml:2: found character '\\t' that cannot start any token; indent with spaces"),

@@ -46,7 +46,7 @@ def test_joints_that_lag_keep_their_limits_and_what_is_asked():
         given = random_constraints(rng, ARM, HOME, acceleration=10.0)
         law = dqc.laws.Proportional(gain=3.0, constraints=given)
         record = dqc.simulate(ARM, random_goal(rng, ARM), law, servo, HOME, period=0.005, duration=1.0)
-        assert record.readings["kept_room"].values.min() > -1e-3  # 0 in each of 100 such runs
+        assert record.readings["constraint_room"].values.min() > -1e-3  # 0 in each of 100 such runs
         assert (record.q <= ARM.limits.upper + 1e-9).all()
         assert (record.q >= ARM.limits.lower - 1e-9).all()
 
@@ -59,7 +59,7 @@ def test_nothing_is_crossed_in_a_thousand_random_runs():
         acceleration = float(rng.uniform(5, 20)) if rng.random() < 0.5 else None
         room, record, _ = run(rng, float(rng.uniform(0.001, 0.01)), acceleration=acceleration)
         shortfalls.append(-room)
-        excess.append(record.readings["kept_effect"].values[:, 3].max())
+        excess.append(record.readings["constraint_effect"].values[:, 3].max())
         assert np.isfinite(record.command).all()
     assert max(shortfalls) < 1e-9
     assert max(excess) < 1e-9
@@ -110,7 +110,7 @@ def test_limits_of_joints_are_kept_with_acceleration():
     before = np.vstack([np.zeros(7), record.command[:-1]])
     assert np.abs(record.command - before).max() <= 8.0 * 0.01 * (1 + 1e-6)
     assert room > -1e-9
-    assert record.readings["kept_effect"].values[:, 3].max() < 1e-6
+    assert record.readings["constraint_effect"].values[:, 3].max() < 1e-6
 
 
 def random_states(count, seed):
@@ -158,7 +158,7 @@ def test_a_start_inside_is_refused_and_recovers_if_asked():
     given = dqc.constraints.Constraints(**around({"ball": ball}), recovery=0.1)
     law = dqc.laws.Proportional(gain=2.0, constraints=given)
     record = dqc.simulate(ARM, goal, law, PLANT, HOME, period=0.01, duration=1.5)
-    distance = record.readings["kept_distance"].values[:, 0]
+    distance = record.readings["constraint_distance"].values[:, 0]
     assert distance[-1] > 0.0099
     assert np.diff(distance).max() < 0.0011  # m a period: 0.1 m/s
 

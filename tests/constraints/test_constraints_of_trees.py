@@ -53,7 +53,7 @@ def test_a_chain_and_the_tree_of_it_are_kept_alike():
         law = dqc.laws.Proportional(gain=3.0, constraints=given)
         runs.append(dqc.simulate(chosen, goal, law, PLANT, q, period=0.01, duration=1.5))
     assert np.abs(runs[0].command - runs[1].command).max() < 1e-9
-    assert runs[0].readings["kept_distance"].values.min() < 0.0101  # something pressed
+    assert runs[0].readings["constraint_distance"].values.min() < 0.0101  # something pressed
 
 
 def test_two_arms_keep_apart_between_samples():
@@ -138,7 +138,7 @@ def test_what_both_hands_hold_gives_way_last():
     law = dqc.laws.ProportionalFeedforward(gain=5.0, constraints=keep)
     tasks = [dqc.controller.FurtherTask("relative", gain=20.0, level=0)]
     record = dqc.simulate(arms, circle, law, PLANT, START, period=0.01, tasks=tasks)
-    assert record.readings["kept_distance"].values.min() > 0.01 - 1e-6
+    assert record.readings["constraint_distance"].values.min() > 0.01 - 1e-6
     metrics = dqc.measures.evaluate(record)
     assert metrics.position.peak > 2.0  # mm: the circle leads through the ceiling
     held = metrics.tasks["left_seen_from_right"]

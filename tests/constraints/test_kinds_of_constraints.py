@@ -44,7 +44,7 @@ def check_kinds(rng, duration):
         q = record.q[k] + share * record.command[k]
         rooms = plain_rooms(given, ARM, q, record.time[k] + share)
         assert min(rooms.values(), default=0.0) > -FOUND, rooms
-    return record.readings["kept_effect"].values[:, 3].max()
+    return record.readings["constraint_effect"].values[:, 3].max()
 
 
 def test_zones_angles_and_sights_are_kept_between_samples():
@@ -82,7 +82,7 @@ def test_a_hand_crosses_the_middle_of_a_ball_and_brakes_before_its_other_side(be
     goal = dqc.references.SetPoint(robot.fkm(np.array([0.3, 0.0, 0.0])))
     record = dqc.simulate(robot, goal, law, PLANT, q, period=0.01, duration=6.0)
     assert least_room(law.prepare(robot, goal, 0.01), record, 0.01) > -FOUND
-    assert record.readings["kept_effect"].values[:, 3].max() < 1e-6
+    assert record.readings["constraint_effect"].values[:, 3].max() < 1e-6
     assert record.q[-1, 0] > 0.06  # it came to the other side
 
 
@@ -238,7 +238,7 @@ def lagging_run(rng, servo, period, lag):
     samples = goal.samples(period * np.arange(round(2.5 / period)))
     prepared = law.prepare(ARM, goal, period, None, "integrated", lag=lag)
     record = simulate_prepared(prepared, servo, HOME, samples)
-    effect = record.readings["kept_effect"].values
+    effect = record.readings["constraint_effect"].values
     assert effect[:, 2].min() == 1.0  # nothing was scaled
     return least_room_of_servos(prepared, record, period, servo)
 

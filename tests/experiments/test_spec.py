@@ -192,6 +192,8 @@ def test_words_that_old_yaml_takes_for_true_and_false_are_text(tmp_path):
         ("name: a\n\tlaw: 3\n", r":2: "),
         ("a: &x 1\nb: *x\n", r":2: aliases are not read here; write the value out$"),
         ("period: .nan\n", r": period: must be finite, got nan$"),
+        ("period: 1000000000001\n", r": period: must be at most 1e\+12, got 1000000000001$"),
+        ("start: [0, -2e15 mm]\n", r": start\[1\]: must be at most 1e\+12, got -2000000000000$"),
         ("start: [0, .inf]\n", r": start\[1\]: must be finite, got inf$"),
         ("", r": is empty or no mapping; it needs name, robot, start, period, reference, law, plant$"),
         ("- a\n- b\n", r": is empty or no mapping; it needs"),

@@ -21,7 +21,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 SPECS = sorted(path for path in EXAMPLES.glob("*.yaml") if "sweep:" not in path.read_text())
 SAMPLES = 20  # of a run, to see it begin
 SECONDS = 60  # a spec may take
-EXTREME = (0, -1, 1, 5e-324, 1e-300, 1e-9, 1e9, 1e300, 1.7e308, -1e300, 2**31, 2**63, 10**30)
+EXTREME = (0, -1, 1, 5e-324, 1e-300, 1e-9, 1e9, 1e11, -1e11, 1e300, 1.7e308, -1e300, 2**31, 2**63, 10**30)
 WRONG = (None, True, "", "x", "1e3", [], {}, [1, 2], {"kind": "circle"}, "ÿ", "../..", [[]], -0.0)
 
 

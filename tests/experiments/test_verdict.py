@@ -1,5 +1,7 @@
 """What a verdict says of a recording, breach by breach: what happened is written into the samples."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -107,6 +109,19 @@ def test_what_was_to_be_gripped_and_placed(opening, place, words, failure):
     found = said(record, BASE, plant=plant)
     assert found.words.startswith(words)
     assert found.failure == failure
+
+
+def test_both_links_that_touch_each_other_are_named():
+    press = {
+        "contact_force": np.outer(to_and_fro(30.0), [1]),
+        "penetration": np.outer(to_and_fro(2e-3), [1]),
+        "contact_link": np.tile([5.0, 1.0], (len(TIME), 1)),
+    }
+    parts = {name: ("itself", "other")[: values.shape[1]] for name, values in press.items()}
+    readings = {name: Signal(name, parts[name], ("",) * len(parts[name]), press[name]) for name in press}
+    words, failure = said(replace(recorded(ARM, START), readings=readings), ARM)
+    assert words.startswith("hit itself: link_6 and link_2 30 N, 2 mm deep at 1 s")
+    assert failure == "contact"
 
 
 def test_a_box_that_two_hands_let_go():

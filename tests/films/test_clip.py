@@ -284,7 +284,7 @@ def test_a_still_shows_where_it_was_nearest_or_pressed_hardest():
 
     assert moments() == pytest.approx(six)
     kept = SimpleNamespace(values=distance)
-    assert moments(kept_distance=kept) == pytest.approx([0, 2, 4, 6, 7.1, 10])
+    assert moments(constraint_distance=kept) == pytest.approx([0, 2, 4, 6, 7.1, 10])
     pressed = SimpleNamespace(values=force)
-    assert moments(kept_distance=kept, contact_force=pressed) == pytest.approx([0, 2, 3.3, 6, 8, 10])
+    assert moments(constraint_distance=kept, contact_force=pressed) == pytest.approx([0, 2, 3.3, 6, 8, 10])
     assert moments(contact_force=SimpleNamespace(values=0 * force)) == pytest.approx(six)

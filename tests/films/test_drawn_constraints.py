@@ -40,7 +40,7 @@ def test_the_nearest_pair_is_that_of_the_row_with_least_room(kept, record):
     assert found is not None
     assert found.thing == 0
     assert found.label.startswith("ball: panda_link")
-    readings = record.readings["kept_room"]
+    readings = record.readings["constraint_room"]
     assert found.room == pytest.approx(readings.values[-1].min(), abs=1e-9)
     assert np.linalg.norm(found.on_a - found.on_b) == pytest.approx(found.room + 0.01, abs=1e-9)
 

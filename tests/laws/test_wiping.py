@@ -31,5 +31,5 @@ def test_the_hand_follows_the_edge_and_the_base_keeps_clear(nearer):
     law = dqc.laws.FeedbackLinearization(stiffness=6.0, damping=3.0, constraints=kept)
     record = dqc.simulate(robot, line, law, Integrator(), start, period=0.02)
     assert record.position_error.max() < 0.01
-    assert record.readings["kept_distance"].values.min() > 0.049
+    assert record.readings["constraint_distance"].values.min() > 0.049
     assert record.q[-1, 0] > 1.5

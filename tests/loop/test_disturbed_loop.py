@@ -279,7 +279,7 @@ def test_a_spec_with_an_unfit_disturbance_is_refused(disturbance, text):
 
 def test_physics_refuses_disturbances_before_anything_moves(arm):
     pytest.importorskip("mujoco")
-    with pytest.raises(Error, match="disturbance: cannot move the joints of LiveMujoco"):
+    with pytest.raises(Error, match="disturbance: cannot move the joints of RunningMujoco"):
         dqc.run(spec(plant={"kind": "mujoco"}))
-    with pytest.raises(Error, match="disturbance: cannot move the joints of LiveMujoco"):
+    with pytest.raises(Error, match="disturbance: cannot move the joints of RunningMujoco"):
         run(arm, PUSH, 0.1, plant=MujocoPlant())

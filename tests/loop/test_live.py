@@ -8,6 +8,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol import algebra
+from dqcontrol.controller import FurtherTask, PreparedTasks
 from dqcontrol.errors import Error, ShapeError, ValueRangeError
 from dqcontrol.loop import Live
 from dqcontrol.loop.live import Pace
@@ -247,3 +248,31 @@ def test_late_periods_are_counted_and_none_is_caught_up():
         now[0] += waits[-1]
     assert waits == pytest.approx([0.006, 0.004, 0.0, 0.009])
     assert pace.missed == 3
+
+
+def test_further_tasks_go_where_they_are_told_and_hold():
+    robot = dqc.load_robot("two-pandas").with_task("left")
+    q = np.tile([0, -0.3, 0, -2.0, 0, 1.8, 0.7], 2)
+    further = [FurtherTask("right", gain=5.0, level=1), FurtherTask("posture", gain=0.5)]
+    tasks = PreparedTasks(robot, further, q, np.zeros(1))
+    live = Live(robot, LAW, dqc.plants.Servo(), T, start=q, tasks=tasks)
+    goal = moved(robot.fkm(q, "right"), [0, 0.05, 0.05])
+    live.aim(0, goal)
+    live.step()
+    assert 0.06 < live.state.missing < 0.08
+    steps(live, 200)
+    live.set_law(LAW.scaled(1.5))  # what was told stays
+    steps(live, 300)
+    assert live.state.missing < 1e-3
+    np.testing.assert_allclose(robot.fkm(live.plant.q, "right"), goal, atol=1e-3)
+    np.testing.assert_allclose(robot.fkm(live.plant.q, "left"), robot.fkm(q, "left"), atol=1e-3)
+    live.aim(0, moved(goal, [0, 0, 0.3]))
+    steps(live, 60)
+    live.hold()
+    steps(live, 200)
+    assert np.abs(live.control.command).max() < 1e-3
+    away = algebra.translation(robot.fkm(live.plant.q, "right")) - algebra.translation(goal)
+    assert 0.01 < np.linalg.norm(away) < 0.2
+    for number, pose, said in ((2, goal, "no task 2"), (1, goal, "no pose"), (0, 2 * goal, "pose")):
+        with pytest.raises(Error, match=said):
+            live.aim(number, pose)

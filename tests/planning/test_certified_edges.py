@@ -8,6 +8,7 @@ from shape_samples import coal_distance
 
 import dqcontrol as dqc
 from dqcontrol.errors import ShapeError, ValueRangeError
+from dqcontrol.experiments.contacts import Contacts
 from dqcontrol.planning import CertifiedEdges
 from dqcontrol.planning.standing_world import standing
 
@@ -37,14 +38,16 @@ def test_a_hundred_thousand_edges_sampled_a_thousand_times(name):
     check_edges(name, scenes=100, count=200, samples=1000)
 
 
-def test_coal_measures_no_less_along_certified_edges():
+@pytest.mark.parametrize("count", [8, pytest.param(90, marks=pytest.mark.slow)])  # Coal takes 2 s for each
+def test_coal_measures_no_less_along_certified_edges(count):
     coal = pytest.importorskip("coal", reason="Coal is the reference")
-    robot, rng = load("panda"), np.random.default_rng(3)
-    for _ in range(3):
+    robot, rng, measured = load("panda"), np.random.default_rng(3), 0
+    while measured < count:
         given = random_constraints(rng, robot, self_collision=False)
         a, b = random_edges(rng, robot, 30)
-        found = CertifiedEdges(robot, given).clear(a, b)
-        for first, last, certified in zip(a, b, found.certified, strict=True):
+        certified = CertifiedEdges(robot, given).clear(a, b).certified
+        for first, last in zip(a[certified][:count], b[certified][:count], strict=True):
+            measured += 1
             distances = [
                 coal_distance(coal, link.shape.moved(frames[link.frame - 1]), thing)
                 for q in first + np.linspace(0, 1, 7)[:, None] * (last - first)
@@ -54,8 +57,7 @@ def test_coal_measures_no_less_along_certified_edges():
                 for name, thing in things_of(given)
                 if not (name == "table" and link.frame == 1)  # turns on it
             ]
-            if certified:
-                assert min(distances) >= given.margin - 1e-6  # Coal's iterations stop there
+            assert min(distances) >= given.margin - 1e-6  # Coal's iterations stop there
 
 
 def test_the_least_room_is_found_to_a_tenth_of_a_millimetre():
@@ -144,3 +146,47 @@ def test_configurations_have_the_robots_size():
         edges.clear(np.zeros(7), np.zeros(6))
     with pytest.raises(ValueRangeError, match="finite"):
         edges.clear(np.zeros(7), np.full(7, np.nan))
+
+
+def test_pairs_are_said_by_links_and_known_by_their_shapes():
+    """The Panda's link 6 has two shapes; constraints name it as a whole or one of them."""
+    robot = load("panda")
+    q = np.array([0, -0.8, 0, -2.4, 0, 1.6, 0.8])
+    place = dict(zip(robot.shapes.names, robot.shapes.moved(robot, q), strict=True))["panda_link6.2"]
+    for links, known, shape in (
+        (["panda_link6"], 2, "panda_link6.1"),  # which lies around the end of the other
+        (["panda_link6.2"], 1, "panda_link6.2"),
+    ):
+        ball = around({"ball": sphere(0.5 * (place.start + place.end), 0.01, links=links)})
+        given = dqc.constraints.Constraints(**ball, self_collision=False)
+        edges = CertifiedEdges(robot, given)
+        assert len(edges.kept.labels) == known
+        found = edges.clear(q, q)
+        assert (found.certified, found.label) == (False, "ball: panda_link6")
+        assert edges.kept.pair(found.row).links[0].name == shape
+    with pytest.raises(dqc.errors.UnknownNameError, match=r"links: unknown name 'panda_link9'"):
+        CertifiedEdges(
+            robot,
+            dqc.constraints.Constraints(**around({"ball": sphere((1, 0, 0), 0.1, links=["panda_link9"])})),
+        )
+
+
+def test_a_contact_of_a_link_is_said_once():
+    """Both shapes of the Panda's link 6 lie in a box that no law keeps clear of."""
+    robot, q = load("panda"), [0, -0.8, 0, -2.4, 0, 1.6, 0.8]
+    middle = dqc.algebra.translation(robot.frames(np.array(q))[5]).tolist()
+    wall = dqc.world.Body(box=[0.3, 0.3, 0.3], position=middle)
+    found = Contacts(robot, None, None, dqc.World(bodies={"wall": wall})).of_run(
+        dqc.simulate(
+            robot,
+            dqc.references.SetPoint(robot.fkm(q)),
+            dqc.laws.Proportional(gain=1.0),
+            dqc.plants.Integrator(),
+            q,
+            0.01,
+            0.1,
+        )
+    )
+    words = [each.words for each in found]
+    assert words.count("in wall: panda_link6") == 1
+    assert not [each for each in words if each.endswith((".1", ".2"))]

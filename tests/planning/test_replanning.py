@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+import yaml
 from test_plan import inside_shelf, load
 
 import dqcontrol as dqc
@@ -180,10 +181,52 @@ def test_what_is_wrong_is_told_in_a_line():
         Again(most=0)
     law = dqc.laws.GuidedProportional(gain=2.0, pull=5.0, constraints=crossed).prepare(robot, way, PERIOD)
     samples = way.samples(PERIOD * np.arange(10))
-    with pytest.raises(ValueRangeError, match="planning takes time that a run in real time has not"):
+    with pytest.raises(
+        ValueRangeError,
+        match=r"^reference.again: plans .*, which takes time that a run in real time has not; leave it out$",
+    ):
         dqc.loop.simulate_prepared(
             law, dqc.plants.Integrator(), START, samples, reference=way, clock=dqc.loop.Clock()
         )
+
+
+@pytest.mark.parametrize("asked", ["reference.again", "constraints.escape"])
+def test_where_nothing_plans_while_the_robot_moves_it_is_refused_in_a_line(tmp_path, asked):
+    """Exported controllers, nodes, a person's hand and runs that are only judged."""
+    from dqcontrol.export.controller_parts import controller_parts
+    from dqcontrol.ros2.loading import load as load_node
+
+    again, escape = {"again": {"when": "held"}}, {"escape": "plan"}
+    chosen = (again, {}) if asked == "reference.again" else ({}, escape)
+    spec = {
+        "name": "x",
+        "robot": "panda",
+        "start": START.tolist(),
+        "period": PERIOD,
+        "world": {"lower": {"box": [0.3, 1.0, 0.02], "position": [0.65, 0, 0.15]}},
+        "constraints": {"clear_of": "all", "acceleration": 10, **chosen[1]},
+        "reference": {"kind": "plan-to", "goal": {"position": [0.5, 0.2, 0.78]}, **chosen[0]},
+        "law": {"kind": "guided-proportional", "gain": 2, "pull": 5},
+        "plant": {"kind": "integrator"},
+    }
+    with pytest.raises(
+        ValueRangeError, match=rf"^{asked}: plans .* no exported controller does; leave it out$"
+    ):
+        controller_parts(spec)
+    path = tmp_path / "spec.yaml"
+    path.write_text(yaml.safe_dump(spec))
+    with pytest.raises(ValueRangeError, match=rf"^{asked}: plans .* no node does; leave it out$"):
+        load_node(path).prepared_law("spec")
+    with pytest.raises(ValueRangeError, match=rf"^spec: {asked}: plans .* only judged do not; leave it out$"):
+        dqc.tune(
+            {**spec, "tune": {"free": {"guided-proportional": {"gain": {"low": 1, "high": 3}}}, "budget": 20}}
+        )
+    if asked == "constraints.escape":
+        law = dqc.laws.Proportional(gain=2.0, constraints=kept_clear(escape="plan", lower=LOWER))
+        with pytest.raises(
+            ValueRangeError, match=rf"^{asked}: plans .* under a person's hand; leave it out$"
+        ):
+            dqc.loop.Live(load("panda"), law, dqc.plants.Integrator(), PERIOD, start=START)
 
 
 def test_a_report_and_pictures_say_when_and_why_it_was_planned_again():

@@ -8,7 +8,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.errors import DivergedError, FileFormatError, ShapeError, ValueRangeError
 from dqcontrol.files.yaml_file import convert
-from dqcontrol.plants import CompliantPlant, LivePlant
+from dqcontrol.plants import CompliantPlant, RunningPlant
 from dqcontrol.plants.compliant.controller_file import load_controllers
 from dqcontrol.plants.compliant.joint_constants import gravity_bodies
 from dqcontrol.robots.files.load import load_robot
@@ -40,7 +40,7 @@ def mean_angles(live, seconds):
 @pytest.mark.parametrize("hand", [False, "H2R3", "ma17"])
 def test_arm_starts_in_balance(mode, hand):
     live = CompliantPlant(mode=mode, hand=hand, gravity_factor=0.9).start(MEKA, Q0, T, 100, 0)
-    assert isinstance(live, LivePlant)
+    assert isinstance(live, RunningPlant)
     rest(live, 1.0)
     assert live.time == pytest.approx(1.0)
     assert np.abs(live.q - Q0).max() < 2e-3  # the encoders' steps move it a little

@@ -7,7 +7,7 @@ import dqcontrol as dqc
 from dqcontrol.errors import Error, SafetyWarning, UnknownNameError
 from dqcontrol.plants import CompliantPlant, EncoderLoss, Servo
 from dqcontrol.plants.compliant import joint_columns as column
-from dqcontrol.plants.live_plant import ControllerSettings, live_plant
+from dqcontrol.plants.running_plant import ControllerSettings, running_plant
 
 pytest.importorskip("mujoco")
 START = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
@@ -147,7 +147,7 @@ def test_after_a_fault_no_command_switches_the_motors_on_again(arm):
 
 def test_plants_without_joint_controllers_take_no_notice(arm):
     assert Servo().joint_control(7) == ControllerSettings()
-    live_plant(Servo().start(arm, START, 0.008, 1, 0)).set_joint_control(ControllerSettings("OFF"))
+    running_plant(Servo().start(arm, START, 0.008, 1, 0)).set_joint_control(ControllerSettings("OFF"))
     told = CompliantPlant(stiffness=0.7, slew_rate=2.0).joint_control(7)
     assert told.stiffness is not None
     assert told.slew_rate is not None

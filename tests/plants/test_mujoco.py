@@ -8,7 +8,7 @@ import pytest
 from dqcontrol.errors import DivergedError, MissingExtraError, ShapeError, ValueRangeError
 from dqcontrol.plants.mujoco import MujocoPlant
 from dqcontrol.plants.mujoco.mujoco_model import add_inertias, compiled, skeleton
-from dqcontrol.plants.plant import LivePlant
+from dqcontrol.plants.plant import RunningPlant
 from dqcontrol.robots.files.installed import package_files
 from dqcontrol.robots.files.load import load_robot
 from dqcontrol.robots.limits import Inertia, Limits
@@ -196,7 +196,7 @@ def test_arm_starts_in_balance_with_and_without_compensation():
     q0 = np.array([0.1, 0.5, 0.2, -1.2, 0.3, 0.9, 0.4])
     for share in (0.0, 0.5, 1.0):
         live = MujocoPlant(gravity_compensation=share).start(robot, q0, 0.01, 100, 0)
-        assert isinstance(live, LivePlant)
+        assert isinstance(live, RunningPlant)
         run(live, np.zeros(7), 100)
         assert live.time == pytest.approx(1.0)
         assert np.abs(live.q - q0).max() < 1e-9

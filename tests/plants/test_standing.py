@@ -11,8 +11,8 @@ from dqcontrol.errors import FallenError, ValueRangeError
 from dqcontrol.figures.tilted_base import recorded_frames
 from dqcontrol.loop.record import has_failed
 from dqcontrol.plants import MobilePlant, WheeledBase
-from dqcontrol.plants.mobile.mobile_live import TOPPLED
 from dqcontrol.plants.mobile.running_gear import running_gear
+from dqcontrol.plants.mobile.running_mobile import TOPPLED
 from dqcontrol.plants.mobile.standing import stance
 
 mujoco: Any = pytest.importorskip("mujoco")

@@ -207,3 +207,12 @@ def limited(reference: r.Reference = SQUARE, **changes):
 def test_bad_input(make, error, message):
     with pytest.raises(error, match=message):
         make()
+
+
+def test_a_path_too_long_for_numbers_is_refused():
+    circle = r.Circle([1, 0, 0, 0, 0, 0, 0, 0], radius=1e200, duration=2.0)
+    with (
+        np.errstate(all="ignore"),
+        pytest.raises(ValueRangeError, match="reference: too far and fast for its pace"),
+    ):
+        r.JerkLimited(circle, velocity=0.15, acceleration=0.5, jerk=4.0)

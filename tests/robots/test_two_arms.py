@@ -213,3 +213,21 @@ def test_what_is_wrong_is_named():
         PoseTask("relative", ("left",))
     with pytest.raises(ShapeError, match="two different frames, got 'left' twice"):
         PoseTask("absolute", ("left", "left"))
+
+
+@pytest.mark.parametrize("root", ROOTS)
+def test_frames_alone_say_where_a_task_is(root):
+    arms = arms_of("iiwa7", "ur5")
+    rng = np.random.default_rng(3)
+    for q in rng.uniform(-1.5, 1.5, (50, arms.configuration_size)):
+        frames = {name: arms.fkm(q, name) for name in ("left", "right")}
+        for task in (
+            PoseTask("frame", ("right",)),
+            PoseTask("relative", ("left", "right")),
+            *(PoseTask("absolute", ("left", "right"), root, sign) for sign in (-1, 0, 1)),
+        ):
+            pose, wanted = task.of_frames(frames), arms.pose_of(task, q)
+            np.testing.assert_allclose(pose * np.sign(pose @ wanted), wanted, atol=1e-9)
+    for task in (PoseTask("center_of_mass", ()), PoseTask("frame", ("left",), point=(0.0, 0.0, 0.1))):
+        with pytest.raises(ShapeError, match="do not say where"):
+            task.of_frames(frames)

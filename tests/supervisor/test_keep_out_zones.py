@@ -53,7 +53,8 @@ def distance(points):
 
 def test_distances_are_those_of_the_floor_map():
     points = np.random.default_rng(1).uniform(-3.5, 3.5, (2000, 2))
-    found = np.array([clearance(KEEP.rows(), x, y) for x, y in points])
+    rows = KEEP.rows()
+    found = np.array([clearance(rows, x, y) for x, y in points])
     expected = distance(points)
     np.testing.assert_allclose(found[expected > 0], expected[expected > 0], rtol=1e-12)
     assert (found[expected < 0] < 0).all()

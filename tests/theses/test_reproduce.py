@@ -314,6 +314,7 @@ def test_the_sag_in_the_specs_is_the_one_that_fits():
         assert line[3] == pytest.approx(line[4], rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_few_repeats_of_the_spiral_predict_the_other_gains():
     """Each number was printed for the robot; one cell, K with the best gain, is what the sag was fitted on."""
     setting = prepare(published_spec("spiral"))

@@ -6,7 +6,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol import algebra, geometry
 from dqcontrol.experiments.spec import read_spec
-from dqcontrol.world import Body, Hinge, Motion, Slide, Solid, World, floor_around
+from dqcontrol.world import Body, Hinge, Motion, Slide, Solid, World, floor_around, mesh
 
 SPEC = {
     "name": "world",
@@ -112,6 +112,23 @@ def test_nothing_of_a_spec_changes_without_constraints():
     assert spec.variants[0].law == read_spec(SPEC)[0].variants[0].law
 
 
+def test_files_of_bodies_that_are_written_anew_are_read_anew(tmp_path):
+    """Also the image of a map whose own file stays."""
+    trimesh = pytest.importorskip("trimesh")
+    room, grid, mesh = tmp_path / "room.yaml", tmp_path / "grid.yaml", tmp_path / "block.stl"
+    grid.write_text("image: grid.pgm\nresolution: 1.0\n")
+    for x in (1.0, 2.0):
+        room.write_text(f"polygons: [[[{x}, 0], [{x + 1}, 0], [{x + 1}, 1], [{x}, 1]]]\n")
+        cells = bytes(0 if column == x else 254 for column in range(4))
+        (tmp_path / "grid.pgm").write_bytes(b"P5\n4 1\n255\n" + cells)
+        trimesh.creation.box([2 * x, 0.2, 0.1]).export(mesh)
+        for body in (Body(map=str(room)), Body(map=str(grid))):
+            (box,) = body.shapes
+            np.testing.assert_allclose(dqc.algebra.translation(box.pose)[0], x + 0.5)
+        (hull,) = Body(mesh=str(mesh)).shapes
+        assert np.abs(np.asarray(hull.points)[:, 0]).max() == pytest.approx(x)
+
+
 def test_a_mesh_is_taken_apart(tmp_path):
     trimesh = pytest.importorskip("trimesh")
     pytest.importorskip("scipy")
@@ -128,6 +145,36 @@ def test_a_mesh_is_taken_apart(tmp_path):
     block.export(tmp_path / "open.stl")
     with pytest.raises(dqc.Error, match=r"mesh: .*open.stl is open"):
         dqc.World(bodies={"it": Body(mesh=str(tmp_path / "open.stl"))})
+
+
+def test_a_bracket_is_made_of_convex_parts_of_which_number_and_error_are_said(tmp_path, monkeypatch, capfd):
+    trimesh, shapely = pytest.importorskip("trimesh"), pytest.importorskip("shapely")
+    coacd = pytest.importorskip("coacd")
+    monkeypatch.setattr(mesh, "module_folder", lambda module: tmp_path)
+    corner = shapely.Polygon([(0, 0), (0.4, 0), (0.4, 0.05), (0.05, 0.05), (0.05, 0.3), (0, 0.3)])
+    trimesh.creation.extrude_polygon(corner, 0.2).export(tmp_path / "bracket.stl")
+    with pytest.warns(
+        dqc.errors.NoteWarning, match=r"bracket.stl: 2 convex parts .*, up to 0.011 mm outside and 0"
+    ):
+        parts = Body(mesh=str(tmp_path / "bracket.stl"), position=(1, 0, 0)).shapes
+    assert "taking bracket.stl apart" in capfd.readouterr().err
+    inside_of_the_angle = geometry.Point([1.2, 0.2, 0.1])  # 150 mm from both arms of it, and within its hull
+    least = min(geometry.distance(inside_of_the_angle, part).distance for part in parts)
+    assert least == pytest.approx(0.15, abs=1e-4)
+
+    mesh._convex_parts.cache_clear()
+    monkeypatch.setattr(coacd, "run_coacd", None)  # what is kept is not made again
+    with pytest.warns(dqc.errors.NoteWarning):
+        assert len(mesh.convex_parts(str(tmp_path / "bracket.stl"))) == 2
+    assert capfd.readouterr().err == ""
+
+
+def test_a_huge_mesh_is_refused(tmp_path, monkeypatch):
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.creation.icosphere(subdivisions=2).export(tmp_path / "ball.stl")
+    monkeypatch.setattr(mesh, "_MOST_FACES", 319)  # it has 320
+    with pytest.raises(dqc.Error, match=r"mesh: .*ball.stl has 320 faces, at most 319; simplify it"):
+        dqc.World(bodies={"it": Body(mesh=str(tmp_path / "ball.stl"))})
 
 
 @pytest.mark.parametrize(

@@ -91,6 +91,10 @@ class DrawnRobot:
         for node, pose in zip(self._frames, frames, strict=True):
             node.wxyz, node.position = pose[:4], pose[4:]
 
+    def remove(self) -> None:
+        """Take all of it out of the scene."""
+        self._root.remove()
+
     def set_place(self, position: Array, *, visible: bool = True) -> None:
         """Show all of it displaced, (3,), m; or hide it."""
         self._root.position, self._root.visible = position, visible

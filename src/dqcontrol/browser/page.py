@@ -60,6 +60,7 @@ class Page(ServedPage):
         title: str = "dqcontrol",
     ) -> None:
         super().__init__(port, title)
+        self.server.gui.main_panel.dock_right()
         self.tracks, self._news = list(tracks), news
         self._box = extent(tracks)
         self._set_stage()

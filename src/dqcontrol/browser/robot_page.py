@@ -47,6 +47,7 @@ class RobotPage(ServedPage):
 
     def __init__(self, robot: Robot, port: int = 8080) -> None:
         super().__init__(port)
+        self.server.gui.main_panel.dock_right()
         self.robot = robot
         free = np.array([_FREE[kind] for kind in robot.joint_types])
         self.lower: Array = np.where(np.isfinite(robot.limits.lower), robot.limits.lower, -free)

@@ -57,7 +57,6 @@ def start_server(port: int, title: str = "dqcontrol") -> Any:
     server.scene.configure_environment_map(None)
     server.scene.add_light_ambient("/light", intensity=_AMBIENT)
     server.gui.configure_theme(control_width="large", show_share_button=False)
-    server.gui.main_panel.dock_right()
     return server
 
 

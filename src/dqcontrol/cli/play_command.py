@@ -48,7 +48,7 @@ def play(
     is_known = source in robot_names() or Path(source).exists()
     if is_known:  # the browser begins meanwhile; what follows takes seconds
         announce("play", address(server))
-    loading = server.gui.add_markdown("Loading the robot …")
+    loading = server.gui.add_html("Loading the robot …")
 
     from dqcontrol.browser.play import PlayPage, PlaySession
     from dqcontrol.experiments.driven import driven_spec

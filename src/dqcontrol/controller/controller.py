@@ -366,6 +366,20 @@ class Controller:
         parameters = self.parameters[min(row, len(self.parameters) - 1)]
         return q, *split(self._parts.kinematics), sample, parameters, state, self.work
 
+    def task_samples(self, number: int) -> Array:
+        """Return the samples of a further task, shape (N, 21), where compiled code reads them, to write there.
+
+        Raises
+        ------
+        ShapeError
+            If there is no such task, or it is a posture.
+        """
+        if self.tasks is None or not 0 <= number < len(self.tasks.tasks):
+            raise ShapeError(f"tasks: there is no task {number}")
+        if self.tasks.tasks[number] is None:
+            raise ShapeError(f"tasks[{number}]: a posture has no pose")
+        return self.tasks.samples_in(self._parts.tasking, number)
+
     def place(self, name: str, pose: Array) -> None:
         """Tell its constraints where a watched body of the world is measured, pose (8,), inertial frame."""
         if self.constraints is not None:

@@ -456,6 +456,14 @@ class PreparedTasks:
         )
         self.work_size: int = level_work.size(robot.input_size, most)
 
+    def samples_in(self, parameters: Array, number: int) -> Array:
+        """Return a view of the samples of a task, shape (N, 21), in parameters that compiled code reads."""
+        data = task_levels(parameters).data
+        row = task_row(data[_ROW * number : _ROW * (number + 1)])
+        begin, rows = int(row.samples), int(row.sample_rows)
+        samples: Array = data[begin : begin + rows * SAMPLE_SIZE].reshape(rows, SAMPLE_SIZE)
+        return samples
+
     def errors(self, q: Array) -> dict[str, Array]:
         """Return of each task by its label how far it is from its pose at each sample: m and rad, shape (N, 2).
 

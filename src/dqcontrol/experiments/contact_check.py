@@ -12,8 +12,8 @@ from msgspec.structs import replace
 from dqcontrol.contact import Admittance, ContactLimits, ForceReference, contact_limits
 from dqcontrol.contact.admittance import NEEDS_CONTACT
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.plants.live_plant import live_plant
 from dqcontrol.plants.plant import lagging_mode
+from dqcontrol.plants.running_plant import running_plant
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.tables.tables import Column, Table
 
@@ -39,7 +39,7 @@ def check_contact(spec: Spec, case: Combination) -> None:
             raise ValueRangeError(NEEDS_CONTACT)
         return
     robot, start = case.scene.robot, case.scene.start
-    live = live_plant(case.plant.start(robot, start, spec.period, 1, spec.seed))
+    live = running_plant(case.plant.start(robot, start, spec.period, 1, spec.seed))
     if not live.wrench.size:
         kind = type(case.plant).__struct_config__.tag
         raise ValueRangeError(

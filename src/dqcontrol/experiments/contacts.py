@@ -156,7 +156,10 @@ class Contacts:
         inside = _inside_chassis(self._robot, record.q, record.position)
         k = int(inside.argmax())
         found.append(Contact(f"in its own base: {HAND}", float(inside[k]), float(record.time[k])))
-        return sorted((each for each in found if each.depth > _TOUCH), key=lambda contact: -contact.depth)
+        deepest = {
+            each.words: each for each in sorted(found, key=lambda contact: contact.depth)
+        }  # of a link's shapes
+        return [each for each in reversed(deepest.values()) if each.depth > _TOUCH]
 
     def _deepest(self, record: Record) -> tuple[Array, NDArray[np.intp]]:
         """Return how deep each pair got into each other, m, shape (P,), and at which sample.
@@ -205,7 +208,7 @@ class Contacts:
         if self._first > 1 or (_stands(self._robot) and not tops):
             floor = _still("floor", Plane(np.array([0.0, 0.0, 1.0]), 0.0))
             for each in self._carried:
-                yield _Watched(each, floor, f"through the floor: {each.name}")
+                yield _Watched(each, floor, f"through the floor: {each.link}")
 
     def _itself(self, constraints: Constraints | None) -> Iterator[_Watched]:
         """Yield the pairs that the robot's file keeps apart, but those of a chassis whose capsule is round on top."""
@@ -216,7 +219,7 @@ class Contacts:
             first, second = shapes.shapes[a], shapes.shapes[b]
             chassis = [each for each in (first, second) if 0 < each.frame < self._first]
             if not any(isinstance(each.shape, Capsule) for each in chassis):
-                yield _Watched(first, second, f"in itself: {first.name} and {second.name}")
+                yield _Watched(first, second, f"in itself: {first.link} and {second.link}")
 
     def _obstacles(self, constraints: Constraints | None) -> Iterator[_Watched]:
         """Yield the links that obstacles of constraints do not name, but those that ``hand`` stands for."""
@@ -232,12 +235,14 @@ class Contacts:
                 others = self._carried if isinstance(shape, Plane) else self._moving
                 named = {*wrist, *(obstacle.clear.links or ())}
                 for each in others if obstacle.clear.links is not None else []:
-                    if each.name not in named:
-                        yield _Watched(each, still, f"in {name}: {each.name}", shifts)
+                    if named.isdisjoint((each.name, each.link)):
+                        yield _Watched(each, still, f"in {name}: {each.link}", shifts)
 
     def _bodies_of(self, world: World | None, constraints: Constraints | None) -> Iterator[_Watched]:
         """Yield all links and the bodies that constraints do not keep clear of, but those that physics alone moves."""
-        kept = constraints.obstacles if constraints is not None and constraints.world is not None else {}
+        kept: set[str] = set()
+        if constraints is not None and constraints.world is not None:
+            kept = {*constraints.cleared, *constraints.holds}
         for name, body in () if world is None else world.bodies.items():
             if name in kept or body.is_moved_by_physics or body.role == "springy":
                 continue
@@ -246,7 +251,7 @@ class Contacts:
                 still = _still(name, shape)
                 for each in self._carried if isinstance(shape, Plane) else self._moving:
                     words = "through the" if isinstance(shape, Plane) else "in"
-                    yield _Watched(each, still, f"{words} {name}: {each.name}", shifts)
+                    yield _Watched(each, still, f"{words} {name}: {each.link}", shifts)
 
     def _around_the_hand(self) -> set[str]:
         """Return the names of the end effectors and of the links that they lie in."""

@@ -7,6 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
 from dqcontrol.experiments.results_folder import SPEC_FILE
@@ -18,9 +21,10 @@ from dqcontrol.loop.live import Live
 from dqcontrol.loop.targets import Speeds
 from dqcontrol.measures.task_range import with_range
 from dqcontrol.recording import load_record
-from dqcontrol.robots import describe, load_robot, most_dexterous
+from dqcontrol.robots import Robot, TwoArms, describe, load_robot, most_dexterous
 
 _ABOVE = 0.35  # of the reach: the hand has room on all sides
+_GAIN = 5.0  # 1/s
 
 Ends = tuple[str | None, str | None]  # base and tip link
 
@@ -146,15 +150,35 @@ def driven_spec(source: str, ends: Ends = (None, None)) -> tuple[dict[str, Any],
 
 
 def spec_of_robot(robot: str, ends: Ends = (None, None)) -> dict[str, Any]:
-    """Return a spec of a robot alone, on servos, at its most dexterous well above the floor."""
+    """Return a spec of a robot alone, on servos, at its most dexterous; of two arms the law drives the left one.
+
+    A further task drives the right one.
+    """
     loaded = load_robot(robot, *ends)
-    reach = describe(loaded).reach or 1.0
+    own: dict[str, Any] = {"source": robot, "base_link": ends[0], "tip_link": ends[1]}
+    beside: dict[str, Any] = {}
+    if isinstance(loaded, TwoArms):
+        own["task"] = "left"
+        beside["tasks"] = [{"task": "right", "gain": _GAIN, "level": 1}]
     return {
         "name": "driven",
-        "robot": {"source": robot, "base_link": ends[0], "tip_link": ends[1]},
-        "start": most_dexterous(loaded, _ABOVE * reach).tolist(),
+        "robot": own,
+        "start": _start(loaded).tolist(),
         "period": 0.01,
         "reference": {"kind": "set-point", "duration": 1.0},
-        "law": {"kind": "proportional-feedforward", "gain": 5.0},
+        "law": {"kind": "proportional-feedforward", "gain": _GAIN},
         "plant": {"kind": "servo"},
+        **beside,
     }
+
+
+def _start(robot: Robot) -> Array:
+    """Return the most dexterous configuration that is well above the floor: of two arms, that of each."""
+    if isinstance(robot, TwoArms):
+        return np.concatenate(
+            [
+                np.zeros(part.configuration_size) if part is robot.base else _start(part)
+                for part in robot.parts
+            ]
+        )
+    return most_dexterous(robot, _ABOVE * (describe(robot).reach or 1.0))

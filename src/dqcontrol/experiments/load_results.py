@@ -8,7 +8,7 @@ from pathlib import Path
 
 import yaml
 
-from dqcontrol.errors import Error, FileFormatError, suggest
+from dqcontrol.errors import Error, FileFormatError, suggest_file
 from dqcontrol.experiments.evaluation_spec import saved_evaluation
 from dqcontrol.experiments.results_folder import SPEC_FILE
 from dqcontrol.experiments.row_file import Row, read_rows
@@ -59,7 +59,7 @@ def spec_of_results(folder: Path) -> str:
 def why_no_run(path: Path) -> str:
     """Return why a folder is not that of a run, and what may have been meant."""
     if not path.exists():
-        return f"{path}: does not exist{suggest(path.name, [each.name for each in path.parent.glob('*')])}"
+        return f"{path}: does not exist{suggest_file(path)}"
     if path.suffix in (".yaml", ".yml"):
         return f"{path}: is a file, not the folder of a run; if it is an experiment: dqcontrol run {path}"
     if runs := [run.name for run in run_folders(path) if run != path]:

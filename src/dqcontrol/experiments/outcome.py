@@ -14,7 +14,8 @@ from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import ShapeError, ValueRangeError, error_prefix, unknown_name
 from dqcontrol.experiments.spec.reference_base import Part
 from dqcontrol.loop.record import Record
-from dqcontrol.measures.contact import DEPTH, FORCE, contact_force
+from dqcontrol.measures.contact import contact_force
+from dqcontrol.plants.mujoco.world_model import DEPTH, FORCE, ITSELF, LINK
 from dqcontrol.robots import Robot
 from dqcontrol.world import World
 
@@ -214,17 +215,23 @@ def felt(record: Record, links: tuple[str, ...]) -> list[str]:
     if FORCE not in record.readings:
         return []
     force, depth = record.readings[FORCE], record.readings[DEPTH].values
-    link, found = record.readings["contact_link"].values, []
+    link, found = record.readings[LINK].values, []
     for i, name in enumerate(force.parts):
         if not (force.values[:, i] > 0).any():
             continue
         k = int(force.values[:, i].argmax())
-        by = links[int(link[k, i])] if 0 <= link[k, i] < len(links) else "chassis"
+        by = _link(links, link[k, i])
+        if name == ITSELF:
+            by = f"{by} and {_link(links, link[k, -1])}"
         deep = 1e3 * float(depth[:, i].max())
         found.append(
             f"hit {name}: {by} {force_text(float(force.values[k, i]))}, {deep:.2g} mm deep at {record.time[k]:.3g} s"
         )
     return found
+
+
+def _link(links: tuple[str, ...], number: float) -> str:
+    return links[int(number)] if 0 <= number < len(links) else "chassis"
 
 
 def length_text(value: float, digits: int = 3) -> str:

@@ -57,8 +57,8 @@ from dqcontrol.loop.trace import FARTHEST
 from dqcontrol.measures.stability import LoopGain, loop_gains
 from dqcontrol.planning.branches import first_through
 from dqcontrol.planning.certified_edges import CertifiedEdges
-from dqcontrol.plants.live_plant import live_plant
 from dqcontrol.plants.plant import lagging_mode
+from dqcontrol.plants.running_plant import running_plant
 from dqcontrol.references import Previewed, Reference
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import ReachingPosture, Robot, WholeBody
@@ -460,8 +460,13 @@ def _checked_plants(spec: Spec, plants: dict[str, AnyPlant], scene: PreparedRobo
     for label, plant in plants.items():
         if supervisor := spec.supervisor_of(plant):
             supervisor.prepare(scene.robot, spec.period).start(scene.start)
+        if plant.is_robot:
+            if spec.disturbance is not None:
+                raise ValueRangeError("disturbance: only simulated joints can be moved so; leave it out")
+            compiled[label] = False
+            continue
         with error_prefix(f"plant {label}"):
-            live = live_plant(plant.start(scene.robot, scene.start, spec.period, 1, spec.seed))
+            live = running_plant(plant.start(scene.robot, scene.start, spec.period, 1, spec.seed))
             if spec.disturbance is not None:
                 check_disturbed(live)
         compiled[label] = live.compiled() is not None

@@ -68,6 +68,8 @@ def run_in_real_time(
             )
         except BaseException as error:
             _keep(black_box, streamed, f"broken off: {error or type(error).__name__}")
+            if case.plant.is_robot and not len(black_box):
+                streamed.discard()  # the robot was not there: no run
             raise
         recording.close(record.stopped)
     if record.stopped.startswith(("halted", "faulted", "diverged")):

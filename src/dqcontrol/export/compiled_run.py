@@ -23,8 +23,8 @@ from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.signals import Signal
 from dqcontrol.loop.supervision import Watch
-from dqcontrol.plants.live_plant import live_plant
 from dqcontrol.plants.plant import CompiledPlant
+from dqcontrol.plants.running_plant import running_plant
 from dqcontrol.references.sample import TIME
 from dqcontrol.supervisor.interventions import INTERVENTIONS, describe_stop, reasons
 
@@ -115,7 +115,7 @@ def _startable_plant(parts: ControllerParts) -> CompiledPlant:
     started = case.plant.start(
         parts.robot, case.scene.start, parts.period, len(parts.samples), parts.setting.spec.seed
     )
-    plant = live_plant(started).compiled()
+    plant = running_plant(started).compiled()
     assert plant is not None
     return plant
 

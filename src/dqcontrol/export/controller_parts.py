@@ -24,10 +24,11 @@ from dqcontrol.experiments.prepared_experiment import Combination, PreparedExper
 from dqcontrol.export.own_code import own_law_kernel
 from dqcontrol.extensions import user_code
 from dqcontrol.laws import Law, OwnLaw
+from dqcontrol.loop.replanning import refuse_replanning
 from dqcontrol.loop.target_motion import move_by_twist, move_to_pose
 from dqcontrol.loop.targets import SampledTarget, Target
-from dqcontrol.plants.live_plant import live_plant
 from dqcontrol.plants.plant import CompiledPlant, command_mode
+from dqcontrol.plants.running_plant import running_plant
 from dqcontrol.references.computed_path import computed_path, path_parameters
 from dqcontrol.references.sample import SAMPLE_SIZE, TIME
 from dqcontrol.robots import Robot
@@ -123,7 +124,7 @@ class ControllerParts:
         started = self.case.plant.start(
             self.robot, self.case.scene.start, self.period, 1, self.setting.spec.seed
         )
-        found = live_plant(started).compiled()
+        found = running_plant(started).compiled()
         if found is None or not isinstance(found.kernel, Kernel):
             return None
         return found if found.kernel.function.__module__.startswith("dqcontrol.plants.") else None
@@ -242,6 +243,7 @@ def controller_parts(
     case = _chosen(setting, law)
     spec, robot = setting.spec, case.scene.robot
     prepared = case.prepare_law(spec).with_limits(case.limits)  # its own, with clean scratch memory
+    refuse_replanning(prepared, case.scene.reference, "which no exported controller does")
     if not isinstance(prepared.kernel, Kernel):
         raise Error(
             f"law: {case.names.law or 'it'} does not compile, so it cannot be exported: {prepared.kernel.reason}"

@@ -11,7 +11,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, ValueRangeError
 from dqcontrol.export.controller_parts import ControllerParts
 from dqcontrol.loop.control import Control, Phase
-from dqcontrol.plants.live_plant import live_plant
+from dqcontrol.plants.running_plant import running_plant
 
 OK, STOPPING, STOPPED, ENDED, LAW_FAILED, NO_MEASUREMENT = 0, 1, 2, 3, -6, -11  # as dqc_controller.h has them
 NO_REQUEST, END, STOP, RESET = range(4)
@@ -185,7 +185,7 @@ def _spoil(row: VectorRow, k: int, period: float) -> None:
 def _moved(parts: ControllerParts):
     steps = len(parts.samples) + _MOST
     case, start = parts.case, parts.case.scene.start
-    return live_plant(case.plant.start(parts.robot, start, parts.period, steps, parts.setting.spec.seed))
+    return running_plant(case.plant.start(parts.robot, start, parts.period, steps, parts.setting.spec.seed))
 
 
 def c_number(value: float) -> str:

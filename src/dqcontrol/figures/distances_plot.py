@@ -18,7 +18,7 @@ from dqcontrol.figures.style import (
     new_figure,
     styled,
 )
-from dqcontrol.loop.kept_signals import PRESSURE, ROOM, SLACK
+from dqcontrol.loop.constraint_signals import PRESSURE, ROOM, SLACK
 from dqcontrol.measures.plans_of_run import PlanOfRun, plans_of_run
 
 if TYPE_CHECKING:

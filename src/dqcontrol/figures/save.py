@@ -21,7 +21,7 @@ from dqcontrol.figures.task_range_plot import range_condition
 from dqcontrol.figures.tasks import has_tasks, task_errors
 from dqcontrol.figures.timing_plot import timing_histogram
 from dqcontrol.loop.clock import Timing
-from dqcontrol.loop.kept_signals import ROOM
+from dqcontrol.loop.constraint_signals import ROOM
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.task_range import RANGE, TaskRange
 from dqcontrol.robots.limits import Limits

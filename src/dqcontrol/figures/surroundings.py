@@ -11,7 +11,7 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.constraints.constraint_view import Surroundings
 from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, InfiniteCylinder, Plane, Shape, Sphere
-from dqcontrol.loop.kept_signals import DISTANCE
+from dqcontrol.loop.constraint_signals import DISTANCE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -7,7 +7,7 @@ import os
 import re
 from pathlib import Path
 
-from dqcontrol.errors import FileFormatError, suggest
+from dqcontrol.errors import FileFormatError, suggest_file
 from dqcontrol.files.input_file import read_whole
 
 
@@ -28,8 +28,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
     try:
         content = read_whole(file)
     except FileNotFoundError:
-        near = suggest(file.name, [each.name for each in file.parent.glob("*")])
-        raise FileFormatError(f"{path}: no such file{near}") from None
+        raise FileFormatError(f"{path}: no such file{suggest_file(file)}") from None
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
     try:

@@ -20,14 +20,16 @@ try:
 except ImportError:  # PyYAML was built without libyaml, which reads several times as fast
     CParser = None
 
-from dqcontrol.errors import FileFormatError, suggest
+from dqcontrol.errors import FileFormatError, suggest, suggest_file
 from dqcontrol.files.input_file import read_whole
+from dqcontrol.files.units import as_quantity
 
 T = TypeVar("T")
 
 LARGEST_YAML = (
     2_000_000  # bytes; the largest that people write have some kB, and reading takes 10 s for each MB
 )
+_LARGEST = 1e12  # in any unit: neighbouring numbers in m, rad or s are 0.1 mm, mrad or ms apart from there on
 _MERGED = "aliases are not read here; write the value out"
 
 
@@ -54,8 +56,7 @@ def read_text(path: str | Path) -> str:
     try:
         return read_whole(path, LARGEST_YAML).decode("utf-8-sig")
     except FileNotFoundError as error:
-        near = suggest(Path(path).name, [each.name for each in Path(path).parent.glob("*")])
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror}{near}") from None
+        raise FileFormatError(f"{path}: cannot be read: {error.strerror}{suggest_file(path)}") from None
     except IsADirectoryError as error:
         inside = sorted(Path(path).glob("*.yaml"))
         which = f"; did you mean '{inside[0]}'?" if inside else ""
@@ -69,8 +70,8 @@ def read_text(path: str | Path) -> str:
 def parse_yaml(path: str | Path, text: str) -> Any:
     """Return the plain data of one YAML document; ``path`` is for the messages.
 
-    Only finite numbers are allowed and keys may not repeat. As in YAML 1.2, ``1e-3`` is a number and ``OFF``, ``no``
-    and the like are text; YAML 1.1 has it the other way round.
+    Only finite numbers up to 1e12 are allowed and keys may not repeat. As in YAML 1.2, ``1e-3`` is a number and
+    ``OFF``, ``no`` and the like are text; YAML 1.1 has it the other way round.
     """
     try:
         data = _load(text)
@@ -88,6 +89,8 @@ def parse_yaml(path: str | Path, text: str) -> Any:
     for field, number in _numbers(data):
         if not math.isfinite(number):
             raise FileFormatError(f"{path}: {field}: must be finite, got {number}")
+        if abs(number) > _LARGEST and not field.endswith("seed"):
+            raise FileFormatError(f"{path}: {field}: must be at most {_LARGEST:.0e}, got {number:.13g}")
     return data
 
 
@@ -162,8 +165,10 @@ def _numbers(data: Any, field: str = "") -> Iterator[tuple[str, float]]:
     elif isinstance(data, list):
         for i, value in enumerate(data):
             yield from _numbers(value, f"{field}[{i}]")
-    elif isinstance(data, float):
+    elif isinstance(data, int | float) and not isinstance(data, bool):
         yield field, data
+    elif isinstance(data, str) and (found := as_quantity(data)) is not None:
+        yield field, found[0]
 
 
 def reworded(message: str, data: Any, schema: Any, below: str = "") -> str:

@@ -32,7 +32,7 @@ from dqcontrol.films.film_physics import film_physics, with_rolling_wheels
 from dqcontrol.films.ghosts import COLOURS
 from dqcontrol.films.physics_picture import render_run
 from dqcontrol.films.picture_file import check_picture_file
-from dqcontrol.loop.kept_signals import DISTANCE
+from dqcontrol.loop.constraint_signals import DISTANCE
 from dqcontrol.measures.contact import contact_force
 from dqcontrol.measures.plans_of_run import plans_of_run
 from dqcontrol.plants.mobile.mobile_plant import MobilePlant

@@ -22,6 +22,7 @@ from dqcontrol.errors import (
     as_positive,
     writing,
 )
+from dqcontrol.files.input_file import version
 from dqcontrol.files.plain_data import yaml_text
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
@@ -203,6 +204,13 @@ def load_map(path: str | Path, height: float | None = None) -> FloorMap:
     grid = convert(path, data, _GridFile)
     found = _of_grid(path, _occupied(path, grid), grid)
     return found if height is None else FloorMap(found.polygons, height)
+
+
+def map_version(path: str | Path) -> tuple[tuple[int, int, int], ...]:
+    """Return what tells a map from another that its files had before: of the file and, of a grid, of its image."""
+    data = parse_yaml(path, read_text(path))
+    image = data.get("image") if isinstance(data, dict) else None
+    return version(path), version(Path(path).parent / str(image))
 
 
 def save_map(floor: FloorMap, image: str | Path, resolution: float = _CELL, *, force: bool = False) -> Path:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dqcontrol import algebra
 from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
 from dqcontrol.arrays import Array
-from dqcontrol.errors import Error, FileFormatError, MissingExtraError, suggest
+from dqcontrol.errors import Error, FileFormatError, MissingExtraError, suggest, suggest_file
 from dqcontrol.files.input_file import open_regular
 from dqcontrol.recording.cdr import layout_of
 from dqcontrol.recording.mcap_reader import ChunkMessages, read_records
@@ -251,9 +251,7 @@ def _part_by_name(part: ChunkMessages, names: Sequence[str], field: str) -> tupl
 @contextmanager
 def _open_bag(path: Path) -> Iterator[OpenRecording]:
     if not path.exists():
-        raise FileFormatError(
-            f"{path}: no such file{suggest(path.name, [p.name for p in path.parent.glob('*')])}"
-        )
+        raise FileFormatError(f"{path}: no such file{suggest_file(path)}")
     if path.suffix.lower() == ".db3" and path.is_file():
         raise FileFormatError(f"{path}: is a part of a ROS 2 bag; give its folder, with metadata.yaml in it")
     if path.is_dir() and not (path / "metadata.yaml").is_file():

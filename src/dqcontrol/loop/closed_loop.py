@@ -24,9 +24,9 @@ from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.signals import Readings
 from dqcontrol.loop.supervision import Senses, Supervision, most_steps_to_rest
 from dqcontrol.loop.trace import Stop, Trace, empty_records, ended
-from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance
-from dqcontrol.plants.live_plant import LivePlant, PlantProtocol, live_plant
+from dqcontrol.plants.disturbance_step import ROW, RunningDisturbance
 from dqcontrol.plants.plant import CompiledPlant
+from dqcontrol.plants.running_plant import PlantProtocol, RunningPlant, running_plant
 from dqcontrol.references.follow import Follow
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE
 from dqcontrol.supervisor.supervisor_layout import GO, moment_layout
@@ -42,7 +42,7 @@ def close_loop(
     samples: Array,
     stop: Stop | None = None,
     *,
-    disturbance: LiveDisturbance | None = None,
+    disturbance: RunningDisturbance | None = None,
     interpreted: bool = False,
     progress: Callable[[int, int], None] | None = None,
     clock: Clock | None = None,
@@ -59,7 +59,7 @@ def close_loop(
         From ``law.prepare``.
     plant
         From ``plant.start``, or a robot of your own: anything that has what `PlantProtocol` has, and as much of
-        `LivePlant` as it can. It is moved.
+        `RunningPlant` as it can. It is moved.
     samples
         Desired motion, one row a period, shape (N, 21), inertial frame.
     stop
@@ -105,7 +105,7 @@ def close_loop(
     samples = np.ascontiguousarray(as_array("samples", samples, (SAMPLE_SIZE,)))
     if samples.ndim != 2:
         raise ShapeError(f"samples: expected shape (N, {SAMPLE_SIZE}), got {samples.shape}")
-    live = live_plant(plant)
+    live = running_plant(plant)
     if live.periods < len(samples):
         raise ShapeError(f"plant: was started for {live.periods} periods, got {len(samples)} samples")
     if disturbance is not None:
@@ -145,7 +145,7 @@ def close_loop(
 
 def check_disturbed(plant: PlantProtocol) -> None:
     """Raise an `Error` if a disturbance cannot move this plant's joints."""
-    if live_plant(plant).compiled() is None:
+    if running_plant(plant).compiled() is None:
         raise Error(
             f"disturbance: cannot move the joints of {type(plant).__name__}, whose physics moves them; "
             "use integrator, servo or own as plant"
@@ -222,7 +222,7 @@ class _Steps:
         law: Controller,
         plant: PlantProtocol,
         samples: Array,
-        disturbance: LiveDisturbance | None,
+        disturbance: RunningDisturbance | None,
         clock: Clock | None,
         supervision: Supervision | None,
         recording: SampleSink | None,
@@ -231,7 +231,7 @@ class _Steps:
     ) -> None:
         self.law, self.samples, self.disturbance = law, samples, disturbance
         self.replanning = replanning
-        self.plant = live = live_plant(plant)
+        self.plant = live = running_plant(plant)
         self.clock, self.supervision, self.recording = clock, supervision, recording
         self._follow_body, self._followed = follow, np.zeros(8)
         self.desired, self.senses = samples, None
@@ -467,7 +467,9 @@ def _ask(law: Controller, measured: Array, row: Array, k: int, state: Array, com
     return failure
 
 
-def _warm_up(law: Controller, plant: LivePlant, samples: Array, disturbance: LiveDisturbance | None) -> None:
+def _warm_up(
+    law: Controller, plant: RunningPlant, samples: Array, disturbance: RunningDisturbance | None
+) -> None:
     """Compile what the loop calls, so that its first steps are as fast as the others."""
     compiled_plant = plant.compiled()
     kernels_of_loop = (

@@ -12,7 +12,7 @@ from dqcontrol.controller import Controller
 from dqcontrol.errors import DivergedError, Error, FallenError, ValueRangeError
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.sample_sink import SampleSink
-from dqcontrol.loop.targets import Target
+from dqcontrol.loop.targets import JogTarget, Target
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot
 from dqcontrol.supervisor import PreparedSupervisor, supervisor_layout as layout
@@ -276,6 +276,9 @@ class Control:
         row = max(round(time / self.law.period), 0)
         try:
             self.desired = self.target.sample(time, self.robot.fkm(self.measured))
+            if isinstance(self.target, JogTarget):
+                self.wanted[:] = self.target.rates(time)
+                return
             for _ in range(max(int(min(missed, most) + _EARLY), 1)):
                 self.law.step(self.measured, self.desired, row, self._law_state, self.wanted)
         except (DivergedError, FallenError, ValueRangeError):

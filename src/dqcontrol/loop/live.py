@@ -20,11 +20,12 @@ from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.control import Control, Phase, warm_up
 from dqcontrol.loop.interrupts import first_interrupt
+from dqcontrol.loop.replanning import refuse_replanning
 from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.supervision import Senses
 from dqcontrol.loop.targets import PoseTarget, SampledTarget, Speeds, Target, TwistTarget
-from dqcontrol.plants.live_plant import LivePlant, PlantProtocol, live_plant
 from dqcontrol.plants.plant import Plant, command_mode, lagging_mode, limits_before
+from dqcontrol.plants.running_plant import PlantProtocol, RunningPlant, running_plant
 from dqcontrol.references.previewed import Previewed
 from dqcontrol.references.reference import Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME
@@ -58,7 +59,7 @@ class LiveState:
     position_error, orientation_error
         From the hand to the moving target, m and rad.
     missing
-        From the hand to the pose asked for, m; NaN if none is.
+        From the hand to the pose asked for, m; the farthest of law and further tasks; NaN if none is.
     condition
         What it does, and what the supervisor does about it, in words.
     """
@@ -153,7 +154,7 @@ class Live:
         seed: int = 0,
     ) -> None:
         period = as_positive("period", period)
-        at_work = None if isinstance(plant, Plant) else live_plant(plant)
+        at_work = None if isinstance(plant, Plant) else running_plant(plant)
         if start is None:
             start = most_dexterous(robot) if at_work is None else at_work.measured
         q0 = as_array("start", start, (robot.configuration_size,)).copy()
@@ -166,13 +167,14 @@ class Live:
         )
         self._reference: Reference | None = None
         self._tasks = tasks
+        self._aims: dict[int, PoseTarget] = {}  # of further tasks, by their numbers
         controller = self._prepared(law, robot, period)
         sample = np.zeros(SAMPLE_SIZE)
         sample[POSE] = robot.fkm(q0)
         warm_up(controller, guard, q0, sample)
-        moved = at_work if kind is None else live_plant(kind.start(robot, q0, period, NOISE, seed))
+        moved = at_work if kind is None else running_plant(kind.start(robot, q0, period, NOISE, seed))
         assert moved is not None
-        self.plant: LivePlant = moved
+        self.plant: RunningPlant = moved
         self.law: Law = law
         self.speeds: Speeds = speeds or Speeds()
         self.control: Control = Control(controller, PoseTarget(self.speeds), guard)
@@ -186,7 +188,9 @@ class Live:
     def _prepared(self, law: Law, robot: Robot, period: float) -> Controller:
         if not isinstance(law, Law):
             raise ShapeError(f"law: expected a Law, got {law!r:.80}")
-        return law.prepare(robot, self._reference, period, self._limits, self._mode, self._tasks, self._lag)
+        made = law.prepare(robot, self._reference, period, self._limits, self._mode, self._tasks, self._lag)
+        refuse_replanning(made, self._reference, "which nothing does under a person's hand")
+        return made
 
     @property
     def robot(self) -> Robot:
@@ -213,19 +217,45 @@ class Live:
 
     @target.setter
     def target(self, pose: ArrayLike) -> None:
-        goal = np.asarray(pose, dtype=np.float64)
-        if goal.shape != (8,) or np.isfinite(goal).all():
-            goal = algebra.as_unit("target", goal)
-            if goal.shape != (8,):
-                raise ShapeError(f"target: expected one pose, shape (8,), got {goal.shape}")
+        goal = _one_pose("target", pose)
         target = self.control.target
         if not isinstance(target, PoseTarget):
             target = self._aim(PoseTarget(self.speeds))
         target.goal = goal
 
+    def aim(self, number: int, pose: ArrayLike) -> None:
+        """Take a further task to a pose (8,), as ``target`` does the law's, at the same speeds; NaN: it stays.
+
+        Parameters
+        ----------
+        number
+            Of the task, as in ``tasks``, from 0; a posture or a centre of mass has no pose.
+        pose
+            Unit dual quaternion, in the frame that the task is given in.
+
+        Raises
+        ------
+        ShapeError, ValueRangeError
+            If there is no such task, or it is no unit dual quaternion; nothing changes then.
+        """
+        goal = _one_pose("pose", pose)
+        samples = self.control.law.task_samples(number)
+        if number not in self._aims:
+            self._aims[number] = target = PoseTarget(self.speeds)
+            target.start(samples[min(self._row, len(samples) - 1), POSE].copy(), self.control.time)
+        self._aims[number].goal = goal
+
+    def aimed(self, number: int) -> Array:
+        """Return where a further task is to be now, shape (8,)."""
+        samples = self.control.law.task_samples(number)
+        pose: Array = samples[min(self._row, len(samples) - 1), POSE].copy()
+        return pose
+
     def hold(self) -> None:
-        """Stay: the hand comes to rest where it is then."""
+        """Stay: the hand comes to rest where it is then, and so does what further tasks move."""
         self.target = np.full(8, np.nan)
+        for target in self._aims.values():
+            target.goal = np.full(8, np.nan)
 
     def move(self, linear: Array, angular: Array, *, of_hand: bool = False) -> None:
         """Move on with these velocities (3,), m/s and rad/s, in the axes of the base or the hand, for 0.15 s.
@@ -267,6 +297,7 @@ class Live:
         """
         self.control.take_law(self._prepared(law, self.robot, self.period))
         self.law = law
+        self._move_aims()
 
     @property
     def state(self) -> LiveState:
@@ -274,7 +305,6 @@ class Live:
         control = self.control
         pose, desired = self.robot.fkm(self._q), control.desired[POSE].copy()
         error = algebra.multiply(algebra.conjugate(pose), desired)
-        goal = self.target
         shares = np.abs(control.command) / control.supervisor.bounds.velocity
         return LiveState(
             time=self._time,
@@ -286,11 +316,36 @@ class Live:
             desired=desired,
             position_error=float(np.linalg.norm(algebra.translation(error))),
             orientation_error=float(2 * np.arctan2(np.linalg.norm(error[1:4]), abs(error[0]))),
-            missing=np.nan
-            if goal is None
-            else float(np.linalg.norm(algebra.translation(goal) - algebra.translation(pose))),
+            missing=self._missing(pose),
             condition=self.condition,
         )
+
+    def _missing(self, pose: Array) -> float:
+        """Return how far the farthest of law and further tasks is from its pose asked for, m; NaN if none is."""
+        told = [(self._task_pose(i, self._q), target.goal) for i, target in self._aims.items()]
+        left = [
+            float(np.linalg.norm(algebra.translation(goal) - algebra.translation(own)))
+            for own, goal in ((pose, self.target), *told)
+            if goal is not None and np.isfinite(goal).all()
+        ]
+        return float(np.fmax.reduce(left, initial=np.nan))
+
+    def _task_pose(self, number: int, q: Array) -> Array:
+        assert self._tasks is not None
+        task = self._tasks.tasks[number]
+        assert task is not None
+        return self._tasks.robot.pose_of(task, q)
+
+    @property
+    def _row(self) -> int:
+        """Number of the present sample."""
+        return max(round(self.control.time / self.period), 0)
+
+    def _move_aims(self) -> None:
+        """Write where further tasks that were told a pose are to be now."""
+        for i, target in self._aims.items():
+            pose = self._task_pose(i, self.control.measured)
+            self.control.law.task_samples(i)[:] = target.sample(self.control.time, pose)
 
     @property
     def reason(self) -> str:
@@ -332,6 +387,8 @@ class Live:
         """
         self.control.reset()
         self.control.activate(self.plant.measured.copy())
+        for i, target in self._aims.items():
+            target.start(self._task_pose(i, self.control.measured))
         self._time, self._begun = 0.0, self._done
 
     def end(self) -> None:
@@ -372,6 +429,7 @@ class Live:
             self._aim(PoseTarget(self.speeds))
         self._q[:] = plant.q
         self._time = (self._done - self._begun) * self.period  # sums of periods drift
+        self._move_aims()
         control.step(self._time, plant.measured.copy(), senses.age, elapsed, senses.effort, senses.wrench)
         if self.recording is not None:
             control.record(self.recording, self._done * self.period, plant.q)
@@ -386,6 +444,16 @@ class Live:
     @property
     def _fault(self) -> str:
         return self._fallen or self.plant.fault
+
+
+def _one_pose(field: str, pose: ArrayLike) -> Array:
+    """Return a unit dual quaternion, shape (8,), or one that is no pose as it is not finite; raise of anything else."""
+    goal = np.asarray(pose, dtype=np.float64)
+    if goal.shape != (8,) or np.isfinite(goal).all():
+        goal = algebra.as_unit(field, goal)
+        if goal.shape != (8,):
+            raise ShapeError(f"{field}: expected one pose, shape (8,), got {goal.shape}")
+    return goal
 
 
 class Pace:

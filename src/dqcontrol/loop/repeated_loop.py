@@ -21,8 +21,8 @@ from dqcontrol.loop.simulate import supervise
 from dqcontrol.loop.trace import FARTHEST
 from dqcontrol.plants.disturbance import Disturbance
 from dqcontrol.plants.disturbance_step import ROW
-from dqcontrol.plants.live_plant import live_plant
 from dqcontrol.plants.plant import CompiledPlant, Plant
+from dqcontrol.plants.running_plant import running_plant
 from dqcontrol.robots.robot import Robot
 from dqcontrol.supervisor import Supervisor
 
@@ -100,7 +100,7 @@ class RepeatedLoop:
         self.period = period
         self.samples: Array = np.ascontiguousarray(samples)
         self._seed, self._supervisor, self._disturbance = seed, supervisor, disturbance
-        live = live_plant(plant.start(robot, start, period, len(samples), seed))
+        live = running_plant(plant.start(robot, start, period, len(samples), seed))
         ready = live.compiled()
         is_free = supervisor is None and disturbance is None
         self._compiled = ready if ready is not None and is_free and isinstance(ready.kernel, Kernel) else None

@@ -12,8 +12,8 @@ from dqcontrol.algebra import DualQuaternion
 from dqcontrol.arrays import Array
 from dqcontrol.constraints.constraint_layout import report_of
 from dqcontrol.controller.controller import Controller
-from dqcontrol.errors import NoteWarning, PlanError
-from dqcontrol.loop.kept_signals import HELD_WINDOW, is_held
+from dqcontrol.errors import NoteWarning, PlanError, ValueRangeError
+from dqcontrol.loop.constraint_signals import HELD_WINDOW, is_held
 from dqcontrol.loop.signals import Signal
 from dqcontrol.references import Reference
 from dqcontrol.references.drive_to import PlannedWay
@@ -178,6 +178,20 @@ class Replanning:
         pressure = report_of(law.report, len(names)).pressure
         by = names[int(pressure.argmax())] if pressure.size and pressure.max() > 0 else "joint limits"
         warnings.warn(f"t = {time:.3g} s: held by {by}, {what}", NoteWarning, stacklevel=2)
+
+
+def refuse_replanning(law: Controller, reference: Reference | None, why: str) -> None:
+    """Refuse `again` of a reference and `escape: plan` of constraints where nothing plans while the robot moves.
+
+    Raises
+    ------
+    ValueRangeError
+        If one of them is asked for; ``why`` says why nothing does.
+    """
+    again = getattr(reference, "again", None) is not None
+    if again or (law.constraints is not None and law.constraints.given.escape == "plan"):
+        key = "reference.again" if again else "constraints.escape"
+        raise ValueRangeError(f"{key}: plans while the robot moves, {why}; leave it out")
 
 
 def plan_signals(reference: Reference | None, replanning: Replanning | None, count: int) -> dict[str, Signal]:

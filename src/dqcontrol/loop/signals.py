@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.controller.controller import Controller
 from dqcontrol.plants.channels import Channel
-from dqcontrol.plants.live_plant import LivePlant
+from dqcontrol.plants.running_plant import RunningPlant
 from dqcontrol.robots.robot import Robot
 
 ACTUATORS = "actuator_command"
@@ -46,7 +46,7 @@ class Signal(NamedTuple):
 class Readings:
     """Collects what a plant senses, if it does, at each of a number of samples."""
 
-    def __init__(self, plant: LivePlant, count: int) -> None:
+    def __init__(self, plant: RunningPlant, count: int) -> None:
         self._plant = plant
         self.rows: NDArray[np.float64] = np.empty((count, len(plant.readings)))
 
@@ -65,7 +65,7 @@ class Readings:
         return found
 
 
-def foreseen_signals(plant: LivePlant, count: int) -> dict[str, Signal]:
+def foreseen_signals(plant: RunningPlant, count: int) -> dict[str, Signal]:
     """Return the first samples of what a plant knew before, by name."""
     return {channel.name: _signal(channel, _first(values, count)) for channel, values in plant.foreseen}
 

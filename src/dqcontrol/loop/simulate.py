@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,9 +17,9 @@ from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.closed_loop import close_loop
-from dqcontrol.loop.kept_signals import kept_signals
+from dqcontrol.loop.constraint_signals import constraint_signals
 from dqcontrol.loop.record import Record
-from dqcontrol.loop.replanning import Replanning, plan_signals
+from dqcontrol.loop.replanning import Replanning, plan_signals, refuse_replanning
 from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.signals import actuator_command, task_errors
 from dqcontrol.loop.supervision import Supervision, Watch
@@ -30,9 +29,7 @@ from dqcontrol.plants.plant import Plant, command_mode, lagging_mode, limits_bef
 from dqcontrol.references import Reference
 from dqcontrol.references.follow import follow_in
 from dqcontrol.robots.robot import Robot
-
-if TYPE_CHECKING:
-    from dqcontrol.supervisor import Supervisor
+from dqcontrol.supervisor import Supervisor
 
 _MOST_STEPS = 10_000_000
 
@@ -184,11 +181,11 @@ def simulate_prepared(
     replanning = Replanning.of(law, reference, lasts=lasts)
     if replanning is not None:
         if clock is not None:
-            raise ValueRangeError(
-                "reference.again, constraints.escape: planning takes time that a run in real time has not; "
-                "leave them out"
-            )
+            refuse_replanning(law, reference, "which takes time that a run in real time has not")
         samples = replanning.with_room(samples)
+    if plant.is_robot:
+        clock = clock or Clock(overrun="skip")
+        supervisor = supervisor or Supervisor()
     supervision = supervisor and supervise(supervisor, law, plant, start, watch, black_box)
     trace = close_loop(
         law,
@@ -221,7 +218,7 @@ def simulate_prepared(
         readings=trace.readings
         | actuator_command(robot, trace.q, trace.command)
         | task_errors(law, trace.q)
-        | kept_signals(law, trace.q, done[:, -1], trace.kept)
+        | constraint_signals(law, trace.q, done[:, -1], trace.kept)
         | plan_signals(reference, replanning, len(trace.q)),
     )
 

@@ -12,7 +12,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.signals import Signal
-from dqcontrol.plants.live_plant import PlantProtocol, live_plant
+from dqcontrol.plants.running_plant import PlantProtocol, running_plant
 from dqcontrol.supervisor import supervisor_layout as layout
 from dqcontrol.supervisor.interventions import (
     COMMAND,
@@ -42,7 +42,7 @@ class Senses:
     """
 
     def __init__(self, plant: PlantProtocol, supervisor: PreparedSupervisor) -> None:
-        self._plant = live_plant(plant)
+        self._plant = running_plant(plant)
         bounds = supervisor.bounds
         for field, limit, what, measured in (
             ("effort", bounds.effort.min(initial=np.inf), "effort", self.effort),

@@ -20,7 +20,7 @@ from dqcontrol.loop.target_motion import (
     moving_sample,
     target_speeds,
 )
-from dqcontrol.references.sample import SAMPLE_SIZE
+from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME
 
 _NOTHING: Array = np.zeros(0)
 
@@ -199,3 +199,47 @@ class TwistTarget(MovingTarget):
         self._asked = asked_twist.pack(
             angular=share * angular, linear=share * linear, time=time, of_hand=of_hand
         )
+
+
+class JogTarget:
+    """Joints that are told their velocities; the hand is where they take it.
+
+    Parameters
+    ----------
+    inputs
+        m, how many velocities the robot takes.
+    timeout
+        After which velocities no longer count, s: the joints stand.
+
+    Examples
+    --------
+    >>> target = JogTarget(2)
+    >>> target.ask(1.0, np.array([0.1, 0.0]))
+    >>> target.rates(1.05).tolist(), target.rates(1.2).tolist()
+    ([0.1, 0.0], [0.0, 0.0])
+    """
+
+    def __init__(self, inputs: int, timeout: float = 0.1) -> None:
+        self.timeout = timeout
+        self._row, self._rates, self._asked = np.zeros(SAMPLE_SIZE), np.zeros(inputs), -math.inf
+
+    def start(self, pose: Array, time: float = 0.0) -> None:
+        """Begin at rest."""
+        self._asked = -math.inf
+
+    def ask(self, time: float, rates: Array) -> None:
+        """Move on with these inputs, shape (m,), rad/s or m/s, that were said at a time, s."""
+        self._asked, self._rates = time, rates
+
+    def rates(self, time: float) -> Array:
+        """Return the inputs at a time, s; zeros where nothing, or nothing new, was asked."""
+        return self._rates if time - self._asked <= self.timeout else np.zeros_like(self._rates)
+
+    def sample(self, time: float, pose: Array) -> Array:
+        """Return the hand's own pose, at rest."""
+        self._row[POSE], self._row[TIME] = pose, time
+        return self._row
+
+    def is_over(self, time: float) -> bool:
+        """Return False: it runs until somebody ends it."""
+        return False

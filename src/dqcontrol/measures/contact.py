@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.loop.record import Record
+from dqcontrol.plants.mujoco.world_model import FORCE
 
 RECOVERED = 2e-3  # m
-FORCE, DEPTH = "contact_force", "penetration"  # channels of plants that let links touch the world
 
 
 def contact_force(record: Record) -> NDArray[np.float64] | None:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dqcontrol.loop.kept_signals import EFFECT, HELD_WINDOW, PRESSURE, is_held
+from dqcontrol.loop.constraint_signals import EFFECT, HELD_WINDOW, PRESSURE, is_held
 from dqcontrol.loop.record import Record
 
 _HOLDS = 0.1  # share of the largest pressure from which a name counts

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.loop.kept_signals import PRESSURE
+from dqcontrol.loop.constraint_signals import PRESSURE
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.replanning import PLAN
 

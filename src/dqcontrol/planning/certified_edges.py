@@ -220,12 +220,15 @@ class EdgeCheck(NamedTuple):
         The pair with that room, as ``table: panda_link5``, or the joint that is beyond its limit.
     share
         Where on the edge that is, 0 … 1.
+    row
+        Number of the pair among those that are kept: `CertifiedEdges.kept` says its shapes; −1 if there is none.
     """
 
     certified: Any
     room: Any
     label: Any
     share: Any
+    row: Any
 
 
 class Room(NamedTuple):
@@ -271,7 +274,7 @@ class CertifiedEdges:
     >>> edges = dqc.planning.CertifiedEdges(arm, keep)
     >>> found = edges.clear(start, goal)
     >>> found.certified, found.label
-    (False, 'post: panda_link6.1')
+    (False, 'post: panda_link6')
     >>> edges.clear(start, start).certified
     True
     """
@@ -312,7 +315,11 @@ class CertifiedEdges:
         if lead:
             return EdgeCheck(*(np.reshape(each, lead) for each in found))
         return EdgeCheck(
-            bool(found.certified[0]), float(found.room[0]), found.label[0], float(found.share[0])
+            bool(found.certified[0]),
+            float(found.room[0]),
+            found.label[0],
+            float(found.share[0]),
+            int(found.row[0]),
         )
 
     def curves(self, points: Array) -> EdgeCheck:
@@ -326,7 +333,8 @@ class CertifiedEdges:
         for k in np.flatnonzero(outside):
             labels[k] = f"{self.robot.joint_names[worst[k]]}: limit"
         room = np.where(outside, -beyond[np.arange(len(points)), worst], answers[:, ROOM])
-        return EdgeCheck((answers[:, CERTIFIED] > 0) & ~outside, room, labels, answers[:, SHARE])
+        rows = np.where(outside, -1, answers[:, ROW]).astype(np.intp)
+        return EdgeCheck((answers[:, CERTIFIED] > 0) & ~outside, room, labels, answers[:, SHARE], rows)
 
     def is_clear(self, a: Array, b: Array) -> bool:
         """Return whether one edge within the joints' limits is certified; made to be called often."""

@@ -16,7 +16,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import NoteWarning, ShapeError, ValueRangeError, as_array, as_positive, unknown_name
 from dqcontrol.named_fields import NamedFields
-from dqcontrol.planning.kept_timing import WayTiming, kept_timing
+from dqcontrol.planning.constraint_timing import WayTiming, constraint_timing
 from dqcontrol.planning.plan import EFFORT, ProvedWay, plan, way_now
 from dqcontrol.references.drive_to import PlannedWay
 from dqcontrol.references.reference import NO_CORNERS, Reference
@@ -169,7 +169,7 @@ class PlanTo(PlannedWay):
         place = np.empty(robot.configuration_size, dtype=int)
         place[robot.input_coordinates] = np.arange(robot.input_size)
         limits = (fraction * velocity[place], fraction * acceleration[place], asked[place])
-        timing = kept_timing(self.plan.way, kept, *limits, approach)
+        timing = constraint_timing(self.plan.way, kept, *limits, approach)
         values = {
             "robot": robot,
             "duration": float(timing.times[-1]),

@@ -19,11 +19,13 @@ from .disturbance import (
     SinusoidalTwist as SinusoidalTwist,
     WorstCase as WorstCase,
 )
-from .integrator import Integrator as Integrator
-from .live_plant import (
-    LivePlant as LivePlant,
-    PlantProtocol as PlantProtocol,
+from .drivers import (
+    Driver as Driver,
+    FrankaArm as FrankaArm,
+    LeRobotArm as LeRobotArm,
+    UniversalRobot as UniversalRobot,
 )
+from .integrator import Integrator as Integrator
 from .mobile import MobilePlant as MobilePlant
 from .mobile.odometry import Odometry as Odometry
 from .mobile.wheeled_base import WheeledBase as WheeledBase
@@ -39,6 +41,10 @@ from .plant import (
     Plant as Plant,
     lagging_mode as lagging_mode,
     limits_before as limits_before,
+)
+from .running_plant import (
+    PlantProtocol as PlantProtocol,
+    RunningPlant as RunningPlant,
 )
 from .servo import (
     Servo as Servo,

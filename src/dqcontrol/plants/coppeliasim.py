@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, MissingExtraError, ShapeError, ValueRangeError, as_positive
-from dqcontrol.plants.live_plant import LivePlant
 from dqcontrol.plants.plant import Plant, as_command, start_configuration
+from dqcontrol.plants.running_plant import RunningPlant
 from dqcontrol.robots.command_mode import CommandMode
 from dqcontrol.robots.robot import Robot
 
@@ -54,7 +54,7 @@ class CoppeliaPlant(Plant, frozen=True, kw_only=True, tag="coppeliasim"):
     command_mode: Literal["integrated", "measured", "velocity"] = "integrated"
     timeout: Annotated[float, Meta(gt=0, description="s")] = 5.0
 
-    def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> LiveCoppelia:
+    def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> RunningCoppelia:
         """Return the arm at start, its simulation started.
 
         Raises
@@ -65,14 +65,14 @@ class CoppeliaPlant(Plant, frozen=True, kw_only=True, tag="coppeliasim"):
         start = start_configuration(robot, start)
         if len(self.joints) != len(start):
             raise ShapeError(f"plant.joints: expected {len(start)} paths, got {len(self.joints)}")
-        return LiveCoppelia(self, start, as_positive("period", period))
+        return RunningCoppelia(self, start, as_positive("period", period))
 
     def target_mode(self) -> CommandMode:
         """Return what targets grow from; joints follow also a velocity with a lag."""
         return "measured" if self.command_mode == "measured" else "integrated"
 
 
-class LiveCoppelia(LivePlant):
+class RunningCoppelia(RunningPlant):
     """Joints in a running simulation."""
 
     def __init__(self, plant: CoppeliaPlant, start: Array, period: float) -> None:
@@ -100,7 +100,7 @@ class LiveCoppelia(LivePlant):
         self._closing = weakref.finalize(self, _leave, self._sim, self._client)
 
     def step(self, command: ArrayLike) -> None:
-        """Move for one control period, as `LivePlant.step` says; raise an `Error` if CoppeliaSim does not answer."""
+        """Move for one control period, as `RunningPlant.step` says; raise an `Error` if CoppeliaSim does not answer."""
         rate = as_command(command, len(self.q))
         if self._mode == "velocity":
             send, values = self._sim.setJointTargetVelocity, rate

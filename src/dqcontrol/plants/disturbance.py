@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.named_fields import NamedFields, Three
-from dqcontrol.plants.disturbance_step import ROW, LiveDisturbance, disturb
+from dqcontrol.plants.disturbance_step import ROW, RunningDisturbance, disturb
 from dqcontrol.robots.robot import Robot
 
 Six = tuple[float, float, float, float, float, float]
@@ -247,7 +247,7 @@ class Disturbance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
             rows[:, 3:6] = self.worst_case.level * direction / np.linalg.norm(direction)
         return rows
 
-    def start(self, robot: Robot, period: float, steps: int, seed: int) -> LiveDisturbance:
+    def start(self, robot: Robot, period: float, steps: int, seed: int) -> RunningDisturbance:
         """Return the disturbance of a number of periods (s); the seed draws all its chance.
 
         Raises
@@ -271,7 +271,7 @@ class Disturbance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
                     f"got {frequency:g}"
                 )
         rows = self.samples(period * np.arange(steps), seed)
-        return LiveDisturbance(disturb, rows, period, robot.input_size, robot.drives)
+        return RunningDisturbance(disturb, rows, period, robot.input_size, robot.drives)
 
 
 def _numbers(field: str, value: ArrayLike, count: int) -> Array:

@@ -81,7 +81,7 @@ def disturb(kinematics, chain, row, parameters, work, q, realised):
     return OK
 
 
-class LiveDisturbance:
+class RunningDisturbance:
     """A disturbance at work on one robot; made by `Disturbance.start`.
 
     Attributes

@@ -18,7 +18,7 @@ from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.live_plant import ControllerSettings, LivePlant, PlantProtocol
+from dqcontrol.plants.running_plant import ControllerSettings, PlantProtocol, RunningPlant
 from dqcontrol.robots.command_mode import AT_ONCE, CommandMode, Lag
 from dqcontrol.robots.robot import Robot, base_coordinates
 from dqcontrol.world import World
@@ -76,6 +76,9 @@ class Plant(
         physics, which real joints stand behind.
     is_ideal
         Whether joints do at once and exactly what is commanded.
+    is_robot
+        Whether it is no simulation: runs then keep real time, always with a supervisor before it, and it is started by
+        nothing but a run.
     file_keys
         Its parameters that name files, relative to the spec.
     """
@@ -85,6 +88,7 @@ class Plant(
     touches_world: ClassVar[bool] = False
     has_velocity_limits: ClassVar[bool] = False
     is_ideal: ClassVar[bool] = False
+    is_robot: ClassVar[bool] = False
     file_keys: ClassVar[tuple[str, ...]] = ()
 
     def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> PlantProtocol:
@@ -264,7 +268,7 @@ def _periods(field: str, seconds: float, period: float) -> float:
     return periods
 
 
-class CompiledPlant(LivePlant):
+class CompiledPlant(RunningPlant):
     """A plant whose step is a compiled function of signature ``PLANT``.
 
     Attributes
@@ -293,7 +297,7 @@ class CompiledPlant(LivePlant):
         self._step = 0
 
     def step(self, command: Array) -> None:
-        """Apply the inputs for one period; see `LivePlant.step`."""
+        """Apply the inputs for one period; see `RunningPlant.step`."""
         if self._step == len(self.noise):
             raise ValueRangeError(f"step: the plant was started for {self._step} periods, and they are over")
         status = self.kernel(
@@ -319,9 +323,9 @@ class CompiledPlant(LivePlant):
         return "the plant's function raised an exception"
 
     def rewind(self) -> None:
-        """Use the noise again from its start; see `LivePlant.rewind`."""
+        """Use the noise again from its start; see `RunningPlant.rewind`."""
         self._step = 0
 
     def compiled(self) -> CompiledPlant:
-        """Return itself; see `LivePlant.compiled`."""
+        """Return itself; see `RunningPlant.compiled`."""
         return self

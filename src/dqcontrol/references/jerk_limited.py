@@ -8,6 +8,7 @@ metres that a radian counts. Then σ̇ = ℓ̇/ℓ', σ̈ = (ℓ̈ − ℓ''σ̇
 
 from __future__ import annotations
 
+import math
 from dataclasses import KW_ONLY, dataclass, field
 
 import numpy as np
@@ -112,6 +113,8 @@ class JerkLimited(Reference):
             else:
                 limits, radian = _joint(linear, angular)
                 lengths[i] = PathLength(self.reference, stops[i], stops[i + 1], _BEFORE, radian, nodes)
+                if not math.isfinite(lengths[i].length):
+                    raise ValueRangeError("reference: too far and fast for its pace to be changed")
                 table, lasts = s_curve(lengths[i].length, limits)
             table[:, :2] += time
             pieces.append(table)

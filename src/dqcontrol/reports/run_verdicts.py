@@ -10,7 +10,7 @@ import numpy as np
 
 from dqcontrol.experiments.check import LoopCheck, judged
 from dqcontrol.loop import Record, Timing
-from dqcontrol.loop.kept_signals import DISTANCE, ROOM, SLACK
+from dqcontrol.loop.constraint_signals import DISTANCE, ROOM, SLACK
 from dqcontrol.measures.deadlock import deadlocks
 from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.measures.margins import UNSEEN

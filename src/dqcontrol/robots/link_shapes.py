@@ -26,7 +26,7 @@ class LinkShape:
     Attributes
     ----------
     name
-        Of the shape; several of one link have one name each.
+        Of the shape; several of one link are LINK.1, LINK.2, ….
     frame
         0 for what stands still, k for what moves with joint k, counted from 1: row k − 1 of `Robot.frames`.
     shape
@@ -36,6 +36,12 @@ class LinkShape:
     name: str
     frame: int
     shape: Sphere | Capsule | Box
+
+    @property
+    def link(self) -> str:
+        """Name of the link that carries it, which people know."""
+        link, _, part = self.name.rpartition(".")
+        return link if link and part.isdecimal() else self.name
 
     @property
     def extent(self) -> float:

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import SINGULAR
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
@@ -115,6 +116,31 @@ class PoseTask:
     def on_frame(self) -> bool:
         """Whether it is of the first frame as that is, without another point or axis."""
         return self.point == (0.0, 0.0, 0.0) and self.axis == (0.0, 0.0, 1.0)
+
+    def of_frames(self, poses: Mapping[str, Array]) -> Array:
+        """Return the pose, shape (8,), that frames at given poses make of it, without another point or axis.
+
+        Raises
+        ------
+        ShapeError
+            If it has another point or axis, or is the centre of mass.
+        """
+        if self.kind == "center_of_mass" or not self.on_frame:
+            raise ShapeError(f"task: frames alone do not say where {self.label} is")
+        first = poses[self.frames[0]]
+        if self.kind == "frame":
+            return first
+        second = poses[self.frames[1]]
+        relative = algebra.multiply(algebra.conjugate(second), first)
+        if self.kind == "relative":
+            return relative
+        half = algebra.power(relative * (self.sign or (1.0 if relative[0] >= 0 else -1.0)), 0.5)
+        middle = algebra.multiply(second, half)
+        if self.root == "screw":
+            return middle
+        return algebra.pose(
+            algebra.rotation(middle), 0.5 * (algebra.translation(first) + algebra.translation(second))
+        )
 
     @property
     def offset(self) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped
@@ -15,7 +15,8 @@ from std_msgs.msg import Bool
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.loop.control import Control, Phase, warm_up
-from dqcontrol.loop.targets import PoseTarget, Target, TwistTarget
+from dqcontrol.loop.targets import PoseTarget, Speeds, Target, TwistTarget
+from dqcontrol.references.sample import POSE
 from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.gain_check import OVERRIDE
 from dqcontrol.ros2.interfaces import (
@@ -44,10 +45,13 @@ from dqcontrol.ros2.parameters import (
 from dqcontrol.ros2.period_monitor import SILENCE, PeriodMonitor
 from dqcontrol.ros2.recorder import Recorder
 from dqcontrol.ros2.robot_parts import Indices
+from dqcontrol.ros2.servo_topics import ServoTopics
 from dqcontrol.ros2.tracked_hand import TrackedHand
 from dqcontrol.ros2.tuning import numbers_of, retune
 from dqcontrol.ros2.world_topics import WorldTopics
 from dqcontrol.ros2.wrench_input import WrenchInput
+
+AnyTarget = TypeVar("AnyTarget", bound=Target)
 
 _STEADY = 0.5  # s: while nodes find each other, messages come with gaps
 _HEARTBEAT = 0.05  # s
@@ -118,7 +122,7 @@ class Following:
         self.longest_period: float = 0.0
         self._enabled = -np.inf
         self._parts, self._measured = loaded.parts, loaded.case.scene.start.copy()
-        self._joints = self._joint_names()
+        self._joints = self._names_in_messages()
         frames = {"base": "odom" if self._parts.base else "base_link", "tool": "tool0"}
         self._base, self._tool = (
             read_once(node, f"{name}_frame", default, f"frame of the {name} in poses and twists")
@@ -129,6 +133,8 @@ class Following:
             self._footprint = read_once(node, "footprint_frame", *words)
             words = self._base, "frame of odometry; if poses are in another one, the transform is heard"
             self._odometry_frame = read_once(node, "odometry_frame", *words)
+        if source == "servo":
+            self._servo = ServoTopics(node, self, self._guarded)
         self.tracked: TrackedHand | None = (
             TrackedHand(node, tracker, self._base, self._guarded) if tracker else None
         )
@@ -140,6 +146,7 @@ class Following:
         declare(node, numbers_of(loaded))
         declare_switch(node, OVERRIDE, "whether gains may be such that a loop is expected to be unstable")
         read = ["joint_names", "base_frame", "tool_frame", *(_OF_BASES if self._parts.base else ())]
+        read += ["command_in_type"] if source == "servo" else []
         refuse_unknown(node, [*names, OVERRIDE, *read])
         self._retune(numbers_said(node, names))
         on_change(node, self._retune, diagnostics.refuse)
@@ -153,9 +160,9 @@ class Following:
         if self._localisation and not self._joints:
             self._topic = self._localisation.topic
         if isinstance(self.target, PoseTarget):
-            node.create_subscription(PoseStamped, "~/pose", self._guarded(self._hear_pose), 1)
-        if isinstance(self.target, TwistTarget):
-            node.create_subscription(TwistStamped, "~/twist", self._guarded(self._hear_twist), 1)
+            node.create_subscription(PoseStamped, "~/pose", self._guarded(self.hear_pose), 1)
+        if source == "twist":
+            node.create_subscription(TwistStamped, "~/twist", self._guarded(self.hear_twist), 1)
         node.create_subscription(Bool, "~/enable", self._hear_enable, NEWEST)
         self._heartbeat = node.create_publisher(Bool, "~/heartbeat", SENT)
         steady_timer(node, _HEARTBEAT, self._beat)
@@ -202,6 +209,16 @@ class Following:
         self._activated = now
         self._step(0.0, measured, now)
 
+    def aimed(self, kind: type[AnyTarget], make: Callable[[Speeds], AnyTarget]) -> AnyTarget:
+        """Return the target if it is of a kind, else a new one, which begins where the desired pose is now."""
+        if isinstance(self.target, kind):
+            return self.target
+        target = make(self.loaded.speeds)
+        if self.control.phase is not Phase.INACTIVE:
+            target.start(self.control.desired[POSE].copy(), self.control.time)
+        self.target = self.control.target = target
+        return target
+
     def let_go(self) -> None:
         """Leave the robot to others if it is not to be held; called whenever what is done has changed."""
         if not self.control.is_commanding:
@@ -212,6 +229,11 @@ class Following:
         if self.control.is_commanding:
             self._send(np.zeros_like(self.control.rate))
         self._commands.release()
+
+    @property
+    def joint_names(self) -> list[str]:
+        """Of the joints, in messages, in the order of the robot's joints."""
+        return self._joints
 
     @property
     def age(self) -> float:
@@ -248,7 +270,7 @@ class Following:
                 f"from where the spec starts; start_tolerance is {allowed:g}"
             )
 
-    def _joint_names(self) -> list[str]:
+    def _names_in_messages(self) -> list[str]:
         own = self._parts.joint_names
         names = read_once(
             self._node, "joint_names", own, "names in messages, in the order of the robot's joints"
@@ -334,7 +356,8 @@ class Following:
         elif self._periods.hear(now, stamp) and not late and not self._has_own_pace:
             self._step(stamp - self._origin, measured, now)
 
-    def _hear_pose(self, message: PoseStamped) -> None:
+    def hear_pose(self, message: PoseStamped) -> None:
+        """Take the hand to a pose, if poses are followed."""
         if not isinstance(self.target, PoseTarget):
             return
         try:
@@ -343,7 +366,8 @@ class Following:
             self.target.ask(self.control.time, np.full(8, np.nan))
             raise
 
-    def _hear_twist(self, message: TwistStamped) -> None:
+    def hear_twist(self, message: TwistStamped) -> None:
+        """Move the hand on with a twist, if twists are followed."""
         if not isinstance(self.target, TwistTarget):
             return
         try:

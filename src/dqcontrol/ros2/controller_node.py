@@ -35,7 +35,7 @@ class ControllerNode(Node):
     name
         Of the node.
     source
-        What it follows: ``spec``, ``pose`` or ``twist``.
+        What it follows: ``spec``, ``pose``, ``twist`` or ``servo``, the topics of MoveIt Servo.
     interface
         What it sends to joints: ``velocity``, ``position``, ``trajectory`` or ``humanoid``.
     base_interface

@@ -14,6 +14,7 @@ from dqcontrol.controller import Controller
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare, prepare_spec
 from dqcontrol.experiments.spec import AnyLaw, as_spec, read_data
 from dqcontrol.loop.control import FASTEST_REFERENCE
+from dqcontrol.loop.replanning import refuse_replanning
 from dqcontrol.loop.targets import PoseTarget, SampledTarget, Speeds, Target, TwistTarget
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode, lagging_mode
@@ -108,7 +109,7 @@ class Loaded:
         return self.case.plant.linear_model(self.robot, self.case.scene.start, self.period)
 
     def target(self, source: str) -> Target:
-        """Return what gives the desired motion: the ``spec``, a ``pose`` or a ``twist``."""
+        """Return what gives the desired motion: the ``spec``, a ``pose``, or a ``twist``, as ``servo`` begins."""
         if source == "spec":
             return SampledTarget(self.case.scene.samples, self.period)
         return PoseTarget(self.speeds) if source == "pose" else TwistTarget(self.speeds)
@@ -117,7 +118,9 @@ class Loaded:
         """Return the law, or another one in its place, ready to run."""
         reference = self.case.scene.reference if source == "spec" else None
         mode, lag = lagging_mode(self.case.plant), self.case.plant.lag(self.robot)
-        return (law or self.law).prepare(self.robot, reference, self.period, self.case.limits, mode, lag=lag)
+        made = (law or self.law).prepare(self.robot, reference, self.period, self.case.limits, mode, lag=lag)
+        refuse_replanning(made, reference, "which no node does")
+        return made
 
     def prepared_supervisor(self, interface: str) -> PreparedSupervisor:
         """Return the supervisor ready to run, for a robot that takes velocities or positions."""

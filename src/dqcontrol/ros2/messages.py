@@ -11,7 +11,7 @@ import numpy as np
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, suggest
-from dqcontrol.plants.live_plant import ControllerSettings
+from dqcontrol.plants.running_plant import ControllerSettings
 
 NANOSECONDS = 1_000_000_000
 _MOST_TILT = math.radians(20.0)  # of a base that drives in a plane

@@ -15,8 +15,8 @@ from sensor_msgs.msg import JointState
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, FallenError
-from dqcontrol.plants.live_plant import ControllerSettings, LivePlant, live_plant
 from dqcontrol.plants.plant import Plant
+from dqcontrol.plants.running_plant import ControllerSettings, RunningPlant, running_plant
 from dqcontrol.robots import DifferentialDrive
 from dqcontrol.robots.roller_bases import RollerBase
 from dqcontrol.robots.whole_body import Drive
@@ -112,7 +112,7 @@ class RobotNode(Node):
         self._state = self._supervisor.start(start)
         self._warm_up(loaded)
         plant = loaded.case.plant.start(robot, start, loaded.period, _NOISE_PERIODS, spec.seed)
-        self._plant = live_plant(plant)
+        self._plant = running_plant(plant)
         self._waits, self._fault, self._ticks = _NO_COMMANDS, "", 0
         self._told: ControllerSettings | None = None  # by a command, and not yet passed on
         self._is_broken = False
@@ -380,7 +380,7 @@ def odometry_publisher(
     return publish
 
 
-def wrench_publisher(node: Node, plant: LivePlant) -> Callable[[int], None] | None:
+def wrench_publisher(node: Node, plant: RunningPlant) -> Callable[[int], None] | None:
     """Return what publishes a plant's wrench at a time in ns; None if it senses none."""
     if not len(plant.wrench):
         return None

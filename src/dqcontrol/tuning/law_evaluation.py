@@ -22,6 +22,7 @@ from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws import Law
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.repeated_loop import RepeatedLoop, RolloutView, share_records
+from dqcontrol.loop.replanning import refuse_replanning
 from dqcontrol.measures.margins import AT_LIMIT
 from dqcontrol.measures.run_numbers import NUMBERS, RunMeasure, of_all_runs
 from dqcontrol.plants.plant import Plant, command_mode, lagging_mode
@@ -154,9 +155,11 @@ class LawEvaluation:
 
     def _prepared(self, law: Law, scene: PreparedRobot) -> Controller:
         period, limits = self._spec.period, self._limits
-        return law.prepare(
+        made = law.prepare(
             scene.robot, scene.reference, period, limits, self._mode, scene.tasks, lag=self._lag
         )
+        refuse_replanning(made, scene.reference, "which runs that are only judged do not")
+        return made
 
     def slack(self, law: Law) -> Slack:
         """Return how far a law is from the stability that is asked for, over all scenes."""

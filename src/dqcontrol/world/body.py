@@ -15,6 +15,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, error_prefix
 from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere, load_map
+from dqcontrol.geometry.floor_map import map_version
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.world.mesh import hulls
 
@@ -115,7 +116,10 @@ class Solid(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
         """
         kind = self.kind
         if kind == "map":
-            return [each.moved(self.pose) for each in _boxes_of_map(str(self.map), self.height)]
+            return [
+                each.moved(self.pose)
+                for each in _boxes_of_map(str(self.map), self.height, map_version(str(self.map)))
+            ]
         if kind == "mesh":
             return [each.moved(self.pose) for each in hulls(str(self.mesh))]
         if kind == "container":
@@ -181,7 +185,9 @@ class Solid(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 @lru_cache(maxsize=32)
-def _boxes_of_map(file: str, height: float | None) -> tuple[Box, ...]:
+def _boxes_of_map(
+    file: str, height: float | None, version: tuple[tuple[int, int, int], ...]
+) -> tuple[Box, ...]:
     return tuple(load_map(file, height).boxes())
 
 

@@ -60,10 +60,14 @@ class LawTab:
         with self._quietly():
             if setting is not session.setting:
                 return
+            words = ""
             if row.loops:
                 limits, period = row.worst.limits, setting.spec.period
-                self._mark(self._present_gain(), limits.recommended / period, limits.stable / period)
-            self._expected.content = f"{row.verdict}. {row.remark}".strip()
+                good, limit = limits.recommended / period, limits.stable / period
+                self._mark(self._present_gain(), good, limit)
+                ends = f"; stable up to {limit:.3g}" if math.isfinite(limit) else ""
+                words = f"Good up to {good:.3g} 1/s{ends}. "
+            self._expected.content = f"{words}This one: {row.verdict}. {row.remark}".strip()
 
     @contextmanager
     def _quietly(self) -> Iterator[None]:

@@ -15,10 +15,12 @@ from dqcontrol.arrays import Array
 from dqcontrol.browser.drawn_robot import DrawnRobot
 from dqcontrol.browser.layout import Extent, viewpoint
 from dqcontrol.browser.play.charts import Charts
+from dqcontrol.browser.play.end_effectors import LAW
 from dqcontrol.browser.play.law_tab import LawTab
 from dqcontrol.browser.play.record_tab import RecordTab
 from dqcontrol.browser.play.robot_tab import RobotTab
 from dqcontrol.browser.play.session import PlaySession
+from dqcontrol.browser.play.spring import STIFFNESS
 from dqcontrol.browser.play.target_tab import TargetTab, called
 from dqcontrol.browser.play.world_tab import WorldTab
 from dqcontrol.browser.served_page import ServedPage
@@ -28,14 +30,12 @@ from dqcontrol.robots.poses import pose7
 
 _GHOST, _GHOST_TINT = 0.35, (230, 159, 0)
 _ROOM = 0.15  # of the reach, around the robot where it begins
+_SMALL = 0.6  # of the size of what lies between hands: their own arrows
 _NUDGE = 0.02  # m, of an arrow key
 _CHARTS_EVERY = 0.2  # s
 _ALONE = 5.0  # s
-_SPRING, _MOST_FORCE = (
-    200.0,
-    60.0,
-)  # N/m, N: of the mouse; half of what ISO/TS 15066 lets a robot press on a chest
-_PUSH = (230, 64, 26)
+_WORDS_WIDTH = 300.0  # px
+_PULL = (230, 64, 26)
 
 
 class PlayPage(ServedPage):
@@ -72,19 +72,21 @@ class PlayPage(ServedPage):
         super().__init__(port, "dqcontrol play", server)
         folder = folder or Path.cwd()
         self.session, self.alone = session, _ALONE
-        self._nodes: list[Any] = []
+        self._scenery: Any = None
+        self._staged = 0
         self._drawn: DrawnRobot
         self._shown_live: object = None
         self._shown_ghost: object = None
         self._ghost: DrawnRobot | None = None
         self._charted = self._seen_at = 0.0
         self._base: Any = None
-        self._spring: Any = None
+        self._spring: list[Any] = []
         self._base_held = False
         self._stage()
         gui = self.server.gui
         self._words = gui.add_html("")
-        # Panels beside the first one are folded on phones, where that one would hide the scene.
+        # Panels beside the first one are folded on phones, where that one would hide the scene. It holds words alone,
+        # and floats: docked, it would leave the charts half of their place.
         tabs, charts = gui.add_panel(), gui.add_panel()
         with tabs.add_tab("Target"):
             self._target = TargetTab(self.server, session, folder)
@@ -98,9 +100,9 @@ class PlayPage(ServedPage):
             self._replay = RecordTab(self.server, session, folder)
         with charts.add_tab("The last 10 s"):
             self._charts = Charts(gui)
+        gui.main_panel.float(x=-12, y=-12, width=_WORDS_WIDTH)
         tabs.dock_right()
-        gui.main_panel.dock_below(tabs)
-        charts.dock_below(gui.main_panel)  # each takes half of what it is docked to
+        charts.dock_below(tabs)
         self._add_keys()
         self.tick()
 
@@ -109,9 +111,10 @@ class PlayPage(ServedPage):
         session = self.session
         with session.lock:
             live, ghost = session.live, session.ghost
-            q, target, desired = live.plant.q.copy(), live.target, live.state.desired
+            q, handles, desired = live.plant.q.copy(), session.ends.handles, live.state.desired
+            desired = session.ends.in_room(desired)
             ghost_q = ghost.plant.q.copy() if ghost else None
-        if live.robot is not self._drawn.robot:
+        if live.robot is not self._drawn.robot or handles.keys() != self._gizmos.keys():
             self._stage()
             self._target.refresh()
         if live is not self._shown_live:
@@ -119,21 +122,21 @@ class PlayPage(ServedPage):
             self._law.refresh()
             self._robot.refresh()
             self._world.refresh()
-            self._gizmo_at(desired if target is None else target)
-            self._let_push()
+            self._held = None
+            self._let_pull()
         now = time.monotonic()
         if (replayed := self._replay.replayed(now)) is not None:
             q, desired = replayed
         self._drawn.show(q)
-        self._gizmo.visible = not self._target.board.is_shown
-        if target is None:  # who drags sees the gizmo go on from where it is
-            self._gizmo_at(self.session.live.state.pose)
+        for name, pose in handles.items():
+            self._gizmos[name].visible = not self._target.board.is_shown
+            if name != self._held:
+                _put(self._gizmos[name], pose)
         if self._base is not None and not self._base_held:
             self._base.wxyz, self._base.position = self._base_pose(q)
         self._draw_ghost(ghost, ghost_q)
-        self._draw_push()
-        node = pose7("desired", desired)
-        self._desired.wxyz, self._desired.position = node[:4], node[4:]
+        self._draw_pull()
+        _put(self._desired, desired)
         self._look_after(now)
         if now - self._charted > _CHARTS_EVERY:
             self._charted = now
@@ -145,8 +148,11 @@ class PlayPage(ServedPage):
     def _stage(self) -> None:
         """Draw a robot that was not there before, its floor and its gizmo."""
         robot = self.session.robot
-        for node in self._nodes:
-            node.remove()
+        if self._scenery is not None:
+            self._scenery.remove()
+        self._scenery = self.server.scene.add_frame(self._new_name("stage"), show_axes=False)
+        self._ghost = self._shown_ghost = None  # it was part of that
+        root = self._scenery.name
         q = np.array(self.session.spec["start"])
         joints = algebra.translation(robot.frames(q))
         reach = describe(robot).reach
@@ -158,26 +164,41 @@ class PlayPage(ServedPage):
         box = Extent(low, high)
         position, looked_at = viewpoint(foot, [hand[None]], box)
         self._set_scene(position, looked_at, float(np.ceil(4 * reach)), float(low[2]), shadows=0.2)
-        self._drawn = DrawnRobot(self.server, robot, "/robot", axes=0.1 * reach)
+        self._drawn = DrawnRobot(self.server, robot, f"{root}/robot", axes=0.1 * reach)
         size = 0.12 * reach
         self._desired = self.server.scene.add_frame(
-            "/desired", axes_length=0.5 * size, axes_radius=0.015 * size, origin_radius=0.0
+            f"{root}/desired", axes_length=0.5 * size, axes_radius=0.015 * size, origin_radius=0.0
         )
-        self._gizmo = self.server.scene.add_transform_controls("/target", scale=1.6 * size, depth_test=False)
-        self._gizmo.on_update(self._dragged)
-        root = self.server.scene.get_handle_by_name("/robot")
-        self._nodes = [root, self._desired, self._gizmo]
+        self._gizmos: dict[str, Any] = {}
+        self._held: str | None = None
+        handles = self.session.ends.handles
+        for name in handles:
+            part = 1.0 if name == LAW or LAW not in handles else _SMALL
+            gizmo = self.server.scene.add_transform_controls(
+                f"{root}/target-{name}", scale=1.6 * part * size, depth_test=False
+            )
+            gizmo.on_update(self._dragger(name))
+            self._gizmos[name] = gizmo
         self._base, self._base_held = None, False
         if robot.bases:
             self._base = self.server.scene.add_transform_controls(
-                "/base-target", scale=4 * size, active_axes=(True, True, False), depth_test=False
+                f"{root}/base-target", scale=4 * size, active_axes=(True, True, False), depth_test=False
             )
             self._base.on_update(self._base_dragged)
-            self._nodes.append(self._base)
 
-    async def _dragged(self, event: Any) -> None:
-        """Take the target along, at once and in order: callbacks of threads may overtake each other."""
-        self.session.drag(_pose(event.target))
+    def _new_name(self, kind: str) -> str:
+        """Return the name of a node that no other one had: browsers may give nodes the places of former namesakes."""
+        self._staged += 1
+        return f"/{kind}{self._staged}"
+
+    def _dragger(self, name: str) -> Callable[[Any], Awaitable[None]]:
+        """Return what takes the target of a gizmo along, at once and in order: threads may overtake each other."""
+
+        async def dragged(event: Any) -> None:
+            self._held = None if event.phase == "end" else name
+            self.session.drag(_pose(event.target), name)
+
+        return dragged
 
     def _base_pose(self, q: Array) -> tuple[Array, Array]:
         """Return where the first base stands: quaternion, and position, m."""
@@ -199,55 +220,49 @@ class PlayPage(ServedPage):
         start = {"position": hand[4:].tolist(), "quaternion": hand[:4].tolist()}
         self.session.follow({"kind": "drive-to", "start": start})
 
-    def _let_push(self) -> None:
+    def _let_pull(self) -> None:
         """Let links be taken by the mouse where there is physics; elsewhere that turns the view."""
-        pushes = self.session.live.plant.can_be_pushed
+        can_be_pulled = self.session.live.plant.can_be_pushed
         for row, node in self._drawn.bodies:
             node.remove_drag_callback()
-            if pushes and row >= 0:
+            if can_be_pulled and row >= 0:
                 node.on_drag("left")(self._puller(row))
 
     def _puller(self, row: int) -> Callable[[Any], Awaitable[None]]:
         """Return what is called, in order, while a link is held."""
 
         async def pull(event: Any) -> None:
-            self._pull(row, event)
+            start, end = (np.asarray(each, np.float64) for each in (event.start_position, event.end_position))
+            self.session.pull(row, start, np.full(3, np.nan) if event.phase == "end" else end)
 
         return pull
 
-    def _pull(self, row: int, event: Any) -> None:
-        """Pull a link by a spring from where it was taken to the mouse."""
-        start, end = (np.asarray(each, np.float64) for each in (event.start_position, event.end_position))
-        force = _SPRING * (end - start)
-        size = float(np.linalg.norm(force))
-        if event.phase == "end" or not np.isfinite(size):
-            force = np.zeros(3)
-        elif size > _MOST_FORCE:
-            force *= _MOST_FORCE / size
-        self.session.push(row, start, force)
-
-    def _draw_push(self) -> None:
-        """Draw the spring between a link and the mouse."""
-        pushed = self.session.pushed
-        if pushed is None:
-            if self._spring is not None:
-                self._spring.remove()
-            self._spring = None
+    def _draw_pull(self) -> None:
+        """Draw the spring between a link and the mouse, and say how hard it draws."""
+        pulled = self.session.pulled
+        if pulled is None:
+            for node in self._spring:
+                node.remove()
+            self._spring = []
             return
-        _, point, force = pushed
-        ends = np.array([[point, point + force / _SPRING]])
-        self._spring = self.server.scene.add_line_segments("/spring", ends, _PUSH, thickness=0.008)
-
-    def _gizmo_at(self, pose: Array) -> None:
-        node = pose7("target", pose)
-        self._gizmo.wxyz, self._gizmo.position = node[:4], node[4:]
+        scene, end = self.server.scene, pulled.point + pulled.force / STIFFNESS
+        line = scene.add_line_segments("/spring", np.array([[pulled.point, end]]), _PULL, thickness=0.008)
+        label = scene.add_label("/spring-force", f"{np.linalg.norm(pulled.force):.0f} N", position=end)
+        self._spring = [line, label]
 
     def _draw_ghost(self, ghost: Any, q: Array | None) -> None:
         if ghost is not self._shown_ghost:
             if self._ghost is not None:
-                self.server.scene.remove_by_name("/ghost")
+                self._ghost.remove()
             self._ghost = (
-                DrawnRobot(self.server, ghost.robot, "/ghost", tint=_GHOST_TINT, opacity=_GHOST, axes=0.05)
+                DrawnRobot(
+                    self.server,
+                    ghost.robot,
+                    self._scenery.name + self._new_name("ghost"),
+                    tint=_GHOST_TINT,
+                    opacity=_GHOST,
+                    axes=0.05,
+                )
                 if ghost is not None
                 else None
             )
@@ -275,20 +290,18 @@ class PlayPage(ServedPage):
 
     def _nudge(self, axis: int, sign: int) -> None:
         with self.session.lock:
-            target = self.session.live.target
-            pose = self.session.live.state.desired if target is None else target
+            handles = self.session.ends.handles
+        name = LAW if LAW in handles else next(iter(handles))
         shift = np.zeros(3)
         shift[axis] = sign * _NUDGE
-        moved = algebra.multiply(algebra.pose([1, 0, 0, 0], shift), pose)
-        self.session.drag(moved)
-        self._gizmo_at(moved)
+        self.session.drag(algebra.multiply(algebra.pose([1, 0, 0, 0], shift), handles[name]), name)
 
     def _look_after(self, now: float) -> None:
         """Let the robot rest when nobody has looked for a while."""
         if self.server.get_clients():
             self._seen_at = now
         elif self._seen_at and now - self._seen_at > self.alone:
-            self._seen_at = 0.0
+            self._seen_at, self._held = 0.0, None
             self.session.hold()
 
     def _told(self) -> str:
@@ -301,6 +314,13 @@ class PlayPage(ServedPage):
             f"<span style='{style}'>{html.escape(session.words)}</span><br>"
             f"<span style='opacity:0.7'>{html.escape(last)}</span></div>"
         )
+
+
+def _put(node: Any, pose: Array) -> None:
+    """Show a node of the scene at a pose, shape (8,), if it is not there."""
+    placed = pose7("pose", pose)
+    if not np.allclose(np.append(node.wxyz, node.position), placed, rtol=0, atol=1e-9):
+        node.wxyz, node.position = placed[:4], placed[4:]
 
 
 def _pose(node: Any) -> Array:

@@ -9,6 +9,9 @@ from dqcontrol.browser.play.session import PlaySession
 _PLANTS = {"ideal": "integrator", "servo": "servo", "physics": "mujoco"}
 _NAMES = {kind: name for name, kind in _PLANTS.items()}
 _OTHER = "as the spec says"
+# An admittance that a hand feels at once and that comes back: 10 N take it 5 cm away, within half a second
+_GIVES_WAY = {"axes": "base", "translation": {"damping": 100.0, "stiffness": 200.0}}
+_WRIST = {"filter": 0.01}  # s: its force sensor
 
 
 class RobotTab:
@@ -22,8 +25,9 @@ class RobotTab:
         self._delay = gui.add_slider("Delay [ms]", 0.0, 200.0, 5.0, 0.0)
         self._sag = gui.add_slider("Sag under gravity [%]", 0.0, 200.0, 5.0, 0.0)
         self._noise = gui.add_slider("Encoder noise [mrad]", 0.0, 2.0, 0.05, 0.0)
+        self._gives_way = gui.add_checkbox("Give way (force at the wrist)", False)
         self._servo = (self._lag, self._delay, self._sag, self._noise)
-        for each in (self._plant, self._period, *self._servo):
+        for each in (self._plant, self._period, *self._servo, self._gives_way):
             each.on_update(lambda _: self._changed())
         self.refresh()
 
@@ -36,6 +40,8 @@ class RobotTab:
             self._plant.value = _NAMES.get(str(plant.get("kind")), _OTHER)
             self._period.value = min(max(round(1e3 * session.live.period), 1.0), 50.0)
             is_servo = self._plant.value == "servo"
+            self._gives_way.visible = self._plant.value == "physics" and len(session.robot.ends) == 1
+            self._gives_way.value = session.spec.get("contact") is not None
             for slider, key, scale in zip(
                 self._servo,
                 ("time_constant", "delay", "sag", "encoder_noise"),
@@ -64,8 +70,18 @@ class RobotTab:
                 "sag": 1e-2 * self._sag.value,
                 "encoder_noise": 1e-3 * self._noise.value,
             }
+        contact = session.spec.get("contact")
+        if self._gives_way.visible and self._gives_way.value != (contact is not None):
+            contact = _GIVES_WAY if self._gives_way.value else None
+            plant.pop("wrist", None)
+            plant |= {"wrist": _WRIST} if contact else {}
+        elif plant["kind"] != present.get("kind") and contact == _GIVES_WAY:
+            contact = None  # other joints feel nothing
         done = session.change(
-            plant=plant, period=1e-3 * self._period.value, reference=session.spec["reference"]
+            plant=plant,
+            contact=contact,
+            period=1e-3 * self._period.value,
+            reference=session.spec["reference"],
         )
         if not done:
             self.refresh()

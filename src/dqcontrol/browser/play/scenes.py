@@ -121,8 +121,9 @@ SCENES = (
     ),
     Scene(
         "Two arms and a tray",
-        "Two Pandas hold a tray: the target is the pose of both hands together, and how they hold it comes first. Drag "
-        "and tilt it. Out of one arm's reach both stop, and the tray is not torn.",
+        "Two Pandas hold a tray: what lies between both hands is the target, and how they hold it comes first. Drag "
+        "and tilt it by the large arrows: out of one arm's reach both stop, and the tray is not torn. The small arrows "
+        "move one hand, and so what both hold.",
         _spec(
             {
                 "robot": {"source": "two-pandas", "task": "absolute"},
@@ -130,7 +131,7 @@ SCENES = (
                 "period": 0.01,
             },
             reference=_REST,
-            tasks=[{"task": "relative", "gain": 20.0, "level": 0}],
+            tasks=[{"task": "relative", "gain": 10.0, "level": 0}],
         ),
     ),
     Scene(

@@ -18,7 +18,9 @@ import numpy as np
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
+from dqcontrol.browser.play.end_effectors import LAW, EndEffectors
 from dqcontrol.browser.play.recorded_rows import RecordedRows
+from dqcontrol.browser.play.spring import Pull, Spring
 from dqcontrol.constraints import Constraints
 from dqcontrol.constraints.constraint_view import ConstraintView, NearestPair
 from dqcontrol.errors import Error, ExistsError, NoteWarning, StabilityWarning, writing
@@ -34,7 +36,7 @@ from dqcontrol.loop.live import Live, Pace
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.targets import Speeds
 from dqcontrol.references.points_file import DUAL_QUATERNION
-from dqcontrol.references.sample import POSE, TIME
+from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
 
 if TYPE_CHECKING:
@@ -44,6 +46,7 @@ SPEEDS = Speeds(linear=0.5, angular=2.0, acceleration=3.0)  # brisk for a hand t
 SHOWN = 10.0  # s of charts
 _CHARTED = 0.05  # s between points of charts
 _MOST_ROWS = 60_000  # of a recording: ten minutes at 100 Hz, 20 MB
+_BESIDE = ("constraints", "null_space", "contact")  # what a spec may say beside a law, for all of them
 _REST = {"kind": "set-point", "duration": 1.0}
 _SLOW, _RESTS = 1e-4, 0.3  # rad/s or m/s, and s for which nothing is faster: the robot rests
 
@@ -61,7 +64,7 @@ class ChartPoint(NamedTuple):
     ghost_error
         Of the second robot, m; NaN without one.
     force
-        That the hand feels, or that somebody pushes with, N; NaN where there is no physics.
+        That the hand feels, or that somebody pulls with, N; NaN where there is no physics.
     missed
         Periods that passed without a step since the moment before.
     """
@@ -91,14 +94,16 @@ class PlaySession:
         What the present robot was made from; its ``start`` is where the recording begins.
     live, ghost
         The robot, and a second one with another law, if there is one.
+    ends
+        What the robot is dragged by.
     told
         What happened, in words, the last last.
     missed
         How many periods passed without a step, as the machine was busy.
     is_paused
         Whether time stands still.
-    pushed
-        Row, point (m) and force (N) of what pushes it now, as `push` was told; None if nothing does.
+    pulled
+        What a spring does to it; None without one.
     driver
         Called before each step with the robot: what a device tells it.
 
@@ -111,7 +116,8 @@ class PlaySession:
     spec: dict[str, Any]
     live: Live
     ghost: Live | None
-    pushed: tuple[int, Array, Array] | None
+    ends: EndEffectors
+    pulled: Pull | None
     driver: Callable[[Live], None] | None = None
 
     def __init__(self, spec: dict[str, Any], folder: Path | None = None) -> None:
@@ -158,9 +164,11 @@ class PlaySession:
         spec = spec | {"start": case.scene.start.tolist()}
         with self.lock:
             self.spec, self.setting, self.live, self.ghost = spec, setting, live, ghost
+            self.ends, self._ghost_ends = EndEffectors(live), EndEffectors(ghost) if ghost else None
             self.around: ConstraintView | None = scene
             self._record(exact=True)
-            self.pushed = None
+            self._spring: Spring | None = None
+            self.pulled = None
             for each in (live, ghost) if ghost else (live,):
                 if self._follows:
                     each.follow(case.scene.reference)
@@ -186,6 +194,7 @@ class PlaySession:
     def _record(self, *, exact: bool) -> None:
         """Begin the recording anew."""
         self.rows = self.live.recording = RecordedRows(self.live.robot, _MOST_ROWS)
+        self._aimed: dict[int, list[Array]] = {}  # where further tasks were to be, row by row
         self._exact, self._still = exact, 0.0
 
     def change(self, **keys: Any) -> bool:
@@ -229,43 +238,79 @@ class PlaySession:
         """Whether the spec's reference moves."""
         return self.spec["reference"].get("kind") != "set-point"
 
+    @property
+    def _tasks(self) -> list[dict[str, Any]]:
+        """What the spec says of further tasks."""
+        return self.spec.get("tasks") or []
+
     # What is done to it
 
-    def drag(self, pose: Array) -> None:
-        """Take the hand to a pose, shape (8,); NaN: it stays."""
+    def drag(self, pose: Array, name: str = LAW) -> None:
+        """Take the hand, or what of `ends` has a name, to a pose, shape (8,), inertial frame; NaN: it stays."""
         with self.lock:
-            self.live.target = pose
-            if self.ghost:
-                self.ghost.target = pose
-            if self._follows:
-                self.spec = {**self.spec, "reference": _REST}
+            self.ends.drag(name, pose)
+            if self._ghost_ends:
+                self._ghost_ends.drag(name, pose)
+            if self._follows or (self.ends.frames and any("reference" in task for task in self._tasks)):
+                rest = [
+                    {key: value for key, value in task.items() if key != "reference"} for task in self._tasks
+                ]
+                self.spec = {**self.spec, "reference": _REST, "tasks": rest or None}
                 self._disturbed()
 
     def hold(self) -> None:
         """Let the hand stay where it is: also what happens when nobody looks any more."""
         self.drag(np.full(8, np.nan))
 
-    def push(self, row: int, point: Array, force: Array) -> None:
-        """Push a link; see `LivePlant.push`. What is recorded is no longer all that moves the robot."""
+    def pull(self, row: int, point: Array, towards: Array) -> None:
+        """Pull a link by a spring; it is recorded, but what is recorded is no longer all that moves the robot.
+
+        Parameters
+        ----------
+        row
+            Of `Robot.frames`: what the link moves with.
+        point
+            Where it is taken, shape (3,), m, inertial frame; while it is held, the spring stays where it was.
+        towards
+            Where the spring leads, shape (3,), m, inertial frame; not finite: it is let go.
+        """
         with self.lock:
             if not self.live.plant.can_be_pushed:
-                self.tell("pushing needs physics: choose it in the tab Robot")
-                return
-            self.live.plant.push(row, point, force)
-            self.pushed = (row, point, force) if np.any(force) else None
-            self._exact = False
+                self.tell("pulling needs physics: choose it in the tab Robot")
+            elif not np.isfinite(towards).all():
+                self._spring = self.pulled = None
+                self.live.plant.push(row, np.zeros(3), np.zeros(3))
+            else:
+                if self._spring is None or self._spring.row != row:
+                    self._spring = Spring(self.robot, self.live.plant.q, row, point)
+                self._spring.towards = towards
+                self._exact = False
+                self._draw_spring()
+
+    def _draw_spring(self) -> None:
+        """Let the spring draw at its link where that is now."""
+        if self._spring is not None:
+            self.pulled = pulled = self._spring.pull(self.live.plant.q)
+            self.live.plant.push(self._spring.row, pulled.point, pulled.force)
 
     def set_law(self, law: Law) -> bool:
         """Go on with another law, without a stop; it keeps what the present one keeps, unless it says so itself."""
         present = self.live.law
-        kept = {key: getattr(law, key) or getattr(present, key) for key in ("constraints", "null_space")}
+        kept = {
+            key: getattr(law, key) or getattr(present, key)
+            for key in ("constraints", "null_space", "contact")
+        }
         with self.lock:
             try:
                 self.live.set_law(msgspec.structs.replace(law, **kept))
             except Error as error:
                 self.tell(f"not done: {error}")
                 return False
-            self.spec = {**self.spec, "law": law_data(law)}
+            said = {
+                key for key in _BESIDE if self.spec.get(key) is not None
+            }  # beside the law: not in it, too
+            data = {key: value for key, value in law_data(law).items() if key not in said}
+            self.spec = {**self.spec, "law": data}
             self._disturbed()
         return True
 
@@ -283,10 +328,6 @@ class PlaySession:
             return False
         del ghost
         return self.change(reference=self.spec["reference"])
-
-    def resume(self) -> None:
-        """Go on after a stop, from where the robot is."""
-        self.change()
 
     def tell(self, words: str) -> None:
         """Note what happened."""
@@ -326,7 +367,15 @@ class PlaySession:
             words.append(f"{state.condition}; reset (R) brings it back")
         elif self.live.reason:
             words.append(self.live.reason)
-        if np.isfinite(state.missing) and state.missing > 5e-3:
+        if (pulled := self.pulled) is not None:
+            words.append(
+                f"pulled with {np.linalg.norm(pulled.force):.0f} N, gives way by {1e3 * pulled.gave_way:.1f} mm"
+            )
+            if self.live.law.contact is None:
+                words.append(
+                    "servos and law hold against it; 'Give way' in the tab Robot lets the hand go along"
+                )
+        elif np.isfinite(state.missing) and state.missing > 5e-3:
             rests = np.abs(state.command).max(initial=0.0) < 0.02
             words.append(f"{1e3 * state.missing:.0f} mm {'out of reach' if rests else 'to go'}")
         if late := sum(moment.missed for moment in tuple(self.history)):  # the thread adds to it
@@ -354,7 +403,11 @@ class PlaySession:
         try:
             if self.driver is not None:
                 self.driver(live)
+            self._draw_spring()
             live.step()
+            if not self.rows.is_full:
+                for i in self.ends.aimed:
+                    self._aimed.setdefault(i, []).append(live.aimed(i))
             if self.ghost:
                 self.ghost.step()
         except Error as error:  # a plant that has no state any more
@@ -383,20 +436,19 @@ class PlaySession:
     def _force(self) -> float:
         """Return how hard the hand, or what it meets, is pressed, N; NaN if nothing says so."""
         plant = self.live.plant
-        pushed = float(np.linalg.norm(self.pushed[2])) if self.pushed else 0.0
+        pulled = float(np.linalg.norm(self.pulled.force)) if self.pulled else 0.0
         if len(plant.wrench):
-            return max(pushed, float(np.linalg.norm(plant.wrench[:3])))
-        return pushed if plant.can_be_pushed else np.nan
+            return max(pulled, float(np.linalg.norm(plant.wrench[:3])))
+        return pulled if plant.can_be_pushed else np.nan
 
     def _settle(self) -> None:
         """Begin a recording at rest from which everything follows, once the robot rests after another law began."""
         if self.live.plant.compiled() is None:  # physics takes long to begin
             return
-        goal = self.live.target
+        before = self.ends
         with suppress(Error):
             self._take({**self.spec, "start": self._here(), "reference": _REST})
-            if goal is not None:
-                self.live.target = goal
+            self.ends.go_on_from(before)
 
     # What comes of it
 
@@ -405,39 +457,51 @@ class PlaySession:
         with self.lock:
             return self.rows.record()
 
-    def run_spec(self, points: str) -> dict[str, Any]:
-        """Return the spec that gives the recording again, with its target in a points file of that name if need be."""
+    def run_spec(self, points: str) -> tuple[dict[str, Any], dict[str, Array]]:
+        """Return the spec that gives the recording again, and the poses (N, 8) of the points files that it names.
+
+        Parameters
+        ----------
+        points
+            Name of the file for what the law drives; the others' begin with its stem.
+        """
         with self.lock:
-            spec, periods = copy.deepcopy(self.spec), len(self.rows)
+            spec, record, files = copy.deepcopy(self.spec), self.rows.record(), dict[str, Array]()
+            aimed = {i: np.array(poses[: len(record)]) for i, poses in self._aimed.items()}
         locate_files(spec, self._folder)
-        spec["duration"] = (periods - 1) * self.live.period
+        spec["duration"] = (len(record) - 1) * self.live.period
         spec["supervisor"] = spec.get("supervisor") or True
         if spec["reference"].get("kind") == "set-point":
-            spec["reference"] = {"kind": "points", "file": points, "streamed": True}
-        return spec
+            spec["reference"] = _streamed(points)
+            files[points] = record.desired[:, POSE]
+        for i, poses in aimed.items():
+            if "reference" not in spec["tasks"][i]:
+                name = f"{Path(points).stem}-task-{i + 1}.csv"
+                spec["tasks"][i]["reference"] = _streamed(name)
+                files[name] = poses
+        return spec, files
 
     def save(self, path: Path) -> str:
-        """Write a spec that gives the recording again, and the target as a points file beside it; say how exactly.
+        """Write a spec that gives the recording again, and targets as points files beside it; say how exactly.
 
         Raises
         ------
         Error
             If there is nothing to save, a file exists, or cannot be written.
         """
-        points = path.with_suffix(".csv")
         with self.lock:
             if len(self.rows) < 2:
                 raise Error("record: nothing has happened yet; move the target first")
-            record, exact, spec = self.record(), self._exact, self.run_spec(points.name)
-        for file in (path, points):
+            record, exact = self.record(), self._exact
+            spec, files = self.run_spec(path.with_suffix(".csv").name)
+        for file in (path, *(path.with_name(name) for name in files)):
             if file.exists():
                 raise ExistsError(f"{file}: exists already; choose another name")
-        is_streamed = bool(spec["reference"].get("streamed"))
         spec = {key: readable_again(key, each) for key, each in spec.items()} | {"name": path.stem}
         with writing(path):
             path.write_text(yaml_text(spec), encoding="utf-8")
-            if is_streamed:
-                points.write_text(_points(record), encoding="utf-8")
+            for name, poses in files.items():
+                path.with_name(name).write_text(_points(record.time, poses), encoding="utf-8")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             again = run(path).record
@@ -453,15 +517,15 @@ class PlaySession:
     def python(self) -> str:
         """Return a Python program that drives the same robot with the same law to the present target."""
         spec, target = self.spec, self.live.target
-        pose = self.live.state.desired if target is None else target
-        position = [round(float(x), 4) for x in algebra.translation(pose)]
-        rotation = [round(float(x), 6) for x in algebra.rotation(pose)]
+        pose = _program_pose(self.live.state.desired if target is None else target)
+        aims = "".join(f"live.aim({i}, {_program_pose(self.live.aimed(i))})\n" for i in self.ends.aimed)
         return (
             "import dqcontrol as dqc\n"
             "from dqcontrol.experiments.driven import live_of, prepare_driven\n\n"
             f"spec = {_plain(spec)!r}\n"
             "live = live_of(prepare_driven(spec))\n"
-            f"live.target = dqc.algebra.pose({rotation}, {position})\n"
+            f"live.target = {pose}\n"
+            f"{aims}"
             "for _ in range(500):\n"
             "    live.step()\n"
             "print(live.state.missing)\n"
@@ -485,13 +549,22 @@ def law_data(law: Law) -> dict[str, Any]:
     return {"kind": config.tag, **msgspec.to_builtins(said)}
 
 
+def _program_pose(pose: Array) -> str:
+    position = [round(float(x), 4) for x in algebra.translation(pose)]
+    rotation = [round(float(x), 6) for x in algebra.rotation(pose)]
+    return f"dqc.algebra.pose({rotation}, {position})"
+
+
 def _plain(spec: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in spec.items() if value is not None}
 
 
-def _points(record: Record) -> str:
-    """Return the desired poses as a points file, to the last bit."""
+def _streamed(name: str) -> dict[str, Any]:
+    return {"kind": "points", "file": name, "streamed": True}
+
+
+def _points(time: Array, poses: Array) -> str:
+    """Return poses (N, 8) as a points file, to the last bit."""
     heading = ", ".join(("time", *DUAL_QUATERNION))
-    rows = np.column_stack([record.time, record.desired[:, POSE]])
-    assert record.desired[0, TIME] == record.time[0]
+    rows = np.column_stack([time, poses])
     return heading + "\n" + "".join(", ".join(map(repr, row)) + "\n" for row in rows.tolist())

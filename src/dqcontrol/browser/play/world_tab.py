@@ -13,8 +13,7 @@ from dqcontrol.geometry import Plane
 
 _SIZE = 0.12  # m
 _FIRST = (0.15, 0.15, 0.0)  # m, from the hand: new bodies are there
-_COLOURS = {False: (140, 90, 165), True: (230, 64, 26)}
-_NEAR = 0.02  # m
+_COLOUR = (140, 90, 165)
 
 
 class WorldTab:
@@ -22,7 +21,8 @@ class WorldTab:
 
     def __init__(self, server: Any, session: PlaySession) -> None:
         self._server, self._session, self._busy = server, session, False
-        self._nodes: list[Any] = []
+        self._drawn: Any = None
+        self._count = 0
         self._shown: object = None
         gui = server.gui
         for label, shape in (("Add a box", {"box": [_SIZE] * 3}), ("Add a ball", {"sphere": _SIZE / 2})):
@@ -47,38 +47,32 @@ class WorldTab:
         if spec.get("world") == self._shown:
             return
         self._shown = spec.get("world")
-        for node in self._nodes:
-            node.remove()
-        self._nodes = []
+        scene = self._server.scene
+        if self._drawn is not None:
+            self._drawn.remove()
+        self._count += 1
+        self._drawn = scene.add_frame(f"/world{self._count}", show_axes=False)
         world = self._session.setting.spec.surroundings
         for name, body in world.bodies.items() if world else ():
             is_plane = body.kind == "plane"
             if is_plane and all(isinstance(each, Plane) and each.normal[2] == 1.0 for each in body.shapes):
                 continue  # the grid shows it
-            gizmo = None
+            node, at = f"{self._drawn.name}/{name}", np.zeros(3)
             if not is_plane and body.moves is None:
-                gizmo = self._server.scene.add_transform_controls(
-                    f"/world/{name}",
-                    scale=0.15,
-                    disable_rotations=True,
-                    position=body.position,
-                    depth_test=False,
+                at = np.asarray(body.position)
+                gizmo = scene.add_transform_controls(
+                    node, scale=0.15, disable_rotations=True, position=body.position, depth_test=False
                 )
                 gizmo.on_update(lambda event, name=name: self._moved(name, event))
-                self._nodes.append(gizmo)
-            at = np.asarray(body.position if gizmo is not None else (0.0, 0.0, 0.0))
             for i, shape in enumerate(body.shapes):
-                mesh = shape_mesh(shape, 1.0)
-                if mesh is not None:
-                    path = f"/world/{name}/shape{i}" if gizmo is not None else f"/world-{name}-{i}"
-                    drawn = self._server.scene.add_mesh_simple(
-                        path,
+                if (mesh := shape_mesh(shape, 1.0)) is not None:
+                    scene.add_mesh_simple(
+                        f"{node}/shape{i}",
                         mesh.vertices - at,
                         mesh.faces,
-                        color=_COLOURS[False],
+                        color=_COLOUR,
                         opacity=0.15 if is_plane else 0.7,
                     )
-                    self._nodes.append(drawn)
 
     def _add(self, shape: dict[str, Any]) -> None:
         world = dict(self._session.spec.get("world") or {})

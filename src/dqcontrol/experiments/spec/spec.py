@@ -19,7 +19,15 @@ from dqcontrol.constraints import Constraints
 from dqcontrol.contact import Admittance
 from dqcontrol.controller import PreparedTasks
 from dqcontrol.controller.task_levels import POSTURE, FurtherTask, TaskPart
-from dqcontrol.errors import Error, FileFormatError, NoteWarning, ShapeError, as_array, error_prefix
+from dqcontrol.errors import (
+    Error,
+    FileFormatError,
+    NoteWarning,
+    ShapeError,
+    ValueRangeError,
+    as_array,
+    error_prefix,
+)
 from dqcontrol.experiments.outcome import Expectation, check_outcome
 from dqcontrol.experiments.spec.key_types import (
     kinds_below,
@@ -392,6 +400,8 @@ class Spec(Part, frozen=True, kw_only=True):
             return msgspec.structs.replace(
                 self.supervisor, keep_out=msgspec.structs.replace(zones, world=world)
             )
+        if plant.is_robot and self.supervisor is False:
+            raise ValueRangeError("supervisor: a robot always has one; got false")
         wanted = plant.is_supervised if self.supervisor is None else self.supervisor
         return Supervisor() if wanted else None
 

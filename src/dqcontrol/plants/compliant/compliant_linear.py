@@ -12,9 +12,9 @@ from msgspec.structs import replace as changed
 from dqcontrol.arrays import Array
 from dqcontrol.plants.compliant import joint_columns as column
 from dqcontrol.plants.compliant.compliant_arm import assemble
-from dqcontrol.plants.compliant.compliant_live import LiveCompliant
 from dqcontrol.plants.compliant.filters import MEMORY
 from dqcontrol.plants.compliant.joint_constants import static_state
+from dqcontrol.plants.compliant.running_compliant import RunningCompliant
 from dqcontrol.plants.linear_model import LinearModel
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def linearised(plant: CompliantPlant, robot: Robot, start: Array, period: float)
     arm.model.jnt_limited[:] = 0
     n, mode = len(start), column.MODES[plant.mode]
     rest = static_state(robot, arm.constants, mode, arm.data.qpos[:n].copy(), np.zeros(n), 1.0)
-    live = LiveCompliant(still, replace(arm, state=rest), 0)
+    live = RunningCompliant(still, replace(arm, state=rest), 0)
     state, qpos, qvel = arm_state = live.memory.state, live.data.qpos, live.data.qvel
     rest = [part.copy() for part in arm_state]
 

@@ -18,14 +18,14 @@ from dqcontrol.plants.compliant.joint_columns import MODES
 from dqcontrol.plants.compliant.loads_and_faults import EncoderLoss, Payload, Push, WristFault
 from dqcontrol.plants.compliant.payload_compensation import PayloadCompensation
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.live_plant import ControllerSettings
 from dqcontrol.plants.plant import EncoderErrors, Plant
+from dqcontrol.plants.running_plant import ControllerSettings
 from dqcontrol.plants.servo.servo_file import encoders_and_mode, load_servo, say_what_is_left_out
 from dqcontrol.robots.command_mode import COMMAND_MODES, CommandMode
 from dqcontrol.world import World
 
 if TYPE_CHECKING:
-    from dqcontrol.plants.compliant.compliant_live import LiveCompliant
+    from dqcontrol.plants.compliant.running_compliant import RunningCompliant
     from dqcontrol.robots.robot import Robot
 
 
@@ -189,7 +189,7 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         if not isinstance(self.springs, str):
             _within("springs", [k for k in self.springs if k is not None] or None, SOFTEST, STIFFEST)
 
-    def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> LiveCompliant:
+    def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> RunningCompliant:
         """Return the arm at rest at start.
 
         Parameters
@@ -212,9 +212,9 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         Error
             If something does not fit the robot, or its motors cannot hold it at start.
         """
-        from dqcontrol.plants.compliant.compliant_live import LiveCompliant
+        from dqcontrol.plants.compliant.running_compliant import RunningCompliant
 
-        return LiveCompliant(self, assemble(self, robot, start, period), seed)
+        return RunningCompliant(self, assemble(self, robot, start, period), seed)
 
     def target_mode(self) -> CommandMode:
         """Return its command mode."""

@@ -10,7 +10,7 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
 from dqcontrol.plants.channels import BASE_POSITION, BASE_QUATERNION
-from dqcontrol.plants.mobile.mobile_live import coordinates_of
+from dqcontrol.plants.mobile.running_mobile import coordinates_of
 from dqcontrol.plants.mujoco.gripper import GRIPPER_OPENING, Gripper, fingers
 from dqcontrol.plants.mujoco.world_model import body_channels, write_coordinates
 from dqcontrol.world import Body

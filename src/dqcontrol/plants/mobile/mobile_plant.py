@@ -12,9 +12,9 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each, unknown_name
 from dqcontrol.plants.camera import Camera
 from dqcontrol.plants.mobile.live_camera import SEEN
-from dqcontrol.plants.mobile.mobile_live import LiveMobile, dofs_of
 from dqcontrol.plants.mobile.mobile_picture import recorded_coordinates
 from dqcontrol.plants.mobile.running_gear import RunningGear, running_gear
+from dqcontrol.plants.mobile.running_mobile import RunningMobile, dofs_of
 from dqcontrol.plants.mobile.standing import check_standing
 from dqcontrol.plants.mobile.wheeled_base import (
     WheeledBase,
@@ -128,7 +128,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         camera = self.camera if self.location in SEEN else None
         return (camera.position_noise, camera.angle_noise) if camera else (0.0, 0.0)
 
-    def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> LiveMobile:
+    def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> RunningMobile:
         """Return the robot at rest at start, standing on its wheels.
 
         Parameters
@@ -160,7 +160,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         start = start_within_limits(robot, start)
         substeps = self.substeps(period)
         model = self._mobile_model(robot, gear, arm)
-        live = LiveMobile(self, robot, gear, arm, model, substeps, (period, steps, seed))
+        live = RunningMobile(self, robot, gear, arm, model, substeps, (period, steps, seed))
         live.place(start)
         mujoco = import_mujoco()
         mujoco.mj_forward(model, live.data)

@@ -11,10 +11,10 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_each
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.mujoco.gripper import Gripper, add_gripper, fingers
-from dqcontrol.plants.mujoco.mujoco_live import LiveMujoco
 from dqcontrol.plants.mujoco.mujoco_model import add_inertias, compiled, import_mujoco, skeleton
 from dqcontrol.plants.mujoco.mujoco_servos import JointServos, mass_matrix
 from dqcontrol.plants.mujoco.pads import Pads
+from dqcontrol.plants.mujoco.running_mujoco import RunningMujoco
 from dqcontrol.plants.mujoco.world_model import add_links, add_world
 from dqcontrol.plants.mujoco.wrist_sensor import add_wrist
 from dqcontrol.plants.plant import plants_that_drive, start_within_limits
@@ -102,7 +102,7 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         """Return it with what its links touch."""
         return replace(self, world=world)
 
-    def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> LiveMujoco:
+    def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> RunningMujoco:
         """Return the arm at rest at start.
 
         Parameters
@@ -144,7 +144,7 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         data = self._balance(robot, model, start)
         if self.pads is not None:
             data.act[:] += self.pads.squeezed(robot, start)
-        return LiveMujoco(self, robot, model, data, substeps, seed)
+        return RunningMujoco(self, robot, model, data, substeps, seed)
 
     def _model(self, robot: Robot, start: Array) -> Any:
         """Build the model; gains are set later, at the start configuration."""

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 FORCE, DEPTH, LINK = "contact_force", "penetration", "contact_link"
 ITSELF = "itself"
+OTHER = "other"  # of two links that touch each other, the second
 
 CHASSIS, GROUND = "chassis", "ground"  # geoms of a mobile base and of the floor that it stands on
 _SOLREF = 4.0  # time steps in which a contact comes to rest, as stiff as these allow
@@ -385,7 +386,7 @@ class WorldContacts:
         self.channels: tuple[Channel, ...] = (
             Channel(FORCE, parts, "N"),
             Channel(DEPTH, parts, "m"),
-            Channel(LINK, parts, ""),
+            Channel(LINK, (*parts, OTHER), ""),
             *self.bodies.channels,
             *([Channel(GRIP_FORCE, ("first", "second"), "N")] if self._pads else []),
         )
@@ -394,19 +395,22 @@ class WorldContacts:
     def read(self) -> None:
         """Update the readings."""
         out, parts = self.readings, len(self._names) + 1
-        force, depth, link = out[:parts], out[parts : 2 * parts], out[2 * parts : 3 * parts]
+        force, depth, link = out[:parts], out[parts : 2 * parts], out[2 * parts : 3 * parts + 1]
+        rest = out[3 * parts + 1 :]
         force[:], depth[:], link[:] = 0.0, 0.0, -1.0
         hardest = np.full(parts, -1.0)
-        grip = out[3 * parts + self.bodies.size :]
+        grip = rest[self.bodies.size :]
         grip[:] = 0.0
-        for thing, which, deep, pressed, (geom, _) in self.contacts():
+        for thing, which, deep, pressed, (geom, touched) in self.contacts():
             if geom in self._pads:
                 grip[self._pads.index(geom)] += pressed
             force[thing] += pressed
             depth[thing] = max(depth[thing], deep)
             if pressed > hardest[thing]:
                 hardest[thing], link[thing] = pressed, which
-        self.bodies.read(out[3 * parts : 3 * parts + self.bodies.size])
+                if thing == parts - 1:
+                    link[parts] = self._link_of[touched]
+        self.bodies.read(rest[: self.bodies.size])
 
     def contacts(self) -> list[tuple[int, int, float, float, tuple[int, int]]]:
         """Return of each contact of a link the body, the link, depth (m), normal force (N) and geoms, its own first."""

@@ -13,14 +13,14 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, FallenError, ValueRangeError
 from dqcontrol.plants.camera import CAMERA_CHANNELS
 from dqcontrol.plants.channels import BASE_POSITION, BASE_QUATERNION, Channel
-from dqcontrol.plants.live_plant import LivePlant
 from dqcontrol.plants.mobile.live_camera import SEEN, FusedSight, Sight
 from dqcontrol.plants.mobile.wheeled_base import yaw_of
 from dqcontrol.plants.mujoco.gripper import GRIPPER_OPENING, LiveGripper
-from dqcontrol.plants.mujoco.mujoco_live import LOST, JointEncoders, check_rate
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
+from dqcontrol.plants.mujoco.running_mujoco import LOST, JointEncoders, check_rate
 from dqcontrol.plants.mujoco.world_model import WorldBodies, WorldContacts
 from dqcontrol.plants.plant import as_command
+from dqcontrol.plants.running_plant import RunningPlant
 from dqcontrol.robots.whole_body import WholeBody
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ TOPPLED = math.radians(20)  # a base that tilts by more has fallen over
 SLIDING, SLIDES_FOR = 0.3, 1.0  # m/s, s; wheels that slide so fast for so long drive nowhere
 
 
-class LiveMobile(LivePlant):
+class RunningMobile(RunningPlant):
     """A mobile manipulator in motion; made by `MobilePlant.start`.
 
     Attributes
@@ -137,7 +137,7 @@ class LiveMobile(LivePlant):
         self._measure()
 
     def step(self, command: ArrayLike) -> None:
-        """Move the robot for one control period; see `LivePlant.step`.
+        """Move the robot for one control period; see `RunningPlant.step`.
 
         Parameters
         ----------
@@ -282,7 +282,7 @@ def dofs_of(model: Any, joints: Sequence[str]) -> NDArray[np.intp]:
 
 
 def _channels(plant: MobilePlant, gear: RunningGear, world: tuple[Channel, ...]) -> tuple[Channel, ...]:
-    """Return what is read, in the order of `LiveMobile.readings`."""
+    """Return what is read, in the order of `RunningMobile.readings`."""
     return (
         Channel("wheel_angle", gear.wheels, "rad"),
         Channel("wheel_torque", gear.wheels, "N·m"),

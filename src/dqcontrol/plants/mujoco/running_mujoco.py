@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, ValueRangeError, as_each
 from dqcontrol.plants.channels import Channel
-from dqcontrol.plants.live_plant import LivePlant
 from dqcontrol.plants.mujoco.gripper import LiveGripper
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.plants.mujoco.world_model import WorldContacts
-from dqcontrol.plants.mujoco.wrist_sensor import MujocoWrist
+from dqcontrol.plants.mujoco.wrist_sensor import TOOL, MujocoWrist
 from dqcontrol.plants.plant import as_command
+from dqcontrol.plants.running_plant import RunningPlant
 from dqcontrol.plants.wrist import CHANNELS
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ LOST = 1e12  # rad², m²; a configuration beyond it has diverged
 _MOST_RATE = 1e10  # MuJoCo's mjMAXVAL
 
 
-class LiveMujoco(LivePlant):
+class RunningMujoco(RunningPlant):
     """An arm in motion; made by `MujocoPlant.start`.
 
     Attributes
@@ -108,7 +108,7 @@ class LiveMujoco(LivePlant):
         return -self.model.actuator_biasprm[: len(self.q), 2]
 
     def step(self, command: ArrayLike) -> None:
-        """Move the arm for one control period; see `LivePlant.step`."""
+        """Move the arm for one control period; see `RunningPlant.step`."""
         rate = self._rate
         rate[:] = as_command(command, len(rate))
         if self._from_measured:  # the rate that ends at measured + T u
@@ -141,13 +141,22 @@ class LiveMujoco(LivePlant):
         self._gripper.told = closed
 
     def push(self, row: int, point: Array, force: Array) -> None:
-        """Push a link; see `LivePlant.push`."""
-        mujoco, pushed = import_mujoco(), self.data.qfrc_applied
-        pushed[:] = 0.0
+        """Push a link; see `RunningPlant.push`. A wrist's sensor feels what pushes the link at its hand."""
+        applied = self.data.xfrc_applied
+        applied[:] = 0.0
         joint = int(self._parents[row]) if row >= len(self.q) else row  # rows behind the joints' are hands
-        if joint >= 0 and np.any(force):
-            body = self.model.body(f"link_{joint + 1}").id
-            mujoco.mj_applyFT(self.model, self.data, force, np.zeros(3), point, body, pushed)
+        if joint >= 0:
+            body = self._body_of(joint)
+            applied[body, :3] = force
+            applied[body, 3:] = np.cross(point - self.data.xipos[body], force)
+
+    def _body_of(self, joint: int) -> int:
+        """Return the body that a link is, or what hangs on its wrist's sensor."""
+        link = int(self.model.body(f"link_{joint + 1}").id)
+        if self._wrist is None:
+            return link
+        tool = int(self.model.body(TOOL).id)
+        return tool if self.model.body(tool).parentid[0] == link else link
 
     def _read(self) -> None:
         """Read what is felt, and how far the gripper is open."""

@@ -61,7 +61,7 @@ class WayTiming(NamedTuple):
         return np.minimum(length, self.lengths[-1]), speed, rate[k]
 
 
-def kept_timing(
+def constraint_timing(
     way: SmoothWay,
     kept: PreparedConstraints,
     velocity: Array,

@@ -9,8 +9,8 @@ from dqcontrol.arrays import Array
 from dqcontrol.controller.controller import Controller
 from dqcontrol.loop.signals import Signal
 
-DISTANCE, ROOM = "kept_distance", "kept_room"
-PRESSURE, SLACK, EFFECT = "kept_pressure", "kept_slack", "kept_effect"
+DISTANCE, ROOM = "constraint_distance", "constraint_room"
+PRESSURE, SLACK, EFFECT = "constraint_pressure", "constraint_slack", "constraint_effect"
 
 # of `EFFECT`: rows and ends of joints' ranges that pressed, programs solved, share of the command left by scaling,
 # excess of a limit of acceleration as a share of it, and speed of the hand as the law asked and as it left
@@ -28,7 +28,7 @@ def is_held(effect: Array) -> NDArray[np.bool_]:
     return (asked > _ASKED) & (speed < _STUCK * asked) & (effect[..., 0] > 0)
 
 
-def kept_signals(law: Controller, q: Array, times: Array, reports: Array | None) -> dict[str, Signal]:
+def constraint_signals(law: Controller, q: Array, times: Array, reports: Array | None) -> dict[str, Signal]:
     """Return distances and the room beyond what was asked by name, how hard rows pressed and gave way, and the effect.
 
     Parameters

@@ -38,7 +38,7 @@ class ControllerSettings(NamedTuple):
 
 
 class PlantProtocol(Protocol):
-    """The least that a plant at work has; ``live_plant`` adds the defaults of `LivePlant`.
+    """The least that a plant at work has; ``running_plant`` adds the defaults of `RunningPlant`.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class PlantProtocol(Protocol):
         ...
 
 
-class LivePlant:
+class RunningPlant:
     """A plant at work, at one configuration: `q`, ``measured`` and `step`, and as much of the rest as it has.
 
     Attributes
@@ -86,7 +86,7 @@ class LivePlant:
 
     Examples
     --------
-    >>> class Robot(LivePlant):
+    >>> class Robot(RunningPlant):
     ...     def __init__(self, driver):
     ...         self.driver, self.q, self.measured = driver, driver.joints(), driver.joints()
     ...
@@ -151,12 +151,12 @@ class LivePlant:
 
 
 def _of_plant(name: str) -> Any:
-    """Return a property: the plant's own attribute, or the default of `LivePlant`."""
-    default = getattr(LivePlant, name, None)
+    """Return a property: the plant's own attribute, or the default of `RunningPlant`."""
+    default = getattr(RunningPlant, name, None)
     return property(lambda self: getattr(self._plant, name, default))
 
 
-class _CompletedPlant(LivePlant):
+class _CompletedPlant(RunningPlant):
     """A user's plant with the defaults for what it has not; what it has may also come later."""
 
     q, measured = _of_plant("q"), _of_plant("measured")
@@ -172,15 +172,15 @@ class _CompletedPlant(LivePlant):
         self._plant.step(command)
 
 
-def live_plant(plant: PlantProtocol) -> LivePlant:
-    """Return a plant with defaults for what it has not; one derived from `LivePlant` as it is.
+def running_plant(plant: PlantProtocol) -> RunningPlant:
+    """Return a plant with defaults for what it has not; one derived from `RunningPlant` as it is.
 
     Examples
     --------
     >>> class Robot:
     ...     q = measured = np.zeros(7)
     ...     def step(self, command): ...
-    >>> live_plant(Robot()).fault, live_plant(Robot()).age
+    >>> running_plant(Robot()).fault, running_plant(Robot()).age
     ('', 0.0)
     """
-    return plant if isinstance(plant, LivePlant) else _CompletedPlant(plant)
+    return plant if isinstance(plant, RunningPlant) else _CompletedPlant(plant)

@@ -19,9 +19,9 @@ from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.filters import MEMORY, butterworth
 from dqcontrol.plants.compliant.loads_and_faults import loss_table, payload_table, push_table
 from dqcontrol.plants.compliant.wrist import LiveWrist
-from dqcontrol.plants.live_plant import ControllerSettings, LivePlant
 from dqcontrol.plants.mujoco.world_model import WorldContacts
 from dqcontrol.plants.plant import as_command
+from dqcontrol.plants.running_plant import ControllerSettings, RunningPlant
 from dqcontrol.robots.kinematics.gravity import WORK
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ _JOINT_COLUMNS = [
 ]  # of all but the motors' angles
 
 
-class LiveCompliant(LivePlant):
+class RunningCompliant(RunningPlant):
     """An arm in motion; made by `CompliantPlant.start`.
 
     Attributes
@@ -187,7 +187,7 @@ class LiveCompliant(LivePlant):
             self.switch(control.mode)
 
     def step(self, command: ArrayLike) -> None:
-        """Move the arm for one control period; see `LivePlant.step`."""
+        """Move the arm for one control period; see `RunningPlant.step`."""
         moves = self._moves
         np.multiply(as_command(command, len(moves)), self._arm.ticks * TICK, out=moves)
         self.memory.shared[column.AGE] = 0.0
@@ -308,7 +308,7 @@ def _memory(plant: CompliantPlant, arm: Arm) -> tuple[NDArray[np.intp], Array, A
 
 
 def _channels(joints: tuple[str, ...], weighed: bool) -> tuple[Channel, ...]:
-    """Return what is read, in the order of `LiveCompliant.readings`."""
+    """Return what is read, in the order of `RunningCompliant.readings`."""
     axes = ("x", "y", "z")
     return (
         *(Channel(name, joints, unit) for name, unit in _JOINT_CHANNELS.items()),

@@ -11,10 +11,10 @@ from dqcontrol.experiments.spec.spec_files import complete_plants
 from dqcontrol.loop import Live, close_loop
 from dqcontrol.loop.closed_loop import check_disturbed
 from dqcontrol.loop.simulate import supervise
-from dqcontrol.plants import CompliantPlant, Integrator, LivePlant, MobilePlant, MujocoPlant, Plant, Servo
+from dqcontrol.plants import CompliantPlant, Integrator, MobilePlant, MujocoPlant, Plant, RunningPlant, Servo
 from dqcontrol.plants.channels import Channel
-from dqcontrol.plants.live_plant import live_plant
 from dqcontrol.plants.plant import command_mode, lagging_mode
+from dqcontrol.plants.running_plant import running_plant
 from dqcontrol.supervisor import Supervisor
 
 Q0, T = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0]), 0.01
@@ -95,7 +95,7 @@ def test_what_it_has_is_heard_also_if_it_comes_later(arm, circle):
 
 @pytest.mark.parametrize(("age", "stops"), [(0.001, False), (1.0, True), (None, False)])
 def test_measurements_that_it_calls_old_stop_it(arm, circle, age, stops):
-    class Aged(Robot, LivePlant):
+    class Aged(Robot, RunningPlant):
         pass
 
     robot = Aged() if age is not None else Robot()
@@ -132,8 +132,8 @@ def test_a_spec_finds_files_that_a_kind_of_plant_names(tmp_path):
 
 
 def test_defaults_are_those_of_a_plant_that_tells_nothing():
-    live = live_plant(Robot())
+    live = running_plant(Robot())
     assert (live.fault, live.age, live.channels, live.compiled()) == ("", 0.0, (), None)
     assert not live.effort.size
     assert not live.wrench.size
-    assert live_plant(live) is live
+    assert running_plant(live) is live

@@ -1,0 +1,98 @@
+"""A Franka arm, by the client ``franky`` on libfranka."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from msgspec import Meta
+
+from dqcontrol.arrays import Array
+from dqcontrol.errors import ShapeError, ValueRangeError
+from dqcontrol.plants.drivers.driver import Driver, Link, client
+from dqcontrol.robots.robot import Robot
+
+_JOINTS = 7
+_PERIODS = 0.002, 0.05  # s: franky's own loop has 1 ms; the slowest still hears ten commands in half a second
+_REALTIME = Path("/sys/kernel/realtime")  # of kernels with PREEMPT_RT, which libfranka asks for
+
+
+class FrankaArm(Driver, frozen=True, kw_only=True, tag="franka"):
+    """A Franka FR3 (or Panda, with a ``franky`` built for it) over its control interface, FCI.
+
+    Joint velocities go to ``franky``, whose own loop answers the robot each millisecond and keeps velocity,
+    acceleration and jerk in Franka's limits on the way to each. A velocity lasts ``timeout``: without another the arm
+    brakes. If this process dies or freezes, the robot stops by itself, as FCI hears nothing.
+
+    Parameters
+    ----------
+    host
+        Name or address of the robot's control.
+    dynamics
+        Share of Franka's limits of velocity, acceleration and jerk that ``franky`` uses.
+
+    Raises
+    ------
+    MissingExtraError
+        When started, if the client is not installed.
+
+    Examples
+    --------
+    >>> FrankaArm(host="172.16.0.2").address
+    'Franka at 172.16.0.2'
+    """
+
+    host: str
+    dynamics: Annotated[float, Meta(gt=0, le=1, description="share of the limits")] = 0.5
+
+    @property
+    def address(self) -> str:
+        """What the robot is called in messages."""
+        return f"Franka at {self.host}"
+
+    def open(self, robot: Robot, period: float) -> Link:
+        """Connect to the robot so that its state can be read; see `Driver.open`."""
+        if robot.input_size != _JOINTS:
+            raise ShapeError(
+                f"plant: {self.address} has {_JOINTS} joints, the robot of the spec {robot.input_size}"
+            )
+        if not _PERIODS[0] <= period <= _PERIODS[1]:
+            raise ValueRangeError(
+                f"period: must be {_PERIODS[0]:g} … {_PERIODS[1]:g} s for a Franka arm, got {period:g}"
+            )
+        return _Franky(self)
+
+
+class _Franky(Link):
+    def __init__(self, plant: FrankaArm) -> None:
+        self._franky: Any = client("franky", "franka")
+        real_time = self._franky.RealtimeConfig
+        self._robot: Any = self._franky.Robot(
+            plant.host,
+            relative_dynamics_factor=plant.dynamics,
+            realtime_config=real_time.Enforce if _REALTIME.exists() else real_time.Ignore,
+        )
+        self._held = self._franky.Duration(round(1000 * plant.timeout))
+        self._state: Any = None
+
+    def take(self) -> None:
+        """Nothing: the first velocity begins a motion."""
+
+    def read(self) -> tuple[Array, object]:
+        self._state = self._robot.state
+        return self._state.q, self._state.time.to_msec()
+
+    def send(self, target: Array, rate: Array) -> None:
+        self._robot.move(self._franky.JointVelocityMotion(rate, self._held), asynchronous=True)
+
+    def fault(self) -> str:
+        mode = self._state.robot_mode
+        if mode in (self._franky.RobotMode.Idle, self._franky.RobotMode.Move):
+            return ""
+        errors = self._state.current_errors, self._state.last_motion_errors
+        said = [name for each in errors for name in dir(each) if getattr(each, name) is True]
+        return ", ".join(dict.fromkeys([f"robot mode {mode.name}", *said]))
+
+    def close(self) -> None:
+        if not self.fault() and self._robot.is_in_control:
+            self._robot.stop()
