@@ -94,6 +94,19 @@ def test_through_a_door_the_arm_folds_itself():
     np.testing.assert_allclose(q[passing][:, 3:], np.broadcast_to(folded[3:], (passing.sum(), 5)), atol=1e-9)
 
 
+def test_the_base_rests_while_the_arm_folds_where_a_column_is_in_its_reach():
+    """It would sweep the column beside it by turning with the arm stretched out ahead."""
+    floor = FloorMap((box(0.2, 0.4, 0.2, 0.4),), height=1.5)
+    start = np.array([0, 0, 0, 0, 0.9, 0.0, 0.0, 0])
+    goal = ROBOT.fkm([-0.3, 1.6, 1.6, 0.3, 0.9, 0.0, 0.0, 0])
+    way = DriveTo.pose(ROBOT, start, goal, floor=floor, clearance=0.02)
+    assert (way.folded is not None, way.while_driving) == (True, (False, True))
+    at_once = replace(way, while_driving=(True, True))
+    for each, clear in ((way, True), (at_once, False)):
+        q = each.configurations(np.linspace(0, each.duration, 200))
+        assert (room_of(floor, ROBOT, q) > 0.01) == clear
+
+
 def door_ahead(width, angle, beside):
     """Return what stands left and right of a door, m, beyond x = 1.2 in axes that are turned, and those."""
     c, s = math.cos(angle), math.sin(angle)
