@@ -2,13 +2,13 @@
 
 The step from Python is that of K+FF on an iiwa7, with and without ``contact`` (≤ 1.15 wanted), in turns.
 
-Each admittance is the stage before the same law on the same servos (40 ms lag, 12 ms delay, sensor filter 5 ms, T = 4 ms):
-2 N wanted on a wall 2 mm below. Only how y and its rate go on differs:
+Each admittance is the stage before the same law on the same servos (40 ms lag, 12 ms delay, sensor filter 5 ms,
+T = 4 ms): 2 N wanted on a wall 2 mm below. Only how y and its rate go on differs:
 
 * ours: exact step, no mass, damping twice the least that `contact_limits` says for the wall;
 * constant gain: the same step with 200 N·s/m, whatever the wall;
-* ros2_control's admittance controller: v ← v + T (w − D v − K y)/M, y ← y + T v, D = 2 ζ √(M K), with M = 3 kg, K = 50 N/m
-  and ζ = 2.83. As it has no damping where K is 0, a spring stays in the force axis.
+* ros2_control's admittance controller: v ← v + T (w − D v − K y)/M, y ← y + T v, D = 2 ζ √(M K), with M = 3 kg,
+  K = 50 N/m and ζ = 2.83. As it has no damping where K is 0, a spring stays in the force axis.
 
 Printed are the force's mean and standard deviation in the last 2 of 20 s, and its peak.
 """
