@@ -429,9 +429,8 @@ class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
     @property
     def shapes(self) -> list[Shape]:
         """All that it consists of at the start, in the inertial frame."""
-        own, *parts = self.solids
-        found = list(own.shapes)
-        for k, part in enumerate(parts):
+        found = super().shapes
+        for k, part in enumerate(self.parts):
             with error_prefix(f"parts[{k}]"):
-                found += part.shapes
-        return [each.moved(self.pose) for each in found]
+                found += [each.moved(self.pose) for each in part.shapes]
+        return found
