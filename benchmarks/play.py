@@ -208,6 +208,7 @@ def empty_scene(browser: Browser, port: int) -> float:
 
 def drags(playing: Playing, tab: Page, count: int) -> Any:
     """Return the times from a pointer's move to the first step that moves there, s."""
+    tab.bring_to_front()
     mouse, found, (at, along) = tab.mouse, [], playing.arrow(tab)
     mouse.move(*at)
     tab.wait_for_timeout(300)
