@@ -2,7 +2,7 @@
 
 Coal iterates for boxes, cylinders and hulls (its tolerance is set to 1e-12 m); for round shapes it has closed forms.
 Penetration depths are left out where Coal's search for them ends at another depth than the least, which is counted:
-ours is then the smaller one. Of two cylinders Coal's distance is wrong now and then, or the largest number there is:
+ours is then the smaller one. Of cylinders Coal's distance is wrong now and then, or the largest number there is:
 where it is off, alternating projections onto both decide, and Coal's errors that they find are counted.
 
 Usage: python benchmarks/world_distances.py [PAIRS]
@@ -56,7 +56,7 @@ def main(pairs: int = 100_000) -> None:
             if isinstance(a[i], Cylinder) and isinstance(b[i], Cylinder):
                 wrong[i] = abs(_by_projections(a[i], b[i]) - ours[i]) < OFF
             else:
-                wrong[i] = theirs[i] == np.finfo(float).max
+                wrong[i] = abs(theirs[i]) == np.finfo(float).max
         apart, difference = (ours > 0) & ~wrong, np.abs(ours - theirs)
         deeper = (ours <= 0) & (theirs < ours - 1e-6)
         alike = (ours <= 0) & ~deeper

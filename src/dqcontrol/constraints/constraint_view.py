@@ -83,7 +83,7 @@ class Surroundings:
         others = [
             (name, body)
             for name, body in (given.world.bodies.items() if given.world else ())
-            if name not in given.obstacles and not body.is_moved_by_physics
+            if name not in given.obstacles and name not in given.holds and not body.is_moved_by_physics
         ]
         self._others = [body.moves or Motion() for _, body in others for _ in body.shapes]
         bodies = given.world.bodies if given.world else {}

@@ -10,6 +10,7 @@ import numpy as np
 from msgspec import Meta
 from msgspec.structs import replace
 
+from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.geometry import Box, Cylinder, InfiniteCylinder, Plane, Shape
@@ -56,6 +57,23 @@ class ClearOf(Kept, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
     margin: Length | None = None
     links: Annotated[list[Name], Meta(min_length=1)] | None = None
+
+
+class Held(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where a hand holds a body of the world: its shapes are shapes of the robot, then.
+
+    Parameters
+    ----------
+    position, rpy
+        Of the body in the hand's axes, m and rad.
+    frame
+        Which frame of a tree holds it, ``left`` or ``right`` of two arms.
+    """
+
+    spec_key: ClassVar[str] = "constraints.holds"
+    position: Place = (0.0, 0.0, 0.0)
+    rpy: Annotated[Number3, Meta(description="roll, pitch, yaw: Rz(y) Ry(p) Rx(r), rad")] = (0.0, 0.0, 0.0)
+    frame: Name | None = None
 
 
 class KeptBody(NamedTuple):
@@ -236,6 +254,9 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     clear_of
         Bodies of the world to keep away from: ``all`` that stand still or move as they say, a list of names, or names
         each with links, margin and level.
+    holds
+        Bodies of the world that a hand holds, by name. They keep away from what the robot keeps clear of, and from the
+        links that those next to the hand are kept apart from.
     world
         Whose bodies these are; a spec gives its own.
     zones, angles, sights
@@ -277,6 +298,7 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     self_collision: bool | None = None
     self_margin: Length | None = None
     clear_of: Literal["all"] | list[Name] | dict[Name, ClearOf] | None = None
+    holds: dict[Name, Held] = {}
     world: World | None = None
     zones: dict[Name, Zone] = {}
     angles: dict[Name, Angle] = {}
@@ -302,12 +324,16 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         if isinstance(self.clear_of, dict):
             chosen = self.clear_of
         elif self.clear_of == "all":
-            chosen = {name: ClearOf() for name, body in bodies.items() if _is_known(body)}
+            chosen = {
+                name: ClearOf() for name, body in bodies.items() if name not in self.holds and _is_known(body)
+            }
         else:
             chosen = dict.fromkeys(self.clear_of, ClearOf())
         for name in chosen:
             if name not in bodies:
                 raise unknown_name(field, name, tuple(bodies))
+            if name in self.holds:
+                raise ValueRangeError(f"{field}: '{name}' is what a hand holds ('holds'); leave it out")
             if not _is_known(bodies[name]):
                 raise ValueRangeError(
                     f"{field}: '{name}' is moved by what touches it, and nothing measures where it is; leave it out, "
@@ -323,6 +349,27 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
             name: KeptBody(bodies[name].shapes, bodies[name].moves or Motion(), clear)
             for name, clear in self.cleared.items()
         }
+
+    @property
+    def held(self) -> dict[str, list[Shape]]:
+        """The shapes of what hands hold, by name, in the axes of each hand.
+
+        Raises
+        ------
+        Error
+            If the world has no such body, or it has no end.
+        """
+        bodies = self.world.bodies if self.world else {}
+        found = {}
+        for name, each in self.holds.items():
+            if name not in bodies:
+                raise unknown_name("constraints.holds", name, tuple(bodies))
+            if (kind := bodies[name].kind) in ("plane", "map"):
+                raise ShapeError(f"constraints.holds: '{name}' is a {kind}, which no hand holds")
+            place = algebra.pose(algebra.rotation_from_rpy(each.rpy), each.position)
+            move = algebra.multiply(place, algebra.conjugate(bodies[name].pose))
+            found[name] = [shape.moved(move) for shape in bodies[name].shapes]
+        return found
 
     @property
     def unwatched(self) -> Constraints:

@@ -52,7 +52,7 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array, error_prefix
 from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, Plane, Shape, Sphere
 from dqcontrol.geometry.shape_rows import FIRST_CORNER, KIND, PLANE, RADIUS, ROUND, SHAPE
 from dqcontrol.robots.command_mode import AT_ONCE, Lag
-from dqcontrol.robots.link_shapes import LinkShape
+from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
 from dqcontrol.robots.robot import Robot
 from dqcontrol.world import Motion
 
@@ -146,6 +146,7 @@ class PreparedConstraints:
         self._lines: list[_Line] = []
         self.names: tuple[str, ...] = given.names
         self.rate: float = self._rate()
+        self._held: list[int] = self._add_held()
         self._add_obstacles()
         self._add_zones()
         self._add_angles()
@@ -344,6 +345,17 @@ class PreparedConstraints:
             found += known
         return found
 
+    def _add_held(self) -> list[int]:
+        """Add what hands hold to the robot's shapes; return their numbers."""
+        first = len(self._bodies)
+        for name, shapes in self.given.held.items():
+            frame, turn, shift = self._hand(f"constraints.holds.{name}", self.given.holds[name].frame)
+            hand = algebra.pose(algebra.rotation_from_matrix(turn), shift)
+            for k, shape in enumerate(shapes):
+                own = name if len(shapes) == 1 else f"{name}.{k + 1}"
+                self._bodies.append(LinkShape(own, frame, _of_links(shape.moved(hand))))
+        return list(range(first, len(self._bodies)))
+
     def _add_obstacle(self, shape: Shape, moving: Motion = _STILL) -> int:
         numbers = np.zeros(OBSTACLE + max(len(shape.row) - SHAPE, 0))
         _put_shape(shape, numbers)
@@ -487,13 +499,22 @@ class PreparedConstraints:
             )
         margin = self.given.margin if self.given.self_margin is None else self.given.self_margin
         self.names = (*self.names, SELF)
-        for a, b in shapes.pairs:
+        for a, b in (*shapes.pairs, *self._held_pairs(shapes)):
             first, second = sorted((a, b), key=lambda i: self._bodies[i].frame, reverse=True)
             far, near = self._bodies[first], self._bodies[second]
             row = _row(kind=APART, a=first, b=second, kept=margin, level=0, name=len(self.names) - 1)
             levers = self._frames.levers(far.frame, far.extent, near.frame, near.extent)
             if levers.any():
                 self._lines.append(_Line(row, f"{near.link}, {far.link}", levers, 0.0))
+
+    def _held_pairs(self, shapes: LinkShapes) -> list[tuple[int, int]]:
+        """Return what is held with the links from which those of the frame that carries it are kept apart."""
+        found = []
+        for i in self._held:
+            carrier = {k for k, each in enumerate(shapes.shapes) if each.frame == self._bodies[i].frame}
+            others = {a if b in carrier else b for a, b in shapes.pairs if (a in carrier) != (b in carrier)}
+            found += [(i, k) for k in sorted(others)]
+        return found
 
     def _allowance(self, line: _Line) -> float:
         """Return κ T²/8 for the largest κ that limits of speed allow, and that of obstacles' paths."""
@@ -562,12 +583,16 @@ class PreparedConstraints:
         stored = np.zeros((obstacles, OBSTACLE + self._hull))
         for row, (each, _) in zip(stored, self._obstacles, strict=True):
             row[: len(each)] = each
-        rows = np.zeros((len(self._lines), row_of.size()))
+        packed = []
         for k, line in enumerate(self._lines):
             found = line.row
             b = found.b if found.kind > INSIDE or found.b >= 0 else shapes - 1 - found.b
             kept = self.asked[k] + self.allowances[k]
-            rows[k] = row_of.pack(**found._replace(b=b, kept=kept, bend=self._bend(line))._asdict())
+            packed.append(found._replace(b=b, kept=kept, bend=self._bend(line)))
+        rows = np.zeros((0, row_of.size()))
+        if packed:  # all at once: one by one they take longer than a plan
+            columns = map(np.array, zip(*packed, strict=True))
+            rows = row_of.pack(**dict(zip(Row._fields, columns, strict=True)))
         lower, upper = (
             robot.limits.lower[robot.input_coordinates],
             robot.limits.upper[robot.input_coordinates],
@@ -692,6 +717,17 @@ def _put_shape(shape: Shape, numbers: Array) -> None:
     if isinstance(shape, Hull):
         numbers[FIRST_CORNER] = OBSTACLE
         numbers[OBSTACLE : OBSTACLE + len(shape.row) - SHAPE] = shape.row[SHAPE:]
+
+
+def _of_links(shape: Shape) -> Sphere | Capsule | Box:
+    """Return what is around a shape and may move as links do: round ends of a cylinder, the box of a hull."""
+    if isinstance(shape, Cylinder):
+        return Capsule(shape.start, shape.end, shape.radius)
+    if isinstance(shape, Hull):
+        low, high = shape.points.min(axis=0), shape.points.max(axis=0)
+        return Box(algebra.multiply(shape.pose, algebra.pose([1, 0, 0, 0], 0.5 * (low + high))), high - low)
+    assert isinstance(shape, Sphere | Capsule | Box)
+    return shape
 
 
 def ball_around(shape: Shape) -> Array:

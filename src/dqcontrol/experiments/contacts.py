@@ -240,7 +240,9 @@ class Contacts:
 
     def _bodies_of(self, world: World | None, constraints: Constraints | None) -> Iterator[_Watched]:
         """Yield all links and the bodies that constraints do not keep clear of, but those that physics alone moves."""
-        kept = constraints.obstacles if constraints is not None and constraints.world is not None else {}
+        kept: set[str] = set()
+        if constraints is not None and constraints.world is not None:
+            kept = {*constraints.cleared, *constraints.holds}
         for name, body in () if world is None else world.bodies.items():
             if name in kept or body.is_moved_by_physics or body.role == "springy":
                 continue

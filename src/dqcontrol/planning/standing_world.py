@@ -48,7 +48,7 @@ def standing(constraints: Constraints, time: float = 0.0) -> Constraints:
                 f"constraints.sights.{name}.target: '{sight.target}' moves; a plan needs one that stands"
             )
     assert constraints.world is not None
-    bodies, clear_of = {}, {}
+    bodies, clear_of = {name: bodies_now[name] for name in constraints.holds}, {}
     for name, kept in constraints.obstacles.items():
         body = constraints.world.bodies[name]
         if name in moving:

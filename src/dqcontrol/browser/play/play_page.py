@@ -19,7 +19,8 @@ from dqcontrol.browser.play.end_effectors import LAW
 from dqcontrol.browser.play.law_tab import LawTab
 from dqcontrol.browser.play.record_tab import RecordTab
 from dqcontrol.browser.play.robot_tab import RobotTab
-from dqcontrol.browser.play.session import SPRING, PlaySession
+from dqcontrol.browser.play.session import PlaySession
+from dqcontrol.browser.play.spring import STIFFNESS
 from dqcontrol.browser.play.target_tab import TargetTab, called
 from dqcontrol.browser.play.world_tab import WorldTab
 from dqcontrol.browser.served_page import ServedPage
@@ -244,7 +245,7 @@ class PlayPage(ServedPage):
                 node.remove()
             self._spring = []
             return
-        scene, end = self.server.scene, pulled.point + pulled.force / SPRING
+        scene, end = self.server.scene, pulled.point + pulled.force / STIFFNESS
         line = scene.add_line_segments("/spring", np.array([[pulled.point, end]]), _PULL, thickness=0.008)
         label = scene.add_label("/spring-force", f"{np.linalg.norm(pulled.force):.0f} N", position=end)
         self._spring = [line, label]

@@ -20,6 +20,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.browser.play.end_effectors import LAW, EndEffectors
 from dqcontrol.browser.play.recorded_rows import RecordedRows
+from dqcontrol.browser.play.spring import Pull, Spring
 from dqcontrol.constraints import Constraints
 from dqcontrol.constraints.constraint_view import ConstraintView, NearestPair
 from dqcontrol.errors import Error, ExistsError, NoteWarning, StabilityWarning, writing
@@ -47,8 +48,6 @@ _CHARTED = 0.05  # s between points of charts
 _MOST_ROWS = 60_000  # of a recording: ten minutes at 100 Hz, 20 MB
 _BESIDE = ("constraints", "null_space", "contact")  # what a spec may say beside a law, for all of them
 _REST = {"kind": "set-point", "duration": 1.0}
-SPRING = 200.0  # N/m, of the mouse
-MOST_FORCE = 60.0  # N, of it: half of what ISO/TS 15066 lets a robot press on a chest
 _SLOW, _RESTS = 1e-4, 0.3  # rad/s or m/s, and s for which nothing is faster: the robot rests
 
 
@@ -77,31 +76,6 @@ class ChartPoint(NamedTuple):
     ghost_error: float
     force: float
     missed: int
-
-
-class Pull(NamedTuple):
-    """What a spring does to a link.
-
-    Attributes
-    ----------
-    point, force
-        Where it holds the link, m, and how it draws, N, shape (3,), inertial frame.
-    gave_way
-        How far that point is from where the link was taken, m.
-    """
-
-    point: Array
-    force: Array
-    gave_way: float
-
-
-class _Spring(NamedTuple):
-    """Where a spring holds a link: the row of its frame, the point in that and in the room; and where it leads."""
-
-    row: int
-    on_link: Array
-    taken: Array
-    towards: Array
 
 
 class PlaySession:
@@ -193,7 +167,7 @@ class PlaySession:
             self.ends, self._ghost_ends = EndEffectors(live), EndEffectors(ghost) if ghost else None
             self.around: ConstraintView | None = scene
             self._record(exact=True)
-            self._spring: _Spring | None = None
+            self._spring: Spring | None = None
             self.pulled = None
             for each in (live, ghost) if ghost else (live,):
                 if self._follows:
@@ -308,23 +282,16 @@ class PlaySession:
                 self.live.plant.push(row, np.zeros(3), np.zeros(3))
             else:
                 if self._spring is None or self._spring.row != row:
-                    pose = algebra.conjugate(self.robot.frames(self.live.plant.q)[row])
-                    on_link = algebra.multiply(pose, algebra.pose([1, 0, 0, 0], point))
-                    self._spring = _Spring(row, on_link, np.array(point, np.float64), towards)
-                self._spring = self._spring._replace(towards=towards)
+                    self._spring = Spring(self.robot, self.live.plant.q, row, point)
+                self._spring.towards = towards
                 self._exact = False
                 self._draw_spring()
 
     def _draw_spring(self) -> None:
         """Let the spring draw at its link where that is now."""
-        if (spring := self._spring) is None:
-            return
-        pose = algebra.multiply(self.robot.frames(self.live.plant.q)[spring.row], spring.on_link)
-        point = algebra.translation(pose)
-        force = SPRING * (spring.towards - point)
-        force *= min(1.0, MOST_FORCE / max(float(np.linalg.norm(force)), 1e-9))
-        self.pulled = Pull(point, force, float(np.linalg.norm(point - spring.taken)))
-        self.live.plant.push(spring.row, point, force)
+        if self._spring is not None:
+            self.pulled = pulled = self._spring.pull(self.live.plant.q)
+            self.live.plant.push(self._spring.row, pulled.point, pulled.force)
 
     def set_law(self, law: Law) -> bool:
         """Go on with another law, without a stop; it keeps what the present one keeps, unless it says so itself."""
@@ -361,10 +328,6 @@ class PlaySession:
             return False
         del ghost
         return self.change(reference=self.spec["reference"])
-
-    def resume(self) -> None:
-        """Go on after a stop, from where the robot is."""
-        self.change()
 
     def tell(self, words: str) -> None:
         """Note what happened."""
