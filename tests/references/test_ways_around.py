@@ -2,6 +2,7 @@
 
 import importlib.util
 import math
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -82,11 +83,53 @@ def test_through_a_door_the_arm_folds_itself():
     assert across(ROBOT, folded) < 0.25
     way = DriveTo.pose(ROBOT, start, ROBOT.fkm([2.0, 0.2, 0.3, *start[3:]]), floor=floor, clearance=0.02)
     assert way.folded is not None
+    assert way.while_driving == (True, True)  # there is room for that before and behind the door
     q = way.configurations(np.linspace(0, way.duration, 400))
     assert rooms.least_distance(ROBOT, floor, q[::4]) > 0
+    resting = replace(way, while_driving=(False, False))
+    assert resting.duration > way.duration + 5.0
+    q = resting.configurations(np.linspace(0, resting.duration, 400))
     passing = np.abs(q[:, 0] - 1.05) < 0.05
     assert passing.any()
     np.testing.assert_allclose(q[passing][:, 3:], np.broadcast_to(folded[3:], (passing.sum(), 5)), atol=1e-9)
+
+
+def test_the_base_rests_while_the_arm_folds_where_a_column_is_in_its_reach():
+    """It would sweep the column beside it by turning with the arm stretched out ahead."""
+    floor = FloorMap((box(0.2, 0.4, 0.2, 0.4),), height=1.5)
+    start = np.array([0, 0, 0, 0, 0.9, 0.0, 0.0, 0])
+    goal = ROBOT.fkm([-0.3, 1.6, 1.6, 0.3, 0.9, 0.0, 0.0, 0])
+    way = DriveTo.pose(ROBOT, start, goal, floor=floor, clearance=0.02)
+    assert (way.folded is not None, way.while_driving) == (True, (False, True))
+    at_once = replace(way, while_driving=(True, True))
+    for each, clear in ((way, True), (at_once, False)):
+        q = each.configurations(np.linspace(0, each.duration, 200))
+        assert (room_of(floor, ROBOT, q) > 0.01) == clear
+
+
+def door_ahead(width, angle, beside):
+    """Return what stands left and right of a door, m, beyond x = 1.2 in axes that are turned, and those."""
+    c, s = math.cos(angle), math.sin(angle)
+    turn = np.array([[c, -s], [s, c]])
+    half = 0.5 * width
+    walls = box(1.2, 1.3, beside + half, beside + 4.0), box(1.2, 1.3, beside - 4.0, beside - half)
+    return FloorMap(tuple(each @ turn.T for each in walls), height=1.5), turn
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 8))])
+def test_doors_of_105_percent_of_the_chassis_and_its_clearance_are_passed(seed):
+    rng = np.random.default_rng([5, seed])
+    clearance, angle, beside = (0.02, 0.05)[seed % 2], rng.uniform(-0.9, 0.9), rng.uniform(-0.4, 0.4)
+    width = 1.05 * 2 * (across(ROBOT, folded_posture(ROBOT, HOME)) + clearance)
+    floor, turn = door_ahead(width, angle, beside)
+    goal = HOME.copy()
+    goal[:2], goal[2] = turn @ [2.6, beside + rng.uniform(-0.3, 0.3)], rng.uniform(-3, 3)
+    way = DriveTo.pose(ROBOT, HOME, ROBOT.fkm(goal), floor=floor, clearance=clearance)
+    q = way.configurations(np.linspace(0, way.duration, 600))
+    assert rooms.least_distance(ROBOT, floor, q[::6]) > 0
+    x, y = (q[:, :2] @ turn).T
+    assert ((np.abs(x - 1.25) < 0.05) & (np.abs(y - beside) < 0.5 * width)).any()
+    assert np.abs(np.diff(q, axis=0)).max() < 0.2  # no jump
 
 
 def test_what_stands_in_the_way_is_said():

@@ -583,12 +583,16 @@ class PreparedConstraints:
         stored = np.zeros((obstacles, OBSTACLE + self._hull))
         for row, (each, _) in zip(stored, self._obstacles, strict=True):
             row[: len(each)] = each
-        rows = np.zeros((len(self._lines), row_of.size()))
+        packed = []
         for k, line in enumerate(self._lines):
             found = line.row
             b = found.b if found.kind > INSIDE or found.b >= 0 else shapes - 1 - found.b
             kept = self.asked[k] + self.allowances[k]
-            rows[k] = row_of.pack(**found._replace(b=b, kept=kept, bend=self._bend(line))._asdict())
+            packed.append(found._replace(b=b, kept=kept, bend=self._bend(line)))
+        rows = np.zeros((0, row_of.size()))
+        if packed:  # all at once: one by one they take longer than a plan
+            columns = map(np.array, zip(*packed, strict=True))
+            rows = row_of.pack(**dict(zip(Row._fields, columns, strict=True)))
         lower, upper = (
             robot.limits.lower[robot.input_coordinates],
             robot.limits.upper[robot.input_coordinates],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
@@ -116,6 +116,8 @@ class DriveTo(PlannedWay):
         Points of the floor, (x, y), m, that the robot's only base passes on its way, from one straight to the next.
     folded
         A configuration, shape (n,), whose joints the robot takes before it drives and keeps until its base has arrived.
+    while_driving
+        Whether it takes them while its base sets off already, and leaves them so that it is done when that arrives.
 
     Attributes
     ----------
@@ -145,6 +147,7 @@ class DriveTo(PlannedWay):
     acceleration: ArrayLike | None = None
     via: Sequence[ArrayLike] = ()
     folded: ArrayLike | None = None
+    while_driving: tuple[bool, bool] = (False, False)
     duration: float = field(init=False)
     corners: NDArray[np.float64] = field(init=False, repr=False)
     _moves: Array = field(init=False, repr=False)  # (K, n), what each motion changes of the configuration
@@ -179,8 +182,10 @@ class DriveTo(PlannedWay):
             joint_lasts[0] = max(driving, joint_lasts[0])
             first, joint_begins, duration = 0.0, [0.0], float(joint_lasts[0])
         else:
-            first = joint_lasts[0]
-            joint_begins, duration = [0.0, first + driving], float(first + driving + joint_lasts[1])
+            folds, unfolds = joint_lasts
+            first = 0.0 if self.while_driving[0] else folds
+            last = max(folds, first + driving - (unfolds if self.while_driving[1] else 0.0))
+            joint_begins, duration = [0.0, last], float(max(first + driving, last + unfolds))
         if not math.isfinite(duration):
             farthest = max(float(np.abs(start).max()), float(np.abs(goal).max()))
             raise ValueRangeError(
@@ -255,11 +260,11 @@ class DriveTo(PlannedWay):
         robot with a base never goes through the floor, z = 0.
 
         On a floor with obstacles the base drives from straight to straight around them. Where its room is needed, the
-        arm folds itself before and unfolds at the goal. The whole way is looked at before it is given. A robot from a
-        file of a mobile robot has the shapes that `robots shapes` fits to it. Links of a robot without shapes count as
-        straight, 8 cm thick; a base on mecanum or omni wheels without takes the box around its wheels, and any other is
-        refused. A base that steers finds a way only where nothing is in that
-        of its arcs.
+        arm folds itself before and unfolds at the goal, while the base drives if there is room for that. The whole way
+        is looked at before it is given. A robot from a file of a mobile robot has the shapes that `robots shapes` fits
+        to it. Links of a robot without shapes count as straight, 8 cm thick; a base on mecanum or omni wheels without
+        takes the box around its wheels, and any other is refused. A base that steers finds a way only where nothing is
+        in that of its arcs.
 
         Parameters
         ----------
@@ -400,15 +405,20 @@ def _way_around(
             if via is not None and not (via and _steers(robot)):
                 yield kind(robot, start, goal, *limits, via=via, folded=folded)
 
+    def without_rests(way: DriveTo, *, apart: bool) -> DriveTo:
+        """Return the same with the arm folding and unfolding while the base drives, where there is room for that."""
+        if way.folded is None:
+            return way
+        sooner = (replace(way, while_driving=each) for each in ((True, True), (False, True), (True, False)))
+        return next((each for each in sooner if keeps_out(each) and (_itself_apart(each) or not apart)), way)
+
     def keeps_out(way: DriveTo) -> bool:
         return _above_floor(way) and room_of(floor, robot, _instants(way)) >= _LEAST_SHARE * clearance
 
-    for way in ways_to(free[itself_apart(robot, free)]):
-        if _itself_apart(way) and keeps_out(way):
-            return way
-    for way in ways_to(free):
-        if keeps_out(way):
-            return way
+    for apart, goals in ((True, free[itself_apart(robot, free)]), (False, free)):
+        for way in ways_to(goals):
+            if (not apart or _itself_apart(way)) and keeps_out(way):
+                return without_rests(way, apart=apart)
     raise UnreachableGoalError(
         f"pose: {robot.name} finds no way to any of {len(free)} configurations that reach it and are clear of the "
         f"what stands there by {1e3 * clearance:g} mm; folded it takes {2e3 * width:.0f} mm"
