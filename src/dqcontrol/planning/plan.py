@@ -21,7 +21,7 @@ from dqcontrol.planning.extra import from_extra
 from dqcontrol.planning.shortcuts import shorten_way, shortened
 from dqcontrol.planning.smooth_way import SmoothWay, smooth_way
 from dqcontrol.planning.standing_world import standing
-from dqcontrol.planning.ways_between import Search, search
+from dqcontrol.planning.ways_between import WaySearch, search
 from dqcontrol.references.sample import as_pose
 from dqcontrol.robots import Robot, nearest_pose, postures
 
@@ -313,7 +313,7 @@ def _way(edges: CertifiedEdges, start: Array, goals: Array, seed: int, effort: i
     return shortened(edges, found.way, seed), looked
 
 
-def _how_near(robot: Robot, found: Search, goals: Array) -> str:
+def _how_near(robot: Robot, found: WaySearch, goals: Array) -> str:
     """Say how near a search came to its goals."""
     away = np.linalg.norm(goals - found.nearest, axis=1)
     here = DualQuaternion(robot.fkm(found.nearest)).translation

@@ -20,7 +20,7 @@ _AROUND = 3.0  # m: so far beyond start and goals a base without limits looks fo
 _TURN = math.pi  # rad: the same of joints without limits
 
 
-class Search(NamedTuple):
+class WaySearch(NamedTuple):
     """What a search found.
 
     Attributes
@@ -38,7 +38,7 @@ class Search(NamedTuple):
     nearest: Array
 
 
-def search(edges: CertifiedEdges, start: Array, goals: Array, seed: int, effort: int) -> Search:
+def search(edges: CertifiedEdges, start: Array, goals: Array, seed: int, effort: int) -> WaySearch:
     """Return a way from a configuration (n,) to one of several, (G, n), all of them clear, by its certified edges.
 
     Parameters
@@ -98,11 +98,11 @@ def search(edges: CertifiedEdges, start: Array, goals: Array, seed: int, effort:
     planner.solve(ob.PlannerTerminationCondition(lambda: looked >= effort))
     found = problem.getSolutionPath()
     if found is None:
-        return Search(np.empty((0, n)), looked, start)
+        return WaySearch(np.empty((0, n)), looked, start)
     way = np.array([state[0:n] for state in found.getStates()])
     if problem.hasExactSolution():
-        return Search(way, looked, way[-1])
-    return Search(np.empty((0, n)), looked, way[-1])
+        return WaySearch(way, looked, way[-1])
+    return WaySearch(np.empty((0, n)), looked, way[-1])
 
 
 def _every_state(_: object) -> bool:

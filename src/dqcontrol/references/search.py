@@ -52,7 +52,7 @@ class Search(Reference):
     --------
     >>> search = Search([1, 0, 0, 0, 0, 0, 0, 0], radius=0.003, pitch=0.001, speed=0.006)
     >>> round(search.duration, 2)  # s, for three turns
-    4.75
+    4.77
     """
 
     kind = "search"
