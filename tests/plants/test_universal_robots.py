@@ -58,6 +58,14 @@ def test_a_spec_runs_as_on_a_simulated_robot_and_ends_at_rest(robot, tmp_path, m
     assert state["fastest"] < 1.0
 
 
+def test_a_program_that_one_connection_hears_of_late_is_no_program_that_ended():
+    with double_of("ur_double.py", q=START, reads_late=100) as double:
+        live = started(double)
+        live.step(np.zeros(6))
+        assert live.fault == ""
+        live.close()
+
+
 def test_a_naive_loop_trips_it(robot):
     arm, live = dqc.load_robot("ur5"), started(robot)
     law = dqc.laws.Proportional(gain=20.0).prepare(arm, None, 0.008)
