@@ -124,9 +124,8 @@ def test_a_flat_tool_is_as_wide_as_it_says():
 @pytest.mark.parametrize("seed", [0, 4])
 def test_a_peg_finds_its_hole(seed):
     """2 mm and 2° off in other directions, on 100 kN/m: more than 20 mm deep in the end, at most 25 N on the peg."""
-    record = dqc.run(peg.displaced(yaml.safe_load(peg.EXAMPLE.read_text()), seed)).record
-    socket = peg.displaced(yaml.safe_load(peg.EXAMPLE.read_text()), seed)["world"]["socket"]
-    body = dqc.world.Body(**socket)
+    spec = peg.displaced(yaml.safe_load(peg.EXAMPLE.read_text()), seed)
+    record, body = dqc.run(spec).record, dqc.experiments.prepare(spec).spec.world["socket"]
     assert body.holds(record.position[-1])
     matrix = algebra.matrix_from_pose(body.pose)
     assert (matrix[:3, :3].T @ (record.position[-1] - matrix[:3, 3]))[2] < 0.010
