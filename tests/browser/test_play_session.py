@@ -263,6 +263,11 @@ def test_each_of_two_arms_goes_where_it_is_dragged_and_what_is_saved_is_the_same
     session.hold()
     steps(session, 200)
     assert np.abs(session.live.control.command).max() < 1e-3
+    session.drag(moved(before["right"], [0, 0.06, 0]), "right")
+    session.live.target = before["left"]  # as a device says
+    steps(session, 10)
+    for name, pose in hands(session).items():  # its arrows go along with it
+        np.testing.assert_array_equal(session.ends.handles[name], pose)
 
 
 def test_a_tray_goes_along_as_it_is_held_and_by_one_hand_what_both_hold_changes():

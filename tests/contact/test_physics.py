@@ -1,7 +1,11 @@
 """Force in physics: the sensor of a wrist with its tool, and pressing on what MuJoCo moves."""
 
+import importlib.util
+from pathlib import Path
+
 import numpy as np
 import pytest
+import yaml
 
 import dqcontrol as dqc
 from dqcontrol import algebra
@@ -22,6 +26,17 @@ LOAD = {
 }
 PEN = {"length": 0.1, "radius": 0.004}
 T = 0.004
+
+
+def benchmark(name):
+    file = Path(__file__).parents[2] / "benchmarks" / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(name, file)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+peg, crank = benchmark("peg"), benchmark("crank")
 
 
 def plant(**more):
@@ -94,3 +109,43 @@ def test_how_fast_to_approach_counts_the_lag_of_servos_with_masses():
     physics = contact_limits(contact, law, plant(), START, 5e3).approach_speed
     servos = contact_limits(contact, law, Servo(time_constant=2 / (20 * np.pi)), START, 5e3).approach_speed
     assert physics == pytest.approx(servos, rel=0.1)
+
+
+def test_a_flat_tool_is_as_wide_as_it_says():
+    """The hull of its corners: a prism whose sides lie within 0.1 % of its radius, and which ends at the hand."""
+    live = plant(radius=0.01, flat=True).in_world(board(5e3)).start(ARM, START, T, 1, 0)
+    corners = live.model.mesh_vert + live.model.mesh_pos[0]
+    assert np.hypot(*corners[:, :2].T) == pytest.approx(0.01, rel=1e-3)
+    assert corners[:, 2].max() == pytest.approx(0.0, abs=1e-6)
+    assert corners[:, 2].min() == pytest.approx(-0.1, abs=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 4])
+def test_a_peg_finds_its_hole(seed):
+    """2 mm and 2° off in other directions, on 100 kN/m: more than 20 mm deep in the end, at most 25 N on the peg."""
+    record = dqc.run(peg.displaced(yaml.safe_load(peg.EXAMPLE.read_text()), seed)).record
+    socket = peg.displaced(yaml.safe_load(peg.EXAMPLE.read_text()), seed)["world"]["socket"]
+    body = dqc.world.Body(**socket)
+    assert body.holds(record.position[-1])
+    matrix = algebra.matrix_from_pose(body.pose)
+    assert (matrix[:3, :3].T @ (record.position[-1] - matrix[:3, 3]))[2] < 0.010
+    assert np.linalg.norm(record.readings["touch_force"].values, axis=1).max() <= peg.MOST
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_crank_of_unknown_radius_is_turned(seed):
+    trial, axis, asked = crank.crank(yaml.safe_load(crank.EXAMPLE.read_text()), seed)
+    record = dqc.run(trial).record
+    assert np.abs(record.readings["crank_angle"].values).max() >= abs(asked)
+    radial = record.position[:, :2] - axis
+    radial /= np.linalg.norm(radial, axis=1, keepdims=True)
+    assert np.abs(np.sum(record.readings["touch_force"].values[:, :2] * radial, axis=1)).max() <= crank.MOST
+
+
+@pytest.mark.slow
+def test_a_drum_is_wiped_by_its_force():
+    record = dqc.run(crank.EXAMPLE.with_name("wiping.yaml")).record
+    force = record.readings["touch_force"].values[record.time > 2.5, 2]
+    assert np.mean(np.abs(force - 5.0) <= 1.0) >= 0.98

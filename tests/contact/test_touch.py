@@ -18,6 +18,7 @@ from dqcontrol.references import (
     OnTouchedPlane,
     Previewed,
     Repeat,
+    Search,
     Sequence,
     SetPoint,
     Straight,
@@ -150,6 +151,8 @@ PAUSE = {"kind": "set-point", "duration": 1, "until": {"force": 1}}
     [
         ({"kind": "set-point", "until": {"force": 1}}, "guards a motion that never ends"),
         ({"kind": "set-point", "duration": 1, "until": {"force": 0}}, "until.force"),
+        ({"kind": "set-point", "duration": 1, "until": {"drop": -1}}, "until.drop"),
+        ({"kind": "set-point", "duration": 1, "until": {}}, "'force' or 'drop'"),
         (CIRCLE | {"touch": {"points": [[0, 0, 0], [1, 0, 0], [2, 0, 0]]}}, "on one line"),
         (CIRCLE | {"touch": {"depth": -1}}, "depth"),
         ({"kind": "sequence", "references": [PAUSE, PAUSE], "repeat": 5}, "10 guarded moves, at most 8"),
@@ -160,6 +163,30 @@ def test_what_is_refused(reference, words):
     with pytest.raises(Error, match=words) as caught:
         check(SPEC | {"reference": reference})
     assert "\n" not in str(caught.value)
+
+
+def test_a_move_ends_where_the_hand_drops():
+    """Pushed by 2 N down a stage of 100 N·s/m: 20 mm/s, so 5 mm are gone after 250 ms of the guarded second."""
+    pause = SetPoint(HAND, duration=0.5)
+    search = Search(HAND, radius=0.01, pitch=0.004, speed=0.02)
+    contact = Admittance(
+        axes="base",
+        translation=Compliance(damping=100.0, stiffness=["rigid", "rigid", 0.0]),
+        force=WantedWrench(z=2.0),
+        ramp=0.0,
+    )
+    reference = Sequence([pause, Guarded(search, drop=0.005)])
+    record = simulated(reference, contact, gap=0.1)
+    moved = np.linalg.norm(np.diff(algebra.translation(record.desired[:, :8]), axis=0), axis=1) > 1e-9
+    ended = record.time[np.flatnonzero(moved)[-1] + 1]
+    assert ended == pytest.approx(0.75, abs=3 * T)
+
+
+def test_a_drop_goes_by_a_wanted_force():
+    spec = SPEC | {"reference": {"kind": "set-point", "duration": 1, "until": {"drop": 1e-3}}}
+    spec["contact"] = {"translation": {"damping": 200}}
+    with pytest.raises(Error, match=r"until\.drop"):
+        check(spec)
 
 
 def test_touches_need_a_sensor():
@@ -175,4 +202,5 @@ def test_guards_of_sequences_and_previews_are_later_and_led():
     whole = Previewed(Sequence([pause, Guarded(pause, 1.0)]), delay=0.01, lag=0.03)
     (move,), plane, lead = whole.guards
     assert (move.begin, move.end, move.force, plane, lead) == (1.0, 2.0, 1.0, None, (0.01, 0.03))
+    assert move.drop == np.inf
     assert len(Repeat(Guarded(pause, 1.0), 3).guards.moves) == 3

@@ -61,23 +61,39 @@ def double_of(file, **options):
 
 
 DRIVEN = """
-import json, sys, time, numpy as np, dqcontrol as dqc
-asked = json.loads(sys.argv[1])
-start = np.array(asked["start"])
-plant = getattr(dqc.plants, asked["kind"])(host=asked["host"], **asked["options"])
-live = plant.start(dqc.load_robot(asked["robot"]), start, 0.008, 10, 0)
-for k in range(10000):
-    live.step(np.full(len(start), 0.5 * np.cos(0.008 * k)) * min(k / 50, 1))
-    if k == 60:
-        print("moving", flush=True)
-    if live.fault:
-        print(live.fault, flush=True)
-        break
-    time.sleep(0.008)
+import json, os, signal, sys, time, numpy as np, dqcontrol as dqc
+signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+for line in sys.stdin:
+    asked = json.loads(line)
+    if os.fork():
+        continue
+    start = np.array(asked["start"])
+    plant = getattr(dqc.plants, asked["kind"])(host=asked["host"], **asked["options"])
+    live = plant.start(dqc.load_robot(asked["robot"]), start, 0.008, 10, 0)
+    for k in range(10000):
+        live.step(np.full(len(start), 0.5 * np.cos(0.008 * k)) * min(k / 50, 1))
+        if k == 60:
+            print("moving", os.getpid(), flush=True)
+        if live.fault:
+            print(live.fault, flush=True)
+            break
+        time.sleep(0.008)
+    os._exit(0)
 """
 
 
-def seconds_to_rest(how, file, seed, *, kind, robot, start, **options):
+@contextmanager
+def drivers():
+    """A process that drives robots, each in a child of its own, so that what takes seconds to import is there."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", DRIVEN], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+    )
+    with process:
+        yield process
+        process.kill()
+
+
+def seconds_to_rest(process, how, file, seed, *, kind, robot, start, **options):
     """From the last command that a double heard to its rest, after what drives it, or the cable, failed.
 
     All joints move at up to 0.5 rad/s then; the moment is drawn by the seed. The double's own time counts.
@@ -85,20 +101,17 @@ def seconds_to_rest(how, file, seed, *, kind, robot, start, **options):
     moment = np.random.default_rng(seed).uniform(0.0, 0.5)
     with double_of(file, q=start) as double:
         asked = {"kind": kind, "robot": robot, "start": start, "host": double.host, "options": options}
-        command = [sys.executable, "-c", DRIVEN, json.dumps(asked)]
-        driver = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        try:
-            assert driver.stdout.readline() == "moving\n"
-            time.sleep(moment)
-            if how == "unplug":
-                double.state(plugged=False)
-            else:
-                driver.send_signal({"kill": signal.SIGKILL, "freeze": signal.SIGSTOP}[how])
-            state = double.until(lambda state: state["cycles"] > state["rested"] + 0.5 / state["cycle"])
-            if how == "unplug":
-                assert driver.stdout.readline()  # the driver says that the robot is silent
-        finally:
-            driver.kill()
-            driver.wait()
-            driver.stdout.close()
+        process.stdin.write(json.dumps(asked) + "\n")
+        word, pid = process.stdout.readline().split(maxsplit=1)
+        assert word == "moving", pid
+        time.sleep(moment)
+        if how == "unplug":
+            double.state(plugged=False)
+        else:
+            os.kill(int(pid), {"kill": signal.SIGKILL, "freeze": signal.SIGSTOP}[how])
+        state = double.until(lambda state: state["cycles"] > state["rested"] + 0.5 / state["cycle"])
+        if how == "unplug":
+            assert process.stdout.readline()  # the driver says that the robot is silent
+        elif how == "freeze":
+            os.kill(int(pid), signal.SIGKILL)
         return (state["rested"] - state["heard"]) * state["cycle"]

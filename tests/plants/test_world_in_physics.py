@@ -211,6 +211,8 @@ def test_ten_scenes_are_said_rightly(scene):
         ([{"body": "cub", "in": "basket"}], r"outcome\[0\]: body: unknown name 'cub'; did you mean 'cube'"),
         ([{"body": "cube", "in": "cube"}], r"in: 'cube' is no container"),
         ([{"body": "cube", "opened": 1}], r"opened: 'cube' is on no hinge or slide"),
+        ([{"deep": 0.01}], r"outcome\[0\]: expected one of .* got {deep}"),
+        ([{"deep": 0.01, "in": "cube"}], r"in: 'cube' is no container"),
     ],
 )
 def test_outcomes_that_say_nothing_are_refused(outcome, words):

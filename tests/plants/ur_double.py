@@ -42,10 +42,16 @@ def kind_of(name):
 class Controller:
     """Joints, registers and the program that reads them."""
 
-    def __init__(self, q, version=(5, 11, 0, 0), power=True, in_use=False, moving=0.0, remote=True):
+    def __init__(
+        self, q, version=(5, 11, 0, 0), power=True, in_use=False, moving=0.0, remote=True, reads_late=0
+    ):
         self.q, self.qd = list(q), [moving] * len(q)
         self.drift = moving  # rad/s before a program runs
         self.version, self.power, self.in_use, self.remote = tuple(version), power, in_use, remote
+        self.reads_late, self.begun = (
+            reads_late,
+            0,
+        )  # cycles that who only reads hears nothing of a new program
         self.cycles, self.running, self.fault = 0, False, ""
         self.ints, self.doubles, self.state = [0] * 48, [0.0] * 48, 1
         self.mode, self.watchdog, self.heard = None, math.inf, 0
@@ -121,7 +127,7 @@ class Controller:
 
     def start_program(self):
         self.running, self.state, self.mode, self.drift = True, 1, None, 0.0
-        self.watchdog, self.ints[0] = math.inf, 0
+        self.watchdog, self.ints[0], self.begun = math.inf, 0, self.cycles
 
 
 def towards(value, goal, step):
@@ -274,6 +280,11 @@ class Double:
             with self.lock:
                 self.controller.cycle()
                 values, clients = self.controller.values(), list(self.clients)
+            if (
+                self.controller.running
+                and self.controller.cycles - self.controller.begun < self.controller.reads_late
+            ):
+                clients = [client for client in clients if client.inputs]
             for client in clients if self.plugged else ():
                 try:
                     client.tell(values)

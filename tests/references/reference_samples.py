@@ -55,7 +55,7 @@ NAMES = (  # known without making them: tests have parameters before they run
         "jerk-limited follower",
         "jerk-limited points",
     ),
-    *("jerk-limited via points", "jerk-limited turns", "straight"),
+    *("jerk-limited via points", "jerk-limited turns", "straight", "search"),
 )
 
 
@@ -96,6 +96,7 @@ def references():
         "jerk-limited via points": r.JerkLimited(via, **limits),
         "jerk-limited turns": r.JerkLimited(via, **limits, **angular),
         "straight": r.Straight(START, way=(0.1, -0.2, 0.05), duration=3.0),
+        "search": r.Search(START, radius=0.1, pitch=0.04, speed=0.15, plane=TILTED),
     }
     assert tuple(made) == NAMES
     return made

@@ -132,7 +132,8 @@ def test_users_of_moveit_servo_change_one_line(spec, start, node):
     back.pose.position.x, back.pose.position.y, back.pose.position.z = map(float, place)
     orientation = back.pose.orientation
     orientation.w, orientation.x, orientation.y, orientation.z = map(float, turn)
-    node.serve(seconds=0.3)  # until it rests
+    q.clear()
+    assert node.serve(lambda: len(q) > 50 and np.ptp(q[-50:], axis=0).max() < 1e-6)  # it rests
     high = moved()[2]
     for _ in range(20):
         node.publish(poses, back, lambda: True)

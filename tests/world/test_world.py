@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol import geometry
+from dqcontrol import algebra, geometry
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.world import Body, Hinge, Motion, Slide, Solid, World, floor_around, mesh
 
@@ -70,6 +70,29 @@ def test_a_container_is_hollow_and_knows_what_it_holds():
     assert len(basket.shapes) == 5
     gaps = [geometry.distance(geometry.Point([1.0, 2.0, 0.55]), wall).distance for wall in basket.shapes]
     assert gaps == pytest.approx([0.1, 0.1, 0.1, 0.1, 0.047])
+
+
+def test_a_round_container_lets_its_circle_through_and_nothing_more():
+    socket = Body(container=(0.0202, 0.03), chamfer=1e-3, position=(1.0, 2.0, 0.5), rpy=(0.3, -0.2, 0.0))
+    matrix = algebra.matrix_from_pose(socket.pose)
+
+    def away(radius, angle, height):
+        """Return the distance of a point in cylindrical coordinates of the socket from all that it consists of."""
+        point = matrix[:3, :3] @ [radius * np.cos(angle), radius * np.sin(angle), height] + matrix[:3, 3]
+        return min(geometry.distance(geometry.Point(point), each).distance for each in socket.shapes)
+
+    for angle in np.linspace(0, 2 * np.pi, 37):
+        assert away(0.0, angle, 0.015) >= 0.0101 - 1e-12  # on the axis, half way
+        assert away(0.0100, angle, 0.015) > 9e-5
+    for angle in 2 * np.pi / 16 * np.arange(16):  # in the middle of a stave
+        assert away(0.0101, angle, 0.015) == pytest.approx(0.0, abs=1e-12)
+        assert away(0.0101 + 5e-4, angle, 0.0295) == pytest.approx(0.0, abs=1e-12)  # on the slope
+        assert away(0.0101 + 5e-4, angle, 0.0297) == pytest.approx(2e-4 / np.sqrt(2), abs=1e-12)
+    inside = matrix[:3, :3] @ [0.0, 0.0100, 0.02] + matrix[:3, 3]
+    assert socket.holds(inside)
+    assert socket.away(matrix[:3, :3] @ [0.0201, 0, 0.034] + matrix[:3, 3]) == pytest.approx(
+        np.hypot(0.01, 4e-3)
+    )
 
 
 def test_constraints_keep_clear_of_all_but_what_physics_moves():
@@ -161,6 +184,12 @@ def test_a_huge_mesh_is_refused(tmp_path, monkeypatch):
         ({"a": {"box": 1, "sphere": 1}}, r"world.a: give one shape of .*, got box and sphere"),
         ({"a": {"bx": 1}}, r"world.a.*'bx'.*box"),
         ({"a": {"sphere": 0}}, r"world.a.sphere"),
+        (
+            {"a": {"container": [1, 1, 1], "chamfer": 0.001}},
+            r"world.a: chamfer: is that of a round container",
+        ),
+        ({"a": {"container": [0.02, 0.03], "chamfer": 0.01}}, r"world.a: chamfer: must be less than 6 mm"),
+        ({"a": {"container": [1]}}, r"world.a.container"),
         ({"a": {"box": 1, "mass": 1, "moves": {"velocity": [1, 0, 0]}}}, r"world.a: .* got moves and mass"),
         ({"a": {"plane": [0, 0, 1], "mass": 1}}, r"world.a: plane: stands still"),
         ({"a": {"box": 1, "hinge": {"axis": [0, 0, 0]}}}, r"hinge.axis: must not be zero"),

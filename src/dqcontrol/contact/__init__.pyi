@@ -4,6 +4,7 @@ from .admittance import (
     DeflectionLimits as DeflectionLimits,
     ForceReference as ForceReference,
     ForceSensor as ForceSensor,
+    GoesOn as GoesOn,
     LostContact as LostContact,
     SilentSensor as SilentSensor,
     WantedWrench as WantedWrench,

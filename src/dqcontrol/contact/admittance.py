@@ -23,6 +23,7 @@ from dqcontrol.references.guarded import Guards
 _AXES = {"reference": REFERENCE, "base": BASE, "hand": HAND}
 _TURN = 2.0  # rad: a deflection below half a turn keeps its logarithm smooth
 _RIGID = "rigid"
+_ROUNDING = 1e-6  # of a period: times are sums
 
 NO_GUARDS = Guards()
 NEEDS_CONTACT = "reference: 'until' and 'touch' need a force sensor, which 'contact' describes; give it"
@@ -167,6 +168,32 @@ class DeflectionLimits(NamedFields, frozen=True, kw_only=True, forbid_unknown_fi
     turn: Annotated[float, Meta(gt=0, le=_TURN, description="rad")] = _TURN
 
 
+class GoesOn(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A hand that goes on by itself where it is led, as on a crank or a door whose axis nobody knows.
+
+    Its compliant frame moves at a speed along the direction in which the hand has been moving; what it holds yields
+    along that way and leads it aside along the axes that give way.
+
+    Parameters
+    ----------
+    speed
+        m/s; against what resists it falls by w/D.
+    direction
+        Where to at first, base axes: some 20° off will do.
+    filter
+        Time constant of the low pass on the hand's velocity, s.
+    """
+
+    spec_key: ClassVar[str] = "contact.goes_on"
+    speed: Annotated[float, Meta(gt=0, description="m/s")]
+    direction: Annotated[Three, Meta(description="not zero")]
+    filter: Annotated[float, Meta(gt=0, description="s")] = 0.25
+
+    def __post_init__(self) -> None:
+        if not any(self.direction):
+            raise ValueRangeError("contact.goes_on.direction: must not be zero, got [0, 0, 0]")
+
+
 class LostContact(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """When contact counts as lost, and how fast the force axes then look for it again.
 
@@ -230,6 +257,8 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         s in which the wanted force grows from what is measured at the start.
     dead_band
         N, along axes without a wanted force: friction for leading by hand.
+    goes_on
+        See `GoesOn`; only by the reference if omitted.
     limits, lost, silent
         See `DeflectionLimits`, `LostContact`, `SilentSensor`.
     gravity
@@ -259,6 +288,7 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
     force: WantedWrench = WantedWrench()
     ramp: Annotated[float, Meta(ge=0, description="s")] = 0.5
     dead_band: Annotated[float, Meta(ge=0, description="N")] = 0.0
+    goes_on: GoesOn | None = None
     limits: DeflectionLimits = DeflectionLimits()
     lost: LostContact = LostContact()
     silent: SilentSensor = SilentSensor()
@@ -270,6 +300,10 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         for i, name in enumerate(("mx", "my", "mz", "x", "y", "z")):
             if wanted[i] is not None and not rows[i, :2].any():
                 raise ValueRangeError(f"contact.force.{name}: is wanted along a rigid axis; let it give way")
+        if self.goes_on is not None and not rows[3:, 1].any():
+            raise ValueRangeError(
+                "contact.goes_on: no axis of 'translation' has damping, along which it could go"
+            )
         if not rows[:, :2].any():
             raise ValueRangeError(
                 "contact: all axes are rigid; give 'translation' or 'rotation' that gives way"
@@ -304,17 +338,26 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         Raises
         ------
         ValueRangeError
-            If that are more than eight guarded moves.
+            If that are more than eight guarded moves, or one ends by a drop and no force is wanted.
         """
         moves, plane, lead = guards
         if len(moves) > MOST_GUARDS:
             raise ValueRangeError(f"reference: has {len(moves)} guarded moves, at most {MOST_GUARDS}")
-        guarding = np.zeros((MOST_GUARDS, 11))
+        if any(np.isfinite(each.drop) for each in moves) and not any(self.force.components[3:]):
+            raise ValueRangeError(
+                "reference: 'until.drop' goes by the wanted force, and 'contact.force' has none; give it"
+            )
+        guarding = np.zeros((MOST_GUARDS, 12))
         for row, each in zip(guarding, moves, strict=False):
-            row[:3] = round(each.begin / period), round(each.end / period), each.force
-            row[3:] = each.pose
+            row[:2] = np.ceil(
+                np.array([each.begin, each.end]) / period - _ROUNDING
+            )  # first rows of it and after
+            row[2:4] = each.force, each.drop
+            row[4:] = each.pose
         fit = np.zeros(2) if plane is None else np.round(np.array([plane.begin, plane.end]) / period)
         rows, wanted = self.axis_rows, self.force.components
+        on = self.goes_on
+        direction = np.zeros(3) if on is None else np.array(on.direction) / np.linalg.norm(on.direction)
         tool, sensor, limits, lost = self.sensor.tool or Tool(), self.sensor, self.limits, self.lost
         deepest = np.repeat([limits.turn, limits.depth or np.inf], 3)
         fastest = np.repeat([limits.turn_speed or np.inf, limits.speed or np.inf], 3)
@@ -346,6 +389,9 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             retreat=self.silent.retreat,
             retreat_speed=self.silent.speed,
             begins=fit[1],
+            speed=0.0 if on is None else on.speed,
+            direction=direction,
+            fresh=0.0 if on is None else -math.expm1(-period / on.filter),
             guarded=len(moves),
             guards=guarding,
             fit=fit,

@@ -27,11 +27,12 @@ from dqcontrol.contact.contact_layout import (
     contact_state,
     contact_work,
 )
-from dqcontrol.contact.guided_step import guarding, guide
+from dqcontrol.contact.guided_step import guide, is_at_end
 
 _SMALL = 1e-2  # rad²: below, series are exact to rounding with the terms that they have
 _MADE = 3.0  # samples above the limit that make contact
-_HIT = 2.0  # samples with a force that end a guarded move: one may be noise
+_HIT = 2.0  # samples that end a guarded move: one may be noise
+_LED = 0.1  # of the speed of who goes on: a hand that is slower does not tell where to
 _HELD = 3.0  # samples that the last wrench stands for missing ones
 _numbers = stack_array(18)
 
@@ -137,6 +138,34 @@ def _note_contact(given, own, wrench):
 
 
 @inline
+def _turned_to_axes(pose, sample, given, a, b, c):
+    """Return a vector of the base frame along the task axes."""
+    if given.axes == BASE:
+        return a, b, c
+    r = pose if given.axes == HAND else sample
+    return _turned(r[0], -r[1], -r[2], -r[3], a, b, c)
+
+
+@inline
+def _go_on(place, given, own):
+    """Return the velocity with which the frame goes on, base axes: where the hand is led, at first as said."""
+    px, py, pz = place
+    way, seen = own.way, own.seen
+    if own.begin[0] == 0.0:
+        for i in range(3):
+            way[i] = given.speed * given.direction[i]
+    else:
+        x = way[0] + given.fresh * ((px - seen[0]) / given.period - way[0])
+        y = way[1] + given.fresh * ((py - seen[1]) / given.period - way[1])
+        z = way[2] + given.fresh * ((pz - seen[2]) / given.period - way[2])
+        if math.sqrt(x * x + y * y + z * z) > _LED * given.speed:
+            way[0], way[1], way[2] = x, y, z
+    seen[0], seen[1], seen[2] = px, py, pz
+    share = given.speed / math.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
+    return share * way[0], share * way[1], share * way[2]
+
+
+@inline
 def _place(sample, given, y, v, rate, out):
     """Write the compliant frame's pose, twist and twist rate, of deflection, its rate and what that changes by."""
     rw, rx, ry, rz = sample[0], sample[1], sample[2], sample[3]
@@ -213,12 +242,14 @@ def admittance(pose, desired, k, parameters, state, work):
     hears = check == 0.0
     own.silent[0] = 0.0 if hears else own.silent[0] + 1.0
     tares = own.tared[0] < given.tare
+    pushing = math.sqrt(row[3] * row[3] + row[4] * row[4] + row[5] * row[5])
+    gone = -(y[3] * row[3] + y[4] * row[4] + y[5] * row[5]) / pushing if pushing > 0.0 else 0.0
     if hears:
         unloaded(pose, given, room.wrench, wrench)
         hit = math.sqrt(
             (wrench[0] - own.tare[0]) ** 2 + (wrench[1] - own.tare[1]) ** 2 + (wrench[2] - own.tare[2]) ** 2
         )
-        own.hits[0] = own.hits[0] + 1.0 if hit > guarding(k, given) else 0.0
+        own.hits[0] = own.hits[0] + 1.0 if is_at_end(k, given, own, hit, gone) else 0.0
     status = guide(k, desired, given, own, own.hits[0] >= _HIT, position(pose), sample)
     if status != OK:
         return status
@@ -234,6 +265,10 @@ def admittance(pose, desired, k, parameters, state, work):
                 for i in range(6):
                     own.begun[i] = wrench[i]
     waits = tares or k < given.begins
+    gx, gy, gz = 0.0, 0.0, 0.0
+    if given.speed > 0.0 and not waits:
+        gx, gy, gz = _go_on(position(pose), given, own)
+        gx, gy, gz = _turned_to_axes(pose, sample, given, gx, gy, gz)
     if hears and not waits:
         _note_contact(given, own, wrench)
     share = min(own.begin[0] / given.ramp, 1.0) if given.ramp > 0.0 else 1.0
@@ -257,7 +292,9 @@ def admittance(pose, desired, k, parameters, state, work):
     )
     for i in range(3, 6):
         known[i] = wrench[i] if given.forced[i] != 0.0 else kept * wrench[i]
-    pushing = math.sqrt(row[3] * row[3] + row[4] * row[4] + row[5] * row[5])
+    known[3] += given.damping[3] * gx  # ẏ = v + (w − w_d)/D
+    known[4] += given.damping[4] * gy
+    known[5] += given.damping[5] * gz
     retreats = own.silent[0] > given.silent_after
     if retreats:
         step = (

@@ -56,9 +56,12 @@ class ContactParameters(NamedTuple):
         m and m/s along the wanted force, once the sensor has been silent for longer.
     begins
         Row from which on axes give way.
+    speed, direction, fresh
+        Of who goes on where the hand is led: m/s, 0 for none; where to at first, base axes; and what of the hand's
+        velocity is taken over in a period.
     guarded, guards
-        How many guarded moves there are; of each its first row, the one behind it, the force that ends it, N, and the
-        pose of its planned end.
+        How many guarded moves there are; of each its first row, the one behind it, the force, N, or the way along the
+        wanted one, m, that ends it, and the pose of its planned end.
     fit
         Rows between which three touches displace the plan onto their plane; 0 without such.
     lead
@@ -94,8 +97,11 @@ class ContactParameters(NamedTuple):
     retreat: float
     retreat_speed: float
     begins: float
+    speed: float
+    direction: Annotated[Array, 3]
+    fresh: float
     guarded: float
-    guards: Annotated[Array, MOST_GUARDS, 11]
+    guards: Annotated[Array, MOST_GUARDS, 12]
     fit: Annotated[Array, 2]
     lead: Annotated[Array, 2]
     normal: Annotated[Array, 3]
@@ -129,13 +135,17 @@ class ContactState(NamedTuple):
     retreated
         m.
     hits
-        Samples with a force that ends a guarded move, one after the other.
+        Samples with what ends a guarded move, one after the other.
+    gone
+        How far the compliant frame was where the wanted force pushes it at the begin of a guarded move, m.
     touched, points
         Of each guarded move the row in which it touched, from 1, 0 if it did not, and where the hand was then, m.
     moved, held
         Displacement of the plan by touches so far, and the pose at the last one.
     screw, fitted
         What takes that to the plane of three touches, half a twist; 1 once it is known.
+    way, seen
+        Velocity of the hand, low-passed, and where it was at the last sample, base axes.
     energy
         What the environment has put into the hand, J.
     """
@@ -154,12 +164,15 @@ class ContactState(NamedTuple):
     losses: Annotated[Array, 1]
     retreated: Annotated[Array, 1]
     hits: Annotated[Array, 1]
+    gone: Annotated[Array, 1]
     touched: Annotated[Array, MOST_GUARDS]
     points: Annotated[Array, MOST_GUARDS, 3]
     moved: Annotated[Array, 8]
     held: Annotated[Array, 8]
     screw: Annotated[Array, 6]
     fitted: Annotated[Array, 1]
+    way: Annotated[Array, 3]
+    seen: Annotated[Array, 3]
     energy: Annotated[Array, 1]
 
 

@@ -1,4 +1,4 @@
-"""What touches do to a plan, compiled: guarded moves end where they touch, and three touches put it onto a plane.
+"""What touches do to a plan, compiled: guarded moves end where they touch or drop, three touches put it onto a plane.
 
 The plan stays as it was sampled; from each touch on it is displaced, x ← E x. A guarded move ends at x_t, not at its
 planned end x_e; what comes after goes on from there: E ← x_t x_e*. Where three touches tell a plane, D takes the
@@ -65,13 +65,14 @@ def _fit(given, own, scratch):
 
 
 @inline
-def guarding(k, given):
-    """Return the force that ends the guarded move of a row; infinite in none."""
-    force = math.inf
+def is_at_end(k, given, own, force, gone):
+    """Say whether a force, or how far the hand has gone where the wanted one pushes, ends the guarded move of a row."""
     for i in range(int(given.guarded)):
         if given.guards[i, 0] <= k < given.guards[i, 1]:
-            force = given.guards[i, 2]
-    return force
+            if k == given.guards[i, 0]:
+                own.gone[0] = gone
+            return force > given.guards[i, 2] or gone - own.gone[0] > given.guards[i, 3]
+    return False
 
 
 @inline
@@ -96,7 +97,7 @@ def guide(k, sample, given, own, hit, place, out):
             own.touched[g] = k + 1.0
             own.points[g, 0], own.points[g, 1], own.points[g, 2] = px, py, pz
             multiply(own.moved, sample[0:8], own.held)
-            conjugate(given.guards[g, 3:11], back)
+            conjugate(given.guards[g, 4:12], back)
             multiply(own.held, back, now)
             renormalise(now, own.moved)
         if own.touched[g] != 0.0:

@@ -8,6 +8,7 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from msgspec import Meta, field
 
+from dqcontrol import algebra
 from dqcontrol.constraints.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import ShapeError, ValueRangeError, error_prefix, unknown_name
@@ -24,6 +25,7 @@ _FORMS = {
     "body": (("inside",), ("opened",)),
     "clear_of": (("by",), ()),
     "hand": (("within",),),
+    "deep": (("inside",),),
     "contact": ((),),
     "force": ((),),
 }
@@ -46,6 +48,8 @@ class Expectation(Part, frozen=True, kw_only=True):
         All bodies that stand still or move as they say, or some by name, are never nearer than that, m.
     hand, within
         ``at``: the end effector is at its reference at the end, within a length, m, and an angle, rad.
+    deep, inside
+        The end effector is so deep in a container (key ``in``) at the end, m below its rim.
     contact
         ``none``: no link touches a body or another link.
     force
@@ -59,6 +63,7 @@ class Expectation(Part, frozen=True, kw_only=True):
     by: Length | None = None
     hand: Literal["at"] | None = None
     within: tuple[Length, Annotated[float, Meta(ge=0, description="rad")]] | None = None
+    deep: Annotated[float, Meta(gt=0, description="m")] | None = None
     contact: Literal["none"] | None = None
     force: ForceBound | None = None
 
@@ -74,7 +79,8 @@ class Expectation(Part, frozen=True, kw_only=True):
         leads = [key for key in _FORMS if key in given]
         if len(leads) != 1 or not any(given == {leads[0], *rest} for rest in _FORMS[leads[0]]):
             raise ShapeError(
-                "expected one of {body, in}, {body, opened}, {clear_of, by}, {hand, within}, {contact}, {force}, got "
+                "expected one of {body, in}, {body, opened}, {clear_of, by}, {hand, within}, {deep, in}, {contact}, "
+                "{force}, got "
                 f"{{{', '.join('in' if key == 'inside' else key for key in sorted(given))}}}"
             )
         bodies = {} if world is None else world.bodies
@@ -146,6 +152,8 @@ def _judged(
         holds = near <= given.within[0] and turned <= given.within[1]
         return Judged(holds, f"hand {length_text(near)} and {math.degrees(turned):.2g}° off at the end")
     assert world is not None
+    if given.deep is not None:
+        return _deep(given.deep, str(given.inside), record, world)
     if given.clear_of is not None:
         return _clear(given, record, robot, world, period)
     body = world.bodies[str(given.body)]
@@ -167,6 +175,16 @@ def _inside(name: str, container: str, record: Record, world: World) -> Judged:
     away = float(world.bodies[container].away(at))
     words = "in" if away == 0.0 else f"{length_text(away)} from"
     return Judged(away == 0.0, f"{name} {words} {container}")
+
+
+def _deep(asked: float, container: str, record: Record, world: World) -> Judged:
+    body = world.bodies[container]
+    assert body.container is not None
+    seen = algebra.translation(algebra.multiply(algebra.conjugate(body.pose), record.pose[-1]))
+    depth = body.container[-1] - float(seen[2])
+    holds = bool(body.holds(record.position[-1]))
+    words = f"hand {length_text(depth)} deep in {container}, {length_text(asked)} asked"
+    return Judged(holds and depth >= asked, words if holds else f"hand not in {container}")
 
 
 def _clear(given: Expectation, record: Record, robot: Robot, world: World, period: float) -> Judged:

@@ -181,7 +181,7 @@ class Judge:
             *(("grip", words) for words in grip if not self._outcome),
             *(("task", words) for words in self._shakes(record, metrics)),
         ]
-        pressed = list(self._pressed(record))
+        pressed = [(words, failed and not self._outcome) for words, failed in self._pressed(record)]
         found.extend(("task", words) for words, failed in pressed if failed)
         further = [] if self._tasks is None else list(self._further(record, self._tasks, skip_initial))
         found.extend(("task", words) for words, failed in further if failed)

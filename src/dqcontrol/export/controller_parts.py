@@ -121,6 +121,8 @@ class ControllerParts:
     @cached_property
     def plant(self) -> CompiledPlant | None:
         """The plant where the spec starts, if it is compiled; the noise of its first period is left out."""
+        if self.case.plant.is_robot:
+            return None
         started = self.case.plant.start(
             self.robot, self.case.scene.start, self.period, 1, self.setting.spec.seed
         )

@@ -11,6 +11,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, ValueRangeError
 from dqcontrol.export.controller_parts import ControllerParts
 from dqcontrol.loop.control import Control, Phase
+from dqcontrol.plants.integrator import Integrator
 from dqcontrol.plants.running_plant import running_plant
 
 OK, STOPPING, STOPPED, ENDED, LAW_FAILED, NO_MEASUREMENT = 0, 1, 2, 3, -6, -11  # as dqc_controller.h has them
@@ -185,7 +186,8 @@ def _spoil(row: VectorRow, k: int, period: float) -> None:
 def _moved(parts: ControllerParts):
     steps = len(parts.samples) + _MOST
     case, start = parts.case, parts.case.scene.start
-    return running_plant(case.plant.start(parts.robot, start, parts.period, steps, parts.setting.spec.seed))
+    plant = Integrator() if case.plant.is_robot else case.plant
+    return running_plant(plant.start(parts.robot, start, parts.period, steps, parts.setting.spec.seed))
 
 
 def c_number(value: float) -> str:

@@ -30,6 +30,7 @@ LARGEST_YAML = (
     2_000_000  # bytes; the largest that people write have some kB, and reading takes 10 s for each MB
 )
 _LARGEST = 1e12  # in any unit: neighbouring numbers in m, rad or s are 0.1 mm, mrad or ms apart from there on
+_ANY_SIZE = re.compile("seed|gain")  # a run says itself that a gain is too high
 _MERGED = "aliases are not read here; write the value out"
 
 
@@ -70,8 +71,8 @@ def read_text(path: str | Path) -> str:
 def parse_yaml(path: str | Path, text: str) -> Any:
     """Return the plain data of one YAML document; ``path`` is for the messages.
 
-    Only finite numbers up to 1e12 are allowed and keys may not repeat. As in YAML 1.2, ``1e-3`` is a number and
-    ``OFF``, ``no`` and the like are text; YAML 1.1 has it the other way round.
+    Only finite numbers, up to 1e12 but for gains, are allowed and keys may not repeat. As in YAML 1.2, ``1e-3`` is a
+    number and ``OFF``, ``no`` and the like are text; YAML 1.1 has it the other way round.
     """
     try:
         data = _load(text)
@@ -89,7 +90,7 @@ def parse_yaml(path: str | Path, text: str) -> Any:
     for field, number in _numbers(data):
         if not math.isfinite(number):
             raise FileFormatError(f"{path}: {field}: must be finite, got {number}")
-        if abs(number) > _LARGEST and not field.endswith("seed"):
+        if abs(number) > _LARGEST and not _ANY_SIZE.search(field):
             raise FileFormatError(f"{path}: {field}: must be at most {_LARGEST:.0e}, got {number:.13g}")
     return data
 

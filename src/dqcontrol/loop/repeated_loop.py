@@ -12,7 +12,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, Kernel
 from dqcontrol.contact.contact_layout import WRENCH
 from dqcontrol.controller.controller import Controller
-from dqcontrol.errors import DivergedError
+from dqcontrol.errors import DivergedError, ValueRangeError
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.closed_loop import close_loop
 from dqcontrol.loop.record import has_failed
@@ -100,6 +100,12 @@ class RepeatedLoop:
         self.period = period
         self.samples: Array = np.ascontiguousarray(samples)
         self._seed, self._supervisor, self._disturbance = seed, supervisor, disturbance
+        if plant.is_robot:
+            kind = type(plant).__struct_config__.tag
+            raise ValueRangeError(
+                f"plant: '{kind}' is a robot, and a search would run it many times; search on a simulated one, as a "
+                "servo that dqcontrol identify found"
+            )
         live = running_plant(plant.start(robot, start, period, len(samples), seed))
         ready = live.compiled()
         is_free = supervisor is None and disturbance is None

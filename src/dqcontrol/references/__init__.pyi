@@ -27,6 +27,7 @@ from .sample import (
     TWIST as TWIST,
     Sample as Sample,
 )
+from .search import Search as Search
 from .sequence import (
     Repeat as Repeat,
     Sequence as Sequence,

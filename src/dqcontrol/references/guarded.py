@@ -1,4 +1,4 @@
-"""Guarded moves, which end where they touch, and references on planes that three touches find."""
+"""Guarded moves, which end where they touch or drop, and references on planes that three touches find."""
 
 from __future__ import annotations
 
@@ -22,14 +22,16 @@ _REST = 0.3  # s after a touch, and above a point: for the lag of servos and fil
 
 
 class Guard(NamedTuple):
-    """A guarded move: begin and planned end, s, the force that ends it, N, and the pose of its planned end, (8,).
+    """A guarded move: begin and planned end, s, what ends it, and the pose of its planned end, (8,).
 
-    Where it touches the hand stays until the planned end.
+    That is a force, N, or how far the hand has gone since its begin where the wanted force pushes it, m. From then on
+    it stays until the planned end.
     """
 
     begin: float
     end: float
     force: float
+    drop: float
     pose: Array
 
 
@@ -61,7 +63,7 @@ class Guards(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Guarded(Reference):
-    """A motion that ends where a force is felt: the hand stays there, and what follows goes on from there.
+    """A motion that ends where a force is felt, or where the hand drops: it stays, and what follows goes on from there.
 
     The time until its planned end passes all the same. It needs a law with ``contact``, whose sensor tells the force.
 
@@ -71,6 +73,13 @@ class Guarded(Reference):
         Of finite duration; where nothing is touched it goes on to its end.
     force
         N, of two samples one after the other.
+    drop
+        How far the hand has gone since the begin where the wanted force pushes it, m: a peg that has found its hole.
+
+    Raises
+    ------
+    ValueRangeError
+        If neither is given, or the reference never ends or is guarded already.
 
     Examples
     --------
@@ -80,16 +89,21 @@ class Guarded(Reference):
     """
 
     reference: Reference
-    force: float
+    force: float | None = None
+    drop: float | None = None
     duration: float = field(init=False)
     corners: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        if self.force is None and self.drop is None:
+            raise ValueRangeError("until: give what ends the motion, 'force' or 'drop'")
         if not np.isfinite(self.reference.duration):
             raise ValueRangeError("until: guards a motion that never ends; give its duration")
         if self.reference.guards.moves:
             raise ValueRangeError("until: guards a motion that is guarded already; leave one of them out")
-        object.__setattr__(self, "force", as_positive("until.force", self.force))
+        for name in ("force", "drop"):
+            if (value := getattr(self, name)) is not None:
+                object.__setattr__(self, name, as_positive(f"until.{name}", value))
         object.__setattr__(self, "duration", self.reference.duration)
         object.__setattr__(self, "corners", self.reference.corners)
 
@@ -97,7 +111,7 @@ class Guarded(Reference):
     def guards(self) -> Guards:
         """Return the one that it is."""
         end = self.reference.samples([self.duration])[0, :8]
-        return Guards((Guard(0.0, self.duration, self.force, end),))
+        return Guards((Guard(0.0, self.duration, self.force or np.inf, self.drop or np.inf, end),))
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21) as if nothing were touched; see `Reference.motion`."""
@@ -184,7 +198,7 @@ class OnTouchedPlane(Reference):
             go(
                 down * normal, max(down / travel, _REST)
             )  # to the plane as planned: what is touched displaces that
-            guards.append(Guard(began, time, self.force, at))
+            guards.append(Guard(began, time, self.force, np.inf, at))
             go(up * normal, max(up / travel, _REST))
         begin, way = time, origin - translation(at)
         go(way, max(float(np.linalg.norm(way)) / travel, 4 * _REST))

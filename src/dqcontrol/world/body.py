@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Annotated, ClassVar
 
@@ -28,6 +29,7 @@ FileName = Annotated[str, Meta(min_length=1, description="path, relative to the 
 SHAPES = ("box", "sphere", "capsule", "cylinder", "plane", "container", "mesh", "map")
 _WALL = 6e-3  # m: of a container, as of a wicker basket
 _FLOOR = 3e-3  # m
+_STAVES = 16  # of a round container: a round peg has 2 % more play towards their seams
 _BY_PHYSICS = ("free", "hinge", "slide")
 _FASTEST = 20.0  # m/s: nothing that a robot works beside moves faster; a path that does has a jump
 
@@ -46,7 +48,10 @@ class Solid(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     plane
         Its normal, towards the free side; ``position`` is a point of it. What is behind it is solid.
     container
-        Inside of an open box, m, whose ``position`` is the middle of its bottom's underside.
+        Inside of an open box, m, whose ``position`` is the middle of its bottom's underside; two numbers are diameter
+        and height of a round one.
+    chamfer
+        By how much the rim of a round container opens, m, at 45°.
     mesh
         STL, OBJ or PLY file in m, taken apart into convex parts.
     map
@@ -63,7 +68,8 @@ class Solid(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     capsule: tuple[Size, Size] | None = None
     cylinder: tuple[Size, Size] | None = None
     plane: Direction | None = None
-    container: tuple[Size, Size, Size] | None = None
+    container: Annotated[Sequence[Size], Meta(min_length=2, max_length=3)] | None = None
+    chamfer: Annotated[float, Meta(gt=0, description="m")] | None = None
     mesh: FileName | None = None
     map: FileName | None = None
     height: Size | None = None
@@ -84,6 +90,8 @@ class Solid(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
             raise ShapeError(f"give one shape of {', '.join(SHAPES)}, got {' and '.join(given) or 'none'}")
         if self.height is not None and given != ["map"]:
             raise ShapeError(f"height: is that of a map, and this is a {given[0]}")
+        if self.chamfer is not None and (self.container is None or len(self.container) != 2):
+            raise ShapeError("chamfer: is that of a round container: [diameter, height]")
         return given[0]
 
     @property
@@ -130,8 +138,10 @@ class Solid(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
         return Cylinder(-half, half, radius) if self.cylinder is not None else Capsule(-half, half, radius)
 
     def _walls(self) -> list[Box]:
-        """Return four walls and a bottom around the inside of a container."""
+        """Return walls and a bottom around the inside of a container."""
         assert self.container is not None
+        if len(self.container) == 2:
+            return self._staves(*self.container)
         x, y, z = self.container
         sizes = [(_WALL, y + 2 * _WALL, z), (x + 2 * _WALL, _WALL, z)]
         found = []
@@ -141,6 +151,36 @@ class Solid(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
                 middle[axis] = 0.5 * side * (extent + _WALL)
                 found.append(Box(algebra.pose([1, 0, 0, 0], middle), np.array(sizes[axis])))
         found.append(Box(algebra.pose([1, 0, 0, 0], [0, 0, 0.5 * _FLOOR]), np.array([x, y, _FLOOR])))
+        return found
+
+    def _staves(self, diameter: float, height: float) -> list[Box]:
+        """Return staves and a bottom around the inside of a round container, whose circle they touch."""
+        radius, chamfer, turn = 0.5 * diameter, self.chamfer or 0.0, 2 * math.pi / _STAVES
+        if chamfer >= min(height, _WALL):
+            raise ValueRangeError(
+                f"chamfer: must be less than {1e3 * min(height, _WALL):g} mm, got {1e3 * chamfer:g} mm"
+            )
+        across = 2 * (radius + _WALL) * math.tan(0.5 * turn)
+        found = [
+            Box(algebra.pose([1, 0, 0, 0], [0, 0, 0.5 * _FLOOR]), np.array([diameter, diameter, _FLOOR]))
+        ]
+        below = height - chamfer
+        # distance from the axis and height of the middle, thickness, height and turn about the rim
+        parts = [(radius + 0.5 * _WALL, 0.5 * below, _WALL, below, 0.0)]
+        if chamfer:
+            deep, outer = 0.5 * chamfer, _WALL - chamfer
+            parts.append((radius + chamfer + 0.5 * outer, below + deep, outer, chamfer, 0.0))
+            thick = chamfer / math.sqrt(2)  # of what lies behind the slope
+            away = 0.5 * thick / math.sqrt(2)
+            parts.append(
+                (radius + deep + away, below + deep - away, thick, chamfer * math.sqrt(2), 0.25 * math.pi)
+            )
+        for k in range(_STAVES):
+            turned = algebra.pose([math.cos(0.5 * k * turn), 0, 0, math.sin(0.5 * k * turn)], [0, 0, 0])
+            for far, high, thick, tall, tilt in parts:
+                tilted = [math.cos(0.5 * tilt), 0, math.sin(0.5 * tilt), 0]
+                place = algebra.multiply(turned, algebra.pose(tilted, [far, 0, high]))
+                found.append(Box(place, np.array([thick, across, tall])))
         return found
 
 
@@ -375,13 +415,15 @@ class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
             raise ShapeError(f"a {self.kind} holds nothing; a container does")
         matrix, inside = algebra.matrix_from_pose(self.pose), np.array(self.container)
         seen = (as_array("points", points, (3,)) - matrix[:3, 3]) @ matrix[:3, :3]
-        outside = np.abs(seen - [0.0, 0.0, 0.5 * inside[2]]) - 0.5 * inside
+        if len(inside) == 2:
+            seen = np.stack([np.hypot(seen[..., 0], seen[..., 1]), seen[..., 2]], axis=-1)
+        outside = np.abs(seen - np.append(np.zeros(len(inside) - 1), 0.5 * inside[-1])) - 0.5 * inside
         return np.linalg.norm(np.maximum(outside, 0.0), axis=-1)
 
     @property
     def solids(self) -> list[Solid]:
         """Its own shape and its further ones, as seen from its pose."""
-        own = {key: getattr(self, key) for key in (*SHAPES, "height")}
+        own = {key: getattr(self, key) for key in (*SHAPES, "height", "chamfer")}
         return [Solid(**own), *self.parts]
 
     @property

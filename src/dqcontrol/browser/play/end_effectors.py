@@ -34,6 +34,7 @@ class EndEffectors:
     def __init__(self, live: Live) -> None:
         self._live = live
         self._wanted: dict[str, Array] = {}
+        self._told: Array | None = None  # the law's target that follows from these
         self._law: PoseTask | None = live.robot.task if isinstance(live.robot, TreeRobot) else None
         self._tasks: dict[int, PoseTask] = {}
         self.frames = ()
@@ -100,17 +101,21 @@ class EndEffectors:
         if before.frames != self.frames or not self.frames:
             if (target := before._live.target) is not None:
                 self._live.target = target
-        elif before._wanted:
-            self._wanted = dict(before._wanted)
+        elif before._told is not None:
+            self._wanted = before._poses()
             self._aim()
 
     def _aim(self) -> None:
         assert self._law is not None
-        self._live.target = self._law.of_frames(self._wanted)
+        self._told = self._live.target = self._law.of_frames(self._wanted)
         for i, task in self._tasks.items():
             self._live.aim(i, task.of_frames(self._wanted))
 
     def _poses(self) -> dict[str, Array]:
+        """Return where each end effector is to be, or is once another one says where to go: a device, a reference."""
+        target = self._live.target
+        if self._told is None or target is None or not np.array_equal(target, self._told):
+            self._wanted = {}
         return self._wanted | {name: self._frame(name) for name in self.frames if name not in self._wanted}
 
     def _frame(self, name: str) -> Array:

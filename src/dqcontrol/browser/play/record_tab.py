@@ -33,7 +33,7 @@ class RecordTab:
             ("Save as YAML", self._save),
             ("Save as a page (HTML)", self._save_page),
             ("Save as a clip (WebP)", self._save_clip),
-            ("Copy as Python", self._show_python),
+            ("Show as Python", self._show_python),
         ):
             gui.add_button(label).on_click(lambda _, does=does: self._tried(does))
         self._said = gui.add_markdown("")

@@ -77,7 +77,8 @@ class Preview(Part, frozen=True, kw_only=True):
 class Until(Part, frozen=True, kw_only=True):
     """What ends a motion before its time; see `dqcontrol.references.Guarded`."""
 
-    force: Annotated[float, Meta(gt=0, description="N")]
+    force: Annotated[float, Meta(gt=0, description="N")] | None = None
+    drop: Annotated[float, Meta(gt=0, description="m")] | None = None
 
 
 class Touch(Part, frozen=True, kw_only=True):
@@ -168,7 +169,7 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
                 reference = shapes.OnTouchedPlane(reference, **msgspec.structs.asdict(self.touch))
         if isinstance(self.until, Until):  # the key of 'follow' is a time
             with _within(f"{where}."):
-                reference = shapes.Guarded(reference, self.until.force)
+                reference = shapes.Guarded(reference, self.until.force, self.until.drop)
         return reference
 
     def of_robot(

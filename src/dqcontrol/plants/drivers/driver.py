@@ -123,6 +123,7 @@ class RunningDriver(RunningPlant):
         self._link = link
         self._closing = weakref.finalize(self, _leave, link, lock)
         self._stamp: object = None
+        self._has_begun = False
         self._heard = time.monotonic()
         try:
             q = self._standing(robot)
@@ -142,6 +143,9 @@ class RunningDriver(RunningPlant):
         A robot that fails says so in ``fault``, and is sent nothing from then on.
         """
         rate = as_command(command, len(self.q))
+        if not self._has_begun:  # kernels may have been compiled since it was connected to
+            self._has_begun = True
+            self._look()
         self._target += self._period * rate
         self._send(rate)
         self._look()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from typing import Annotated, Any, Literal
 
 from msgspec import Meta
@@ -17,6 +18,7 @@ _FASTEST = 0.002  # s: 500 Hz of the e-Series
 _SLOWEST = 0.05  # s: beyond it servoJ stands between two commands
 _RECEIVED = ["timestamp", "actual_q", "robot_status_bits", "safety_status_bits", "runtime_state"]
 _PLAYING = 2  # of RTDE's runtime_state
+_BEGINS = 1.0  # s until both connections say that the program runs
 _POWER = 1  # of its robot_status_bits
 _OLDEST = [3, 4]  # PolyScope
 
@@ -90,6 +92,9 @@ class _Rtde(Link):
 
     def take(self) -> None:
         self._control = client("rtde_control", "ur").RTDEControlInterface(self._plant.host)
+        until = time.monotonic() + _BEGINS
+        while self._received.getRuntimeState() != _PLAYING and time.monotonic() < until:
+            time.sleep(_FASTEST)  # the program runs; the other connection hears so a message later
 
     def read(self) -> tuple[Array, object]:
         return self._received.getActualQ(), self._received.getTimestamp()
