@@ -45,6 +45,7 @@ def started(double, start=START, period=0.01, robot="panda", **options):
     return plant.start(dqc.load_robot(robot), np.array(start), period, 10, 0)
 
 
+@pytest.mark.slow  # a second in which a busy machine does not run it ends it
 def test_a_spec_runs_as_on_a_simulated_robot_and_ends_at_rest(robot, tmp_path):
     spec = {**SPEC, "plant": {"kind": "franka", "host": robot.host, **PATIENT}}
     done = run_in_real_time(spec, tmp_path / "run", figures=False)

@@ -176,6 +176,6 @@ class LiveRun:
     def _work(self) -> None:
         try:
             with self._recording:
-                execute(self._setting, self._case, clock=Clock(), recording=self._recording)
+                execute(self._setting, self._case, clock=Clock(), recording=lambda: self._recording)
         except Error as error:
             self.failure = error

@@ -39,11 +39,11 @@ def check_contact(spec: Spec, case: Combination) -> None:
             raise ValueRangeError(NEEDS_CONTACT)
         return
     robot, start = case.scene.robot, case.scene.start
-    # drivers of robots measure none
-    if (
-        case.plant.is_robot
-        or not running_plant(case.plant.start(robot, start, spec.period, 1, spec.seed)).wrench.size
-    ):
+    # A robot is started by nothing but a run, and no driver of one measures a wrench.
+    measures = not case.plant.is_robot and (
+        running_plant(case.plant.start(robot, start, spec.period, 1, spec.seed)).wrench.size > 0
+    )
+    if not measures:
         kind = type(case.plant).__struct_config__.tag
         raise ValueRangeError(
             f"contact: plant '{kind}' measures no wrench, so no force can be controlled; "

@@ -156,9 +156,8 @@ class Contacts:
         inside = _inside_chassis(self._robot, record.q, record.position)
         k = int(inside.argmax())
         found.append(Contact(f"in its own base: {HAND}", float(inside[k]), float(record.time[k])))
-        deepest = {
-            each.words: each for each in sorted(found, key=lambda contact: contact.depth)
-        }  # of a link's shapes
+        # Of a link's shapes the deepest stands for it.
+        deepest = {each.words: each for each in sorted(found, key=lambda contact: contact.depth)}
         return [each for each in reversed(deepest.values()) if each.depth > _TOUCH]
 
     def _deepest(self, record: Record) -> tuple[Array, NDArray[np.intp]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from dqcontrol.experiments.streamed_run import StreamedRun
 from dqcontrol.loop import Clock
 from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.supervision import Watch
+from dqcontrol.recording import RecordStream
 
 
 def run_in_real_time(
@@ -61,17 +63,19 @@ def run_in_real_time(
     robot = case.scene.robot
     streamed = StreamedRun(folder, robot, setting.single_text(case, 0), force=force)
     black_box = BlackBox(robot, setting.spec.period)
-    with streamed.record() as recording:
+    with ExitStack() as stack:
+        begun: list[RecordStream] = []
+
+        def begin() -> RecordStream:
+            begun.append(stack.enter_context(streamed.record()))
+            return begun[0]
+
         try:
-            record = execute(
-                setting, case, clock=clock, watch=watch, recording=recording, black_box=black_box
-            )
+            record = execute(setting, case, clock=clock, watch=watch, recording=begin, black_box=black_box)
         except BaseException as error:
             _keep(black_box, streamed, f"broken off: {error or type(error).__name__}")
-            if case.plant.is_robot and not len(black_box):
-                streamed.discard()  # the robot was not there: no run
             raise
-        recording.close(record.stopped)
+        begun[0].close(record.stopped)
     if record.stopped.startswith(("halted", "faulted", "diverged")):
         _keep(black_box, streamed, record.stopped)
     done = replace(as_run(setting, case, 0, record), timing=clock.timing, expected=expected)

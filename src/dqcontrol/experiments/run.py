@@ -30,6 +30,7 @@ from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.laws import Law
 from dqcontrol.loop import Clock, Record, Timing
 from dqcontrol.loop.black_box import BlackBox
+from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.loop.supervision import Watch
 from dqcontrol.measures.lyapunov import with_certificate
@@ -38,7 +39,7 @@ from dqcontrol.measures.task_range import with_range
 from dqcontrol.measures.task_result import TaskResult, task_result
 from dqcontrol.plants import Plant
 from dqcontrol.plants.plant import command_mode
-from dqcontrol.recording import RecordStream, export_record, save_record
+from dqcontrol.recording import export_record, save_record
 from dqcontrol.robots import Robot
 
 Progress = Callable[[int, int], None]
@@ -302,7 +303,7 @@ def execute(
     interpreted: bool = False,
     progress: Progress | None = None,
     clock: Clock | None = None,
-    recording: RecordStream | None = None,
+    recording: Callable[[], SampleSink] | None = None,
     watch: Watch | None = None,
     black_box: BlackBox | None = None,
 ) -> Record:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -69,10 +68,6 @@ class StreamedRun:
             recording = RecordStream(self.path, self._robot, self._spec)
             note_contents(self.folder)
         return recording
-
-    def discard(self) -> None:
-        """Take the folder away again, of a robot that never moved."""
-        shutil.rmtree(self.folder, ignore_errors=True)
 
     def keep(self, last_seconds: Record) -> Path:
         """Write what a black box held at a stop, and return its folder in this one.

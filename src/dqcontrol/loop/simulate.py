@@ -157,7 +157,7 @@ def simulate_prepared(
     interpreted: bool = False,
     progress: Callable[[int, int], None] | None = None,
     clock: Clock | None = None,
-    recording: SampleSink | None = None,
+    recording: Callable[[], SampleSink] | None = None,
     watch: Watch | None = None,
     black_box: BlackBox | None = None,
     reference: Reference | None = None,
@@ -167,6 +167,8 @@ def simulate_prepared(
 
     Parameters
     ----------
+    recording
+        Begins what takes each sample, once the plant has started: a robot that is not there leaves nothing behind.
     reference
         Of which the samples are; one that changes while the robot moves needs it.
     lasts
@@ -187,9 +189,10 @@ def simulate_prepared(
         clock = clock or Clock(overrun="skip")
         supervisor = supervisor or Supervisor()
     supervision = supervisor and supervise(supervisor, law, plant, start, watch, black_box)
+    started = plant.start(robot, start, law.period, len(samples), seed)
     trace = close_loop(
         law,
-        plant.start(robot, start, law.period, len(samples), seed),
+        started,
         samples,
         stop,
         disturbance=disturbance and disturbance.start(robot, law.period, len(samples), seed),
@@ -197,7 +200,7 @@ def simulate_prepared(
         progress=progress,
         clock=clock,
         supervision=supervision,
-        recording=recording,
+        recording=recording and recording(),
         follow=follow_in(reference),
         replanning=replanning,
     )

@@ -79,10 +79,8 @@ def _kept_parts(file: Path, mesh: Any) -> tuple[list[Array], tuple[float, float]
     if cache_root() is not None:
         kept = module_folder(__name__) / f"{hashlib.sha256(file.read_bytes()).hexdigest()[:16]}.npz"
         if kept.exists():
-            with (
-                suppress(OSError, ValueError, BadZipFile),
-                np.load(kept) as found,
-            ):  # what is damaged is made anew
+            # What is damaged is made anew.
+            with suppress(OSError, ValueError, BadZipFile), np.load(kept) as found:
                 (outside, inside), *corners = found.values()
                 return corners, (outside, inside)
     corners = _taken_apart(str(file), mesh)

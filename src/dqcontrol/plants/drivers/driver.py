@@ -32,6 +32,8 @@ _LOOK = 0.1  # s that it is watched to tell
 _AT_START = 0.01  # rad or m that the robot may be from where the run starts; limits are kept as exactly
 _PULL = 2.0  # 1/s: a robot that follows a tenth of a second late is damped well
 _SETTLING = 3.0  # s, then at most
+_FASTEST = 0.002  # s: 500 Hz of UR's e-Series, and two of the milliseconds in which franky answers its robot
+_SLOWEST = 0.05  # s: beyond it servoJ stands between two commands
 _PEAK = 1.875  # of the mean speed: peak of a minimum-jerk motion
 
 
@@ -230,6 +232,18 @@ class RunningDriver(RunningPlant):
             time.sleep(self._period)
         off = np.abs(start - self.q).max()
         raise Error(f"plant: {self._driver.address} does not get to the start: {off:.3g} rad or m are left")
+
+
+def check_fit(plant: Driver, robot: Robot, period: float, joints: int, arm: str) -> None:
+    """Raise if a robot has not as many joints as a maker's arm, or a period (s) is none that its client bears."""
+    if robot.input_size != joints:
+        raise ShapeError(
+            f"plant: {plant.address} has {joints} joints, the robot of the spec {robot.input_size}"
+        )
+    if not _FASTEST <= period <= _SLOWEST:
+        raise ValueRangeError(
+            f"period: must be {_FASTEST:g} … {_SLOWEST:g} s for a {arm} arm, got {period:g}"
+        )
 
 
 def client(module: str, extra: str) -> ModuleType:

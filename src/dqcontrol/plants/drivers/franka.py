@@ -8,12 +8,10 @@ from typing import Annotated, Any
 from msgspec import Meta
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ShapeError, ValueRangeError
-from dqcontrol.plants.drivers.driver import Driver, Link, client
+from dqcontrol.plants.drivers.driver import Driver, Link, check_fit, client
 from dqcontrol.robots.robot import Robot
 
 _JOINTS = 7
-_PERIODS = 0.002, 0.05  # s: franky's own loop has 1 ms; the slowest still hears ten commands in half a second
 _REALTIME = Path("/sys/kernel/realtime")  # of kernels with PREEMPT_RT, which libfranka asks for
 
 
@@ -52,14 +50,7 @@ class FrankaArm(Driver, frozen=True, kw_only=True, tag="franka"):
 
     def open(self, robot: Robot, period: float) -> Link:
         """Connect to the robot so that its state can be read; see `Driver.open`."""
-        if robot.input_size != _JOINTS:
-            raise ShapeError(
-                f"plant: {self.address} has {_JOINTS} joints, the robot of the spec {robot.input_size}"
-            )
-        if not _PERIODS[0] <= period <= _PERIODS[1]:
-            raise ValueRangeError(
-                f"period: must be {_PERIODS[0]:g} … {_PERIODS[1]:g} s for a Franka arm, got {period:g}"
-            )
+        check_fit(self, robot, period, _JOINTS, "Franka")
         return _Franky(self)
 
 

@@ -9,13 +9,11 @@ from typing import Annotated, Any, Literal
 from msgspec import Meta
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ShapeError, ValueRangeError
-from dqcontrol.plants.drivers.driver import Driver, Link, client
+from dqcontrol.plants.drivers.driver import Driver, Link, check_fit, client
 from dqcontrol.robots.robot import Robot
 
 _JOINTS = 6
-_FASTEST = 0.002  # s: 500 Hz of the e-Series
-_SLOWEST = 0.05  # s: beyond it servoJ stands between two commands
+_CYCLE = 0.002  # s: of the e-Series
 _RECEIVED = ["timestamp", "actual_q", "robot_status_bits", "safety_status_bits", "runtime_state"]
 _PLAYING = 2  # of RTDE's runtime_state
 _BEGINS = 1.0  # s until both connections say that the program runs
@@ -64,14 +62,7 @@ class UniversalRobot(Driver, frozen=True, kw_only=True, tag="ur"):
 
     def open(self, robot: Robot, period: float) -> Link:
         """Connect to the robot so that its state can be read; see `Driver.open`."""
-        if robot.input_size != _JOINTS:
-            raise ShapeError(
-                f"plant: {self.address} has {_JOINTS} joints, the robot of the spec {robot.input_size}"
-            )
-        if not _FASTEST <= period <= _SLOWEST:
-            raise ValueRangeError(
-                f"period: must be {_FASTEST:g} … {_SLOWEST:g} s for a UR arm, got {period:g}"
-            )
+        check_fit(self, robot, period, _JOINTS, "UR")
         return _Rtde(self, period)
 
 
@@ -94,7 +85,7 @@ class _Rtde(Link):
         self._control = client("rtde_control", "ur").RTDEControlInterface(self._plant.host)
         until = time.monotonic() + _BEGINS
         while self._received.getRuntimeState() != _PLAYING and time.monotonic() < until:
-            time.sleep(_FASTEST)  # the program runs; the other connection hears so a message later
+            time.sleep(_CYCLE)  # the program runs; the other connection hears so a message later
 
     def read(self) -> tuple[Array, object]:
         return self._received.getActualQ(), self._received.getTimestamp()
