@@ -34,6 +34,19 @@ def rest(live, seconds):
     return readings(live)
 
 
+def test_a_link_of_several_shapes_is_named_as_people_know_it():
+    wall = {"box": [0.1, 2, 2], "position": [0.7, 0, 0.5]}
+    with pytest.warns(dqc.errors.CollisionWarning):
+        run = dqc.run(
+            {
+                "name": "wall", "robot": "panda", "start": [0, -0.3, 0, -2.0, 0, 1.8, 0.7], "period": 0.01,
+                "reference": {"kind": "set-point", "duration": 1.0, "offset": {"translation": [0.2, 0, 0]}},
+                "law": {"kind": "proportional", "gain": 3}, "plant": {"kind": "mujoco"}, "world": {"wall": wall},
+            }
+        )  # fmt: skip
+    assert run.verdict.words.startswith("hit wall: panda_link6 ")
+
+
 def test_a_cube_falls_onto_a_table_and_lies_there():
     table = Body(box=[0.4, 0.4, 0.1], position=(0.0, 0.8, 0.35))
     cube = Body(box=0.05, position=(0.0, 0.8, 0.6), mass=0.2)

@@ -91,6 +91,11 @@ class LinkShapes:
         """Names of the shapes."""
         return tuple(each.name for each in self.shapes)
 
+    @property
+    def links(self) -> tuple[str, ...]:
+        """Of each shape the link that carries it."""
+        return tuple(each.link for each in self.shapes)
+
     def index(self, field: str, name: str) -> int:
         """Return the number of a shape by its name, or say that there is none such."""
         if name not in self.names:

@@ -361,7 +361,7 @@ class WorldContacts:
         bodies = {name: body for name, body in world.bodies.items() if not (grounded and body.is_floor)}
         self.bodies: WorldBodies = WorldBodies(bodies, model, data, period, seed)
         self._model, self._data, self._force = model, data, mujoco.mj_contactForce
-        self._names, self._links = list(bodies), (*(each.name for each in shapes), CHASSIS)
+        self._names, self._links = list(bodies), (*(each.link for each in shapes), CHASSIS)
         number = {model.body(_geoms_of(name, body)).id: i for i, (name, body) in enumerate(bodies.items())}
         # of each geom
         self._body_of: NDArray[np.intp] = np.array([number.get(int(each), -1) for each in model.geom_bodyid])
