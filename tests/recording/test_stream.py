@@ -34,7 +34,7 @@ recording = RecordStream(path, arm, "name: killed")
 if limit:
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
 record = simulate_prepared(law, dqc.plants.Servo(), q, samples, supervisor=Supervisor(stale_after=1000.0),
-    clock=Clock(), recording=recording,
+    clock=Clock(), recording=lambda: recording,
     progress=lambda done, count: print(samples[done - 1, -1], flush=True))
 print("ended", record.stopped, np.abs(record.command[-1]).max(), flush=True)
 recording.close(record.stopped)
@@ -52,7 +52,7 @@ def driven(arm, path, **options):
     samples = circle.samples(T * np.arange(401))
     with RecordStream(path, arm, "name: test") as recording:
         return simulate_prepared(
-            law, dqc.plants.Servo(encoder_noise=1e-4), Q0, samples, recording=recording, **options
+            law, dqc.plants.Servo(encoder_noise=1e-4), Q0, samples, recording=lambda: recording, **options
         )
 
 
@@ -138,7 +138,9 @@ def test_a_full_disk_without_a_supervisor_ends_the_loop(arm, tmp_path, monkeypat
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, hard))
         samples = circle.samples(T * np.arange(20_000))
-        record = simulate_prepared(law, dqc.plants.Servo(), Q0, samples, recording=recording, progress=slowly)
+        record = simulate_prepared(
+            law, dqc.plants.Servo(), Q0, samples, recording=lambda: recording, progress=slowly
+        )
         with pytest.raises(Error, match=r"record.mcap: the recording cannot be written: File too large"):
             recording.close(record.stopped)
     finally:
