@@ -1,5 +1,6 @@
 """Franka arms: the real clients ``franky`` and ``pylibfranka`` against a double of FCI; no robot was met."""
 
+import os
 import subprocess
 import sys
 import time
@@ -80,6 +81,14 @@ def test_a_loop_that_begins_late_takes_no_old_state_for_silence(robot):
     time.sleep(0.5)
     live.step(np.zeros(7))
     assert live.fault == ""
+    live.close()
+
+
+def test_the_program_keeps_its_own_priority(robot):
+    before = os.sched_getscheduler(0), os.sched_getparam(0).sched_priority
+    live = started(robot)
+    live.step(np.zeros(7))
+    assert (os.sched_getscheduler(0), os.sched_getparam(0).sched_priority) == before
     live.close()
 
 
