@@ -106,6 +106,7 @@ def test_a_naive_loop_trips_it(robot):
     assert robot.state()["fault"] == "joint_motion_generator_velocity_discontinuity"
 
 
+@pytest.mark.slow
 def test_the_same_law_behind_the_supervisor_gets_there(robot):
     panda = dqc.load_robot("panda")
     live = dqc.loop.Live(

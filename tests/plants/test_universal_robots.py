@@ -84,6 +84,7 @@ def test_a_naive_loop_trips_it(robot):
     live.close()
 
 
+@pytest.mark.slow
 def test_the_same_law_behind_the_supervisor_gets_there(robot):
     arm = dqc.load_robot("ur5")
     live = dqc.loop.Live(
