@@ -57,9 +57,10 @@ class ContactLimits:
     Attributes
     ----------
     stiffness
-        Largest of what stands still, N/m (about turning axes N·m/rad), on the worst axis; infinite where none fails.
+        Largest of what stands still, N/m, on the worst axis; infinite where none fails. N·m/rad where the stage moves
+        about axes only.
     axis
-        The worst axis: x, y, z, mx, my or mz.
+        The worst axis: x, y or z; mx, my or mz where the stage moves about axes only.
     loose_part
         Worst of what is free to move behind a spring.
     least_damping
@@ -136,7 +137,8 @@ def contact_limits(
     for i in np.flatnonzero(rows[:, :2].any(axis=1)):
         loop = _Loop(admittance, law, model, start, int(i))
         found.append((loop.limit(), int(i), loop))
-    stiffness, worst, loop = min(found, key=lambda each: each[0])
+    # N/m and N·m/rad are no more comparable than metres and radians: what is touched has a stiffness in N/m.
+    stiffness, worst, loop = min(found, key=lambda each: (each[1] < 3, each[0]))
     loose = [LoosePart(loop.limit(mass), mass) for mass in _MASSES] if worst >= 3 else []
     lag = max(sum(plant.lag(robot).mean), _lateness(model, robot.configuration_size, period))
     wanted = [
