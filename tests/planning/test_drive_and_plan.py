@@ -10,6 +10,8 @@ from dqcontrol.planning import CertifiedEdges, PlanTo, drive_and_plan, plan
 
 ROBOT = dqc.load_robot("little-john")
 START = np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0])
+assert ROBOT.shapes is not None
+SHAPES = ROBOT.shapes.shapes
 SHELF = {
     "lower": {"box": [0.25, 0.8, 0.02], "position": [2.0, 0.6, 0.12]},
     "upper": {"box": [0.25, 0.8, 0.02], "position": [2.0, 0.6, 0.45]},
@@ -27,7 +29,7 @@ def least_distance(configurations):
     least = np.inf
     for q in configurations:
         frames = ROBOT.frames(q)
-        for link in ROBOT.shapes.shapes:
+        for link in SHAPES:
             moved = link.shape.moved(frames[link.frame - 1])
             for body in BODIES.values():
                 least = min(least, distance(moved, body.shapes[0]).distance)
