@@ -328,7 +328,9 @@ def _film(robot: Robot, runs: Further, kept: Constraints | None) -> Film:
         kept = Constraints(world=world)
     around = None if kept is None else ConstraintView(kept, robot, period)
     if plant is not None and (picture := plant.picture(robot)) is not None:
-        return film_physics(robot, picture, record, [_in_physics(robot, *each, World()) for each in further])
+        return film_physics(
+            robot, picture, record, [_in_physics(robot, *each, World(bodies={})) for each in further]
+        )
     if isinstance(robot, SerialArm) or (isinstance(robot, TreeRobot) and not robot.bases):
         return film_arm(robot, record, [each for _, each in further], around)
     bodies = kept.world.bodies if kept is not None and kept.world is not None else {}
