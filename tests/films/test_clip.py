@@ -299,4 +299,4 @@ def test_a_mobile_manipulator_is_drawn_among_what_it_keeps_clear_of():
     target = dqc.references.SetPoint(robot.fkm(start))
     record = dqc.simulate(robot, target, law, dqc.plants.Integrator(), start, 0.05, 0.2)
     drawn = _film(robot, [(dqc.plants.Integrator(), record)], keep).spec.compile()
-    np.testing.assert_allclose(drawn.body("board").pos, [2.0, 0.6, 0.45])
+    np.testing.assert_allclose(drawn.body("world: board").pos, [2.0, 0.6, 0.45])
