@@ -174,7 +174,7 @@ def _start_through(arm: Robot, reference: Reference, first: Array, pace: float) 
     others = [each.q for each in postures(arm, poses[0])]
     edges = CertifiedEdges(arm, Constraints())
     try:
-        return first_through([(start, poses) for start in (first, *others)], edges)[0]
+        return first_through([(start, poses) for start in (first, *others)], edges, aside=False)[0]
     except PlanError as error:
         warnings.warn(f"start: {error}", NoteWarning, stacklevel=3)
         return first

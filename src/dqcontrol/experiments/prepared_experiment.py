@@ -399,7 +399,7 @@ def _through_all(spec: Spec, folder: Path, robot: Robot, found: list[ReachingPos
         times = np.linspace(0.0, goes, PATH_SAMPLES if goes else 1)
         paths.append((each.q, reference.samples(times)[:, POSE]))
     try:
-        through = first_through(paths, CertifiedEdges(robot, asked))
+        through = first_through(paths, CertifiedEdges(robot, asked), aside=given[0] is not None)
     except PlanError as error:
         warnings.warn(f"start: {error}", NoteWarning, stacklevel=2)
         return found[0]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
@@ -178,6 +178,35 @@ class InverseKinematics(Dexterity):
         return reports
 
 
+def solutions(
+    arm: InverseKinematics, pose: Array, starts: Array, orientation_tolerance: float, restarts: int
+) -> Array:
+    """Return the configurations, (K, n), that starts, (N, n), lead to and that have the hand at a pose, (8,).
+
+    What limits hold back goes on without them, and counts if it ends whole turns away from where they allow.
+    """
+    problem = prepare_inverse(arm.limits, arm.joint_types, 1e-6, orientation_tolerance, restarts, 0)
+    q = starts.copy()
+    reached = _reach(arm, problem, pose, q)
+    held = q[~reached]
+    free = _into_ranges(arm, held[_reach(arm, _without_limits(problem), pose, held)])
+    inside = ((arm.limits.lower <= free) & (free <= arm.limits.upper)).all(axis=1)
+    return np.vstack([q[reached], free[inside]])
+
+
+def _reach(arm: InverseKinematics, problem: Problem, pose: Array, q: Array) -> NDArray[np.bool_]:
+    """Overwrite starts, (N, n), by what they lead to, and return which of it has the hand at a pose, (8,)."""
+    reports = arm._newton(problem, np.tile(pose, (len(q), 1)), q)
+    return np.all(reports[:, :2] <= problem.options[:2], axis=1)
+
+
+def _without_limits(problem: Problem) -> Problem:
+    n = len(problem.middle)
+    return problem._replace(
+        limits=np.array([np.full(n, -np.inf), np.full(n, np.inf)]), starts=problem.starts[:0]
+    )
+
+
 class Problem(NamedTuple):
     """What does not depend on the pose: limits (2, n), random starts (K, n), the kernel's options, the first start."""
 
@@ -218,9 +247,7 @@ def _explain(
     """Return why a pose was not reached; or overwrite q and its report by a solution found on the way."""
     n, tolerances = arm.configuration_size, problem.options[:2]
     starts = problem.starts[: _TRIALS - 1]
-    unlimited = problem._replace(
-        limits=np.array([np.full(n, -np.inf), np.full(n, np.inf)]), starts=starts[:0]
-    )
+    unlimited = _without_limits(problem)
     free = np.vstack([q, starts])
     found = arm._newton(unlimited, np.repeat(pose, len(free), axis=0), free)
     reached = (found[:, :2] <= tolerances).all(axis=1)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ReachError, ShapeError
-from dqcontrol.robots.inverse.inverse_kinematics import ranges
+from dqcontrol.robots.inverse.inverse_kinematics import ranges, solutions
 from dqcontrol.robots.poses import unit_poses
 from dqcontrol.robots.robot import base_coordinates
 
@@ -103,8 +103,7 @@ def postures(
     first = robot.solve(target, guesses[0], orientation_tolerance=tolerance)
     if not first.success:
         raise ReachError(first.reason)
-    found = robot.solve(target, guesses, orientation_tolerance=tolerance, restarts=2)
-    q = _distinct(np.vstack([first.q, found.q[found.success]]))
+    q = _distinct(np.vstack([first.q, solutions(robot, target, guesses, tolerance, restarts=2)]))
     share, margin, nearest = _room(robot, q)
     dexterity = robot.manipulability(q)
     order = np.argsort(-share * dexterity, kind="stable")
@@ -120,11 +119,8 @@ def _posture(robot: Robot, q: Array, margin: float, nearest: int, dexterity: flo
 
 def _distinct(q: Array) -> Array:
     """Return configurations without those that are the same as an earlier one."""
-    kept: list[Array] = []
-    for each in q:
-        if all(np.abs(each - other).max() > _SAME for other in kept):
-            kept.append(each)
-    return np.array(kept)
+    same = np.abs(q[:, None] - q).max(axis=2) <= _SAME
+    return q[~np.tril(same, -1).any(axis=1)]
 
 
 def _room(robot: Robot, q: Array) -> tuple[Array, Array, NDArray[np.intp]]:
