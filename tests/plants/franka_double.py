@@ -158,6 +158,9 @@ class Double(RobotDouble):
     def accept(self, listener):
         while True:
             connection, (host, _) = listener.accept()
+            late = time.monotonic() + 1.0  # a client that has just ended may not have been noticed
+            while self.client is not None and time.monotonic() < late:
+                time.sleep(0.01)
             if self.client is not None:
                 connection.close()
                 continue
@@ -226,7 +229,7 @@ class Double(RobotDouble):
         return None
 
     def is_driven(self):
-        return self.client is not None
+        return self.robot.generator is not None
 
     def cycle(self):
         with self.lock:

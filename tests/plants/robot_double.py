@@ -4,6 +4,7 @@ A double is never late by its own clock: what the machine does meanwhile lengthe
 """
 
 import json
+import os
 import select
 import sys
 import threading
@@ -65,7 +66,13 @@ def towards(value, goal, step):
 
 
 def work(kind):
-    """Be a double, as the first argument says."""
+    """Be a double, as the first argument says; one that fails ends, so that no client waits for it."""
+
+    def fail(args):
+        threading.__excepthook__(args)
+        os._exit(1)
+
+    threading.excepthook = fail
     double = kind(**json.loads(sys.argv[1]))
     print("ready", flush=True)
     double.run()

@@ -176,7 +176,7 @@ class Rtde(threading.Thread):
             self.take(payload)
 
     def take(self, payload):
-        controller, at = self.double.controller, 1
+        controller, at = self.double.robot, 1
         with self.double.lock:
             if not self.double.plugged:
                 return

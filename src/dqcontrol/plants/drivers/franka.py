@@ -86,3 +86,4 @@ class _Franky(Link):
     def close(self) -> None:
         if not self.fault() and self._robot.is_in_control:
             self._robot.stop()
+        del self._robot  # franky disconnects with the last reference
