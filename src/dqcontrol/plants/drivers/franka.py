@@ -9,10 +9,9 @@ from typing import Annotated, Any
 from msgspec import Meta
 
 from dqcontrol.arrays import Array
-from dqcontrol.plants.drivers.driver import Driver, Link, check_fit, client
+from dqcontrol.plants.drivers.driver import Driver, Link, check_period, client
 from dqcontrol.robots.robot import Robot
 
-_JOINTS = 7
 _REALTIME = Path("/sys/kernel/realtime")  # of kernels with PREEMPT_RT, which libfranka asks for
 
 
@@ -51,7 +50,7 @@ class FrankaArm(Driver, frozen=True, kw_only=True, tag="franka"):
 
     def open(self, robot: Robot, period: float) -> Link:
         """Connect to the robot so that its state can be read; see `Driver.open`."""
-        check_fit(self, robot, period, _JOINTS, "Franka")
+        check_period(period, "Franka")
         return _Franky(self)
 
 
@@ -92,3 +91,4 @@ class _Franky(Link):
     def close(self) -> None:
         if not self.fault() and self._robot.is_in_control:
             self._robot.stop()
+        del self._robot  # franky disconnects with the last reference
