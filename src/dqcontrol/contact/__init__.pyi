@@ -10,6 +10,7 @@ from .admittance import (
     WantedWrench as WantedWrench,
 )
 from .admittance_stage import AdmittanceStage as AdmittanceStage
+from .impedance import Impedance as Impedance, PreparedImpedance as PreparedImpedance
 from .limits import (
     ContactLimits as ContactLimits,
     LoosePart as LoosePart,

@@ -12,6 +12,7 @@ from dqcontrol.errors import DivergedError, ValueRangeError, as_each
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.mujoco.gripper import LiveGripper
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
+from dqcontrol.plants.mujoco.torque_drive import TorqueDrive
 from dqcontrol.plants.mujoco.world_model import WorldContacts
 from dqcontrol.plants.mujoco.wrist_sensor import TOOL, MujocoWrist
 from dqcontrol.plants.plant import as_command
@@ -35,6 +36,8 @@ class RunningMujoco(RunningPlant):
     ----------
     model, data
         MuJoCo's own model and state, for whoever needs more.
+    drive
+        What drives the joints by the torques of an impedance; None: position servos.
     """
 
     model: Any
@@ -71,6 +74,9 @@ class RunningMujoco(RunningPlant):
         self._read()
         self._rate, self._target = data.ctrl[:n], data.act
         self._advance = self._wrist.advance if self._wrist else import_mujoco().mj_step
+        self.drive = TorqueDrive(plant, robot, model, data) if plant.impedance else None
+        if self.drive is not None:
+            self._advance = self.drive.advancing(self._advance, self._wrist.felt if self._wrist else None)
         self._substeps = substeps
         self._period = period
         self._from_measured = plant.command_mode == "measured"
