@@ -39,7 +39,8 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
     Position limits are mechanical stops, where a joint has both.
 
     With `impedance` the arm is driven by torque: at each time step those of springs and dampers between the end
-    effector and its pose at the targets, with the same limits, in place of the servos'.
+    effector and its pose at the targets, with the same limits, in place of the servos'. Measured are then the
+    targets, which are what a law leads; else it would wind up the springs of an arm that gives way.
 
     Parameters
     ----------
@@ -204,7 +205,8 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
 
         A step h takes v⁺ = (M + hD)⁻¹ (M v + h k_p (q* − q)) with D of servos and viscous friction, then
         q⁺ = q + h v⁺. What changes with the configuration (gravity, inertia), dry friction, effort limits and
-        encoders are left out. Torques of an impedance are taken by their slopes.
+        encoders are left out. Torques of an impedance are taken by their slopes;
+        as if a law saw the joints, which move later than the targets that it sees.
         """
         h, steps, n = self.timestep, self.substeps(period), robot.configuration_size
         live = self.start(robot, start, period, 1, 0)

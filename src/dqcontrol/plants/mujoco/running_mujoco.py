@@ -81,7 +81,10 @@ class RunningMujoco(RunningPlant):
         self._period = period
         self._from_measured = plant.command_mode == "measured"
         self._encoders = JointEncoders(plant, n, seed)
-        self._encoders.read(self.q, self.measured)
+        # What a law leads are the springs' ends: fed back, an arm that gives way would wind them up to the force of
+        # a stiff one.
+        self._seen = self._target[:n] if self.drive else self.q
+        self._encoders.read(self._seen, self.measured)
 
     @property
     def time(self) -> float:
@@ -131,7 +134,7 @@ class RunningMujoco(RunningPlant):
                 f"plant: the arm diverged before {self.data.time:g} s, q = {self.q}; "
                 "try a smaller timestep, less bandwidth or stiffness, or more damping"
             )
-        self._encoders.read(self.q, self.measured)
+        self._encoders.read(self._seen, self.measured)
         self._read()
 
     def close_gripper(self, closed: bool | None = True) -> None:
