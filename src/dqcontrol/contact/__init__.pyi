@@ -14,6 +14,7 @@ from .impedance import Impedance as Impedance, PreparedImpedance as PreparedImpe
 from .limits import (
     ContactLimits as ContactLimits,
     LoosePart as LoosePart,
+    bears as bears,
     contact_limits as contact_limits,
 )
 from .tool import Tool as Tool, load_tool as load_tool
