@@ -43,7 +43,7 @@ def test_a_spec_runs_as_on_a_simulated_robot_and_ends_at_rest(arm, robot, tmp_pa
     assert state["fastest"] < 1.0
 
 
-@pytest.mark.slow  # that an emergency stop is told, each driver's own tests have
+@pytest.mark.slow  # seconds of real time each
 def test_a_law_behind_the_supervisor_gets_there_and_an_emergency_stop_stops_it(arm, robot):
     loaded = dqc.load_robot(arm.robot)
     live = dqc.loop.Live(

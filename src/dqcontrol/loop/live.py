@@ -290,6 +290,8 @@ class Live:
     def set_law(self, law: Law) -> None:
         """Go on with another law, or the same one with other parameters; its memory begins anew.
 
+        But where the compliant frame of its `contact` is stays, while M, D, K and the wanted force change.
+
         Raises
         ------
         Error

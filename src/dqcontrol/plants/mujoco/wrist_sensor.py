@@ -91,6 +91,8 @@ class MujocoWrist:
     readings
         That, and the force of what is touched, base axes, the mean of a period: contacts of hard things come and go
         from one time step to the next.
+    felt
+        Behind the filter, without noise, updated at every time step.
     """
 
     def __init__(self, wrist: Wrist, model: Any, data: Any, seed: int) -> None:
@@ -103,7 +105,7 @@ class MujocoWrist:
         self._rng = np.random.default_rng([seed, _STREAM])
         self.readings: Array = np.zeros(9)
         self.wrench: Array = self.readings[:6]
-        self._filtered = self._felt()
+        self.felt: Array = self._felt()
         self._touch, self._steps = np.zeros(3), 0
 
     def _felt(self) -> Array:
@@ -114,12 +116,12 @@ class MujocoWrist:
         """Take so many time steps, and feel at each."""
         for _ in range(count):
             self._step(model, data, 1)
-            self._filtered += (1.0 - self._kept) * (self._felt() - self._filtered)
+            self.felt += (1.0 - self._kept) * (self._felt() - self.felt)
             self._touch += self._external
         self._steps += count
 
     def read(self) -> None:
         """Update what it shows."""
-        self.wrench[:] = self._filtered + self._noise * self._rng.standard_normal(6)
+        self.wrench[:] = self.felt + self._noise * self._rng.standard_normal(6)
         self.readings[6:] = self._touch / max(self._steps, 1)
         self._touch[:], self._steps = 0.0, 0
