@@ -314,7 +314,7 @@ def main() -> None:
             late = playing.drags(tab, chosen.drags)
             for what, times in (("drag to motion", late), ("to a message of an empty scene", floor)):
                 print(
-                    f"{what}: median {1e3 * np.median(times):.0f} ms, 95 % below {1e3 * np.quantile(times, 0.95):.0f} ms "
+                    f"{what}: median {1e3 * np.median(times):.0f} ms, p95 {1e3 * np.quantile(times, 0.95):.0f} ms "
                     f"({len(times)} of {chosen.drags} moves, load {os.getloadavg()[0]:.1f})",
                     flush=True,
                 )
