@@ -38,11 +38,12 @@ class DoubleProcess:
         return json.loads(self.process.stdout.readline())
 
     def until(self, is_so, cycles=5000):
-        """The state at which something is so, within so many cycles of the double's own time."""
+        """The state at which something is so, within so many cycles of the double's own time, and within a minute."""
         state = self.state()
-        last = state["cycles"] + cycles
+        last, late = state["cycles"] + cycles, time.monotonic() + 60
         while not is_so(state):
             assert state["cycles"] < last, state
+            assert time.monotonic() < late, state
             time.sleep(0.005)
             state = self.state()
         return state
@@ -67,17 +68,20 @@ for line in sys.stdin:
     asked = json.loads(line)
     if os.fork():
         continue
-    start = np.array(asked["start"])
-    plant = getattr(dqc.plants, asked["kind"])(host=asked["host"], **asked["options"])
-    live = plant.start(dqc.load_robot(asked["robot"]), start, 0.008, 10, 0)
-    for k in range(10000):
-        live.step(np.full(len(start), 0.5 * np.cos(0.008 * k)) * min(k / 50, 1))
-        if k == 60:
-            print("moving", os.getpid(), flush=True)
-        if live.fault:
-            print(live.fault, flush=True)
-            break
-        time.sleep(0.008)
+    try:
+        start = np.array(asked["start"])
+        plant = getattr(dqc.plants, asked["kind"])(host=asked["host"], **asked["options"])
+        live = plant.start(dqc.load_robot(asked["robot"]), start, 0.008, 10, 0)
+        for k in range(10000):
+            live.step(np.full(len(start), 0.5 * np.cos(0.008 * k)) * min(k / 50, 1))
+            if k == 60:
+                print("moving", os.getpid(), flush=True)
+            if live.fault:
+                print("fault", live.fault, flush=True)
+                break
+            time.sleep(0.008)
+    except Exception as error:  # who reads would wait for ever
+        print("failed", repr(error), flush=True)
     os._exit(0)
 """
 

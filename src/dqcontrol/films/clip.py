@@ -74,8 +74,8 @@ def render_clip(
     """Save a clip of an arm, or of a mobile manipulator, with the time in its corner.
 
     Further runs show through the first, in colours of their own. A mobile manipulator that was not in physics is drawn
-    as physics would, on wheels that do not slip. Of an arm also the desired path (dashed, blue), the hand's path so far
-    (red), and the world.
+    as physics would, on wheels that do not slip. Of an arm also the desired path (dashed, blue), the end effector's
+    path so far (red), and the world.
 
     Parameters
     ----------

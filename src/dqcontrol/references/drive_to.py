@@ -67,7 +67,7 @@ _LEAST_SHARE = 0.5  # of the clearance: grids and straight links are coarse
 
 
 class PlannedWay(Reference):
-    """The hand's motion while its robot goes a way of configurations that it can go.
+    """The end effector's motion while its robot goes a way of configurations that it can go.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class PlannedWay(Reference):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DriveTo(PlannedWay):
-    """The hand's motion while its robot goes from one configuration to another, as it can.
+    """The end effector's motion while its robot goes from one configuration to another, as it can.
 
     Each differential drive turns towards its goal, forwards or backwards, whichever turns less, drives there straight,
     and turns to its heading there; a base that steers takes the shortest way of three arcs and lines, forwards and
@@ -252,12 +252,12 @@ class DriveTo(PlannedWay):
         floor: FloorMap | None = None,
         clearance: float = CLEARANCE,
     ) -> DriveTo:
-        """Return the way to a pose of the hand.
+        """Return the way to a pose of the end effector.
 
         Of the configurations that reach it (64 starts of inverse kinematics), those count whose smallest singular value
         is at least half of the largest found; the one that is reached soonest is taken. Ways on which the robot's
-        shapes stay 20 mm apart from each other go first; only where there is none is another one taken. The hand of a
-        robot with a base never goes through the floor, z = 0.
+        shapes stay 20 mm apart from each other go first; only where there is none is another one taken. The end
+        effector of a robot with a base never goes through the floor, z = 0.
 
         On a floor with obstacles the base drives from straight to straight around them. Where its room is needed, the
         arm folds itself before and unfolds at the goal, while the base drives if there is room for that. The whole way
@@ -280,8 +280,8 @@ class DriveTo(PlannedWay):
         Raises
         ------
         UnreachableGoalError
-            If no configuration within the limits has the hand there: which limits hold it back, and how near it comes;
-            or if something stands in its place, or in the way.
+            If no configuration within the limits has the end effector there: which limits hold it back, and how near it
+            comes; or if something stands in its place, or in the way.
         ShapeError, ValueRangeError
             As above, or if the pose is none.
         """
@@ -297,7 +297,7 @@ class DriveTo(PlannedWay):
         ways = [way for way in ways if _above_floor(way)]
         if not ways:
             raise UnreachableGoalError(
-                f"pose: every way of {robot.name} there takes its hand through the floor"
+                f"pose: every way of {robot.name} there takes its end effector through the floor"
             )
         ways.sort(key=lambda way: way.duration)
         return next((way for way in ways if _itself_apart(way)), ways[0])
@@ -470,7 +470,7 @@ def _itself_apart(way: DriveTo) -> bool:
 
 
 def goal_configurations(robot: Robot, start: Array, pose: Array, tries: int = _TRIES) -> Array:
-    """Return configurations within the limits that have the hand at a pose (8,), not near singularities, shape (N, n).
+    """Return configurations within limits with the end effector at a pose (8,), not near singularities, shape (N, n).
 
     They are found from the start and from random configurations near it; with more than 64 tries near the goal.
 

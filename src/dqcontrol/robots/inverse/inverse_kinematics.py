@@ -1,4 +1,4 @@
-"""Inverse kinematics: configurations that give the hand a pose, and why there is none."""
+"""Inverse kinematics: configurations that give the end effector a pose, and why there is none."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _ITERATIONS = 60  # a start; most need fewer than 15
 _TRIALS = 64  # starts without limits, of which the solution nearest to the limits is reported
 _ROUNDING = 1e-9  # m: no distance
 _NEARLY = 1e-3  # m and rad: a failure so near the pose is a matter of convergence
-_NEARLY_SINGULAR = 1e-2  # smallest singular value of the hand's Jacobian
+_NEARLY_SINGULAR = 1e-2  # smallest singular value of the end effector's Jacobian
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class Solution:
     success
         Whether both errors are within their tolerances.
     position_error, orientation_error
-        Distance (m) and angle (rad) between the hand and the desired pose.
+        Distance (m) and angle (rad) between the end effector and the desired pose.
     iterations
         Damped Newton steps, over all starts.
     starts
@@ -95,7 +95,7 @@ class InverseKinematics(Dexterity):
         restarts: int = 400,
         seed: int = 0,
     ) -> Solution:
-        """Find a configuration within the joint limits that gives the hand a pose.
+        """Find a configuration within the joint limits that gives the end effector a pose.
 
         Damped Newton steps start from ``start``, then from random configurations, until one reaches the pose. The
         result is the same each time; with ``start`` near a solution it is that solution.
@@ -274,7 +274,7 @@ def _explain(
         if smallest < _NEARLY_SINGULAR:
             return (
                 False,
-                f"singular: {near}, where the hand's Jacobian has a singular value of {smallest:.2g}",
+                f"singular: {near}, where the end effector's Jacobian has a singular value of {smallest:.2g}",
             )
         return False, f"tolerance: {near}; rounding allows no less than about 1e-15"
     few = f" (an arm of {n} joints has few orientations anywhere)" if n < 6 else ""

@@ -1,4 +1,4 @@
-"""The configurations that give the hand a pose, and which of them to start from."""
+"""The configurations that give the end effector a pose, and which of them to start from."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SAME = 1e-3  # rad or m between two configurations: one solution
 
 @dataclass(frozen=True)
 class ReachingPosture:
-    """A configuration that gives the hand a pose.
+    """A configuration that gives the end effector a pose.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class ReachingPosture:
     nearest
         The joint that comes so near; empty without limits.
     manipulability
-        Product of the singular values of the hand's Jacobian: 0 where it is singular.
+        Product of the singular values of the end effector's Jacobian: 0 where it is singular.
     unit
         Of the margin, ``"rad"`` or ``"m"``.
     """
@@ -59,7 +59,7 @@ class ReachingPosture:
 def postures(
     robot: Robot, pose: ArrayLike, *, orientation: bool = True, starts: int = _STARTS, seed: int = 0
 ) -> list[ReachingPosture]:
-    """Return configurations within the joint limits that give the hand a pose, the best to start from first.
+    """Return configurations within the joint limits that give the end effector a pose, the best to start from first.
 
     The best has the largest product of manipulability and of the least share of a joint's half range that is left to
     its limits. An arm with more joints than the pose needs has infinitely many: those returned are a sample.
