@@ -66,6 +66,15 @@ DRAWN = """() => new Promise(done => {
     let left = 10; const next = () => left-- ? requestAnimationFrame(next) : done(true);
     requestAnimationFrame(next);
 })"""  # some pictures later
+COUNTED = """(() => {
+    window.drawn = 0; let isDrawn = false;
+    for (const kind of ["drawElements", "drawArrays", "drawElementsInstanced"]) {
+        const own = WebGL2RenderingContext.prototype[kind];
+        WebGL2RenderingContext.prototype[kind] = function (...each) { isDrawn = true; return own.apply(this, each); };
+    }
+    const next = () => { window.drawn += isDrawn; isDrawn = false; requestAnimationFrame(next); };
+    requestAnimationFrame(next);
+})()"""
 COMPUTED = """
 import os, sys, time
 from dqcontrol.browser import served_page
@@ -183,6 +192,7 @@ def opened(browser: Browser, url: str, complaints: list[str]) -> Page:
     tab.set_default_timeout(120_000)
     tab.on("pageerror", lambda error: complaints.append(str(error)))
     tab.on("console", lambda line: line.type == "error" and complaints.append(line.text))
+    tab.add_init_script(COUNTED)
     tab.goto(f"{url}/?fixedDpr=0.5")
     while (np.ptp(picture(tab), axis=2) > 100).mean() < 1e-3:
         tab.wait_for_timeout(100)
@@ -190,16 +200,11 @@ def opened(browser: Browser, url: str, complaints: list[str]) -> Page:
 
 
 def frames(tab: Page, seconds: float = 5.0) -> float:
-    """Return how many pictures a page draws a second."""
-    count = tab.evaluate(
-        """ms => new Promise(done => {
-            let count = 0; const begin = performance.now();
-            const next = now => now - begin > ms ? done(count) : (count++, requestAnimationFrame(next));
-            requestAnimationFrame(next);
-        })""",
-        1e3 * seconds,
-    )
-    return float(count) / seconds
+    """Return how many pictures of its scene a page draws a second; it draws none where nothing moves."""
+    count = "window.drawn"
+    begin, then = tab.evaluate(count), time.monotonic()
+    tab.wait_for_timeout(1e3 * seconds)
+    return float(tab.evaluate(count) - begin) / (time.monotonic() - then)
 
 
 def empty_scene(browser: Browser, port: int, count: int) -> tuple[float, Any]:
@@ -218,13 +223,36 @@ def empty_scene(browser: Browser, port: int, count: int) -> tuple[float, Any]:
 
     gizmo.on_update(moved)
     tab = browser.new_page(viewport=WINDOW, device_scale_factor=0.5)
+    tab.add_init_script(COUNTED)
     tab.goto(f"{address(server)}/?fixedDpr=0.5")
+    while not server.get_clients():
+        tab.wait_for_timeout(100)
     tab.wait_for_timeout(4000)
     (viewer,) = server.get_clients().values()
-    drawn, late = frames(tab), drags(tab, viewer, gizmo, lambda: seen, count)
+    late = drags(tab, viewer, gizmo, lambda: seen, count)
+    with moving(gizmo):
+        drawn = frames(tab)
     tab.close()
     server.stop()
     return drawn, late
+
+
+@contextmanager
+def moving(node: Any) -> Iterator[None]:
+    """Move a node of the scene 30 times a second, as play moves a robot."""
+    ended = threading.Event()
+
+    def move() -> None:
+        k = 0
+        while not ended.wait(1 / 30):
+            k += 1
+            node.position = (0.4, 0.1 * np.sin(k / 10), 0.5)
+
+    thread = threading.Thread(target=move)
+    thread.start()
+    yield
+    ended.set()
+    thread.join()
 
 
 def drags(tab: Page, viewer: Any, gizmo: Any, moves: Callable[[], list[float]], count: int) -> Any:
@@ -314,11 +342,13 @@ def main() -> None:
         with Playing(driven_spec("panda")[0], 18620, folder) as playing:
             session = playing.session
             tab = opened(browser, playing.page.url, complaints)
+            session.follow({"kind": "circle", "radius": 0.1, "duration": 600, "turns": 200, "plane": "yz"})
             alone = frames(tab)
             session.set_ghost({"kind": "proportional", "gain": 5.0})
             tab.wait_for_timeout(2000)
-            print(f"{alone:.1f} of a Panda with its charts, {frames(tab):.1f} of two", flush=True)
+            print(f"{alone:.1f} of a Panda that moves, with its charts, {frames(tab):.1f} of two", flush=True)
             session.set_ghost(None)
+            session.reset()
             tab.wait_for_timeout(1000)
             late = playing.drags(tab, chosen.drags)
             for what, times in (("drag to motion", late), ("to a message of an empty scene", floor)):

@@ -194,7 +194,9 @@ def trajectory_of(run: Run, joints: list[str]) -> JointTrajectory:
     rates[-1] = 0.0
     points = [
         JointTrajectoryPoint(
-            positions=position.tolist(), velocities=rate.tolist(), time_from_start=Duration(seconds=moment).to_msg()
+            positions=position.tolist(),
+            velocities=rate.tolist(),
+            time_from_start=Duration(seconds=moment).to_msg(),
         )
         for moment, position, rate in zip(time.tolist(), q, rates, strict=True)
     ]

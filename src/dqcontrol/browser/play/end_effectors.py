@@ -71,7 +71,8 @@ class EndEffectors:
         away = [
             float(
                 np.linalg.norm(
-                    algebra.translation(self._live.aimed(i)) - algebra.translation(self._tasks[i].of_frames(here))
+                    algebra.translation(self._live.aimed(i))
+                    - algebra.translation(self._tasks[i].of_frames(here))
                 )
             )
             for i in self.aimed

@@ -163,7 +163,7 @@ class PlayPage(ServedPage):
         low[2] = min(0.0, float(joints[:, 2].min()))
         box = Extent(low, high)
         position, looked_at = viewpoint(foot, [hand[None]], box)
-        self._set_scene(position, looked_at, float(np.ceil(4 * reach)), float(low[2]), shadows=0.2)
+        self._set_scene(position, looked_at, float(np.ceil(4 * reach)), float(low[2]), shadows=0.0)
         self._drawn = DrawnRobot(self.server, robot, f"{root}/robot", axes=0.1 * reach)
         size = 0.12 * reach
         self._desired = self.server.scene.add_frame(
