@@ -238,7 +238,7 @@ class PlayPage(ServedPage):
         return pull
 
     def _draw_pull(self) -> None:
-        """Draw the spring between a link and the mouse, and say how hard it draws."""
+        """Draw the force on a link as an arrow, as long as the spring to the mouse is, and say how strong it is."""
         pulled = self.session.pulled
         if pulled is None:
             for node in self._spring:
@@ -246,9 +246,11 @@ class PlayPage(ServedPage):
             self._spring = []
             return
         scene, end = self.server.scene, pulled.point + pulled.force / STIFFNESS
-        line = scene.add_line_segments("/spring", np.array([[pulled.point, end]]), _PULL, thickness=0.008)
+        arrow = scene.add_arrows(
+            "/spring", np.array([[pulled.point, end]]), _PULL, shaft_radius=0.006, head_radius=0.018, head_length=0.05
+        )
         label = scene.add_label("/spring-force", f"{np.linalg.norm(pulled.force):.0f} N", position=end)
-        self._spring = [line, label]
+        self._spring = [arrow, label]
 
     def _draw_ghost(self, ghost: Any, q: Array | None) -> None:
         if ghost is not self._shown_ghost:
