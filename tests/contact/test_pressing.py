@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 import dqcontrol as dqc
 from dqcontrol import algebra
@@ -136,6 +137,14 @@ def test_what_is_refused_before_anything_moves(changes, words):
     assert "\n" not in str(caught.value)
 
 
+def test_axes_that_turn_hide_no_unstable_contact():
+    """What they bear is N·m/rad, a smaller number."""
+    wall = {"wall": {"box": 0.2, "position": [0.55, 0, 0.17], "stiffness": 1e5}}
+    contact = spec()["contact"] | {"rotation": {"damping": 5, "stiffness": 4}}
+    with pytest.raises(Error, match=r"wall has 1e\+05 N/m, but along z this loop is unstable"):
+        check(spec(world=wall, contact=contact))
+
+
 def test_unstable_contact_runs_if_that_is_asked_for():
     wall = {"wall": {"box": 0.2, "position": [0.55, 0, 0.17], "stiffness": 1e5}}
     contact = spec()["contact"] | {"allow_unstable": True}
@@ -188,3 +197,34 @@ def test_a_loop_that_no_damping_makes_stable_is_said_so(tmp_path):
     )
     with pytest.raises(Error, match="unstable from 0 N/m on; no damping makes it stable"):
         check(path)
+
+
+def test_gains_change_without_a_jump_while_it_presses():
+    """From 2 N and 200 N·s/m to 100 N·s/m, another law's gain, and 3 N."""
+    plant = Servo(time_constant=0.04, delay=0.012, wrist=Wrist()).in_world(board(1000.0))
+    pressing = push(200.0)
+    law = dqc.laws.ProportionalFeedforward(gain=1.0, contact=pressing)
+    live = dqc.loop.Live(ARM, law, plant, 0.004, start=START)
+    for _ in range(1500):
+        live.step()
+    assert -live.plant.wrench[2] == pytest.approx(2.0, rel=0.01)
+    lighter = replace(pressing, translation=Compliance(damping=100.0, stiffness=["rigid", "rigid", 0.0]))
+    for change in (
+        replace(law, contact=lighter),
+        replace(law, gain=2.0, contact=lighter),
+        replace(law, contact=replace(lighter, force=WantedWrench(z=3.0))),
+    ):
+        live.set_law(change)
+        forces = []
+        for _ in range(1500):
+            live.step()
+            forces.append(-live.plant.wrench[2])
+        assert min(forces) > 1.98  # a compliant frame that began anew would let go
+        assert max(forces) < 3.1  # a step by 1 N, late by 56 ms
+    assert -live.plant.wrench[2] == pytest.approx(3.0, rel=0.01)
+    turning = {"rotation": Compliance(damping=1.0), "translation": "rigid", "force": WantedWrench()}
+    for words, bad in (("cannot become rigid", turning), ("contact.axes", {"axes": "hand"})):
+        contact = replace(pressing, **bad)
+        with pytest.raises(Error, match=words):
+            live.set_law(replace(law, contact=contact))
+    assert live.law is change  # which goes on

@@ -1,5 +1,6 @@
 """UR, Franka and xArm: each maker's real client against a double of its controller; no robot was met."""
 
+import os
 import sys
 import time
 
@@ -42,6 +43,7 @@ def test_a_spec_runs_as_on_a_simulated_robot_and_ends_at_rest(arm, robot, tmp_pa
     assert state["fastest"] < 1.0
 
 
+@pytest.mark.slow  # seconds of real time each
 def test_a_law_behind_the_supervisor_gets_there_and_an_emergency_stop_stops_it(arm, robot):
     loaded = dqc.load_robot(arm.robot)
     live = dqc.loop.Live(
@@ -115,6 +117,15 @@ def test_a_loop_that_begins_late_takes_no_old_state_for_silence(arm, robot):
     time.sleep(0.5)
     live.step(np.zeros(len(arm.start)))
     assert live.fault == ""
+    live.close()
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_getscheduler"), reason="the system has no such priorities")
+def test_the_program_keeps_its_own_priority(arm, robot):
+    before = os.sched_getscheduler(0), os.sched_getparam(0).sched_priority
+    live = arm.started(robot)
+    live.step(np.zeros(len(arm.start)))
+    assert (os.sched_getscheduler(0), os.sched_getparam(0).sched_priority) == before
     live.close()
 
 

@@ -61,7 +61,7 @@ def controller(
     name
         Of the node.
     follow
-        What the hand follows: the spec's reference, poses or twists from topics, or the topics of MoveIt Servo.
+        What the end effector follows: the spec's reference, poses or twists from topics, or the topics of MoveIt Servo.
     autostart
         Start with the first joint states; end when the reference has ended or the robot was stopped.
     out
@@ -69,7 +69,7 @@ def controller(
     force
         Replace an earlier folder of results.
     tracker
-        Topic of poses of the hand that a tracker measures; they are kept beside the recording.
+        Topic of poses of the end effector that a tracker measures; they are kept beside the recording.
     """
     from dqcontrol.loop.interrupts import counted_interrupts
 
@@ -132,7 +132,7 @@ def robot(
     wrench_node
         Name of another node that publishes the wrench, of plants that have one.
     tracker
-        Topic that says where the hand truly is, as a tracker would.
+        Topic that says where the end effector truly is, as a tracker would.
     """
     from dqcontrol.loop.interrupts import counted_interrupts
 

@@ -10,9 +10,11 @@ from .admittance import (
     WantedWrench as WantedWrench,
 )
 from .admittance_stage import AdmittanceStage as AdmittanceStage
+from .impedance import Impedance as Impedance, PreparedImpedance as PreparedImpedance
 from .limits import (
     ContactLimits as ContactLimits,
     LoosePart as LoosePart,
+    bears as bears,
     contact_limits as contact_limits,
 )
 from .tool import Tool as Tool, load_tool as load_tool

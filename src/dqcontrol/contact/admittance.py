@@ -20,7 +20,7 @@ from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.named_fields import NamedFields, Three
 from dqcontrol.references.guarded import Guards
 
-_AXES = {"reference": REFERENCE, "base": BASE, "hand": HAND}
+AXES = {"reference": REFERENCE, "base": BASE, "hand": HAND}
 _TURN = 2.0  # rad: a deflection below half a turn keeps its logarithm smooth
 _RIGID = "rigid"
 _ROUNDING = 1e-6  # of a period: times are sums
@@ -365,7 +365,7 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         approach[3:] = min(lost.speed or np.inf, fastest[3])
         return contact_parameters.pack(
             period=period,
-            axes=_AXES[self.axes],
+            axes=AXES[self.axes],
             sensor=[*algebra.rotation_from_rpy(sensor.rpy), *sensor.position],
             bias=[*tool.force_bias, *tool.torque_bias],
             tare=round(sensor.tare / period),

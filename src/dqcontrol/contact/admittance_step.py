@@ -38,14 +38,15 @@ _numbers = stack_array(18)
 
 
 @inline
-def _turned(w, x, y, z, a, b, c):
+def turned(w, x, y, z, a, b, c):
     """Return a vector turned by a quaternion."""
     tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
     return a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx
 
 
 @inline
-def _cross(a, b, c, x, y, z):
+def cross(a, b, c, x, y, z):
+    """Return the cross product of two vectors."""
     return b * z - c * y, c * x - a * z, a * y - b * x
 
 
@@ -65,16 +66,16 @@ def _factors(square):
 
 
 @inline
-def _turning(phi, rate, more):
+def turning(phi, rate, more):
     """Return ω = Jₗ(φ) φ̇ and its derivative, Jₗ φ̈ + J̇ₗ φ̇."""
     square = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
     a, b, da, db = _factors(square)
     change = 2.0 * (phi[0] * rate[0] + phi[1] * rate[1] + phi[2] * rate[2])
-    cx, cy, cz = _cross(phi[0], phi[1], phi[2], rate[0], rate[1], rate[2])
-    dx, dy, dz = _cross(phi[0], phi[1], phi[2], cx, cy, cz)
-    ex, ey, ez = _cross(rate[0], rate[1], rate[2], cx, cy, cz)
-    gx, gy, gz = _cross(phi[0], phi[1], phi[2], more[0], more[1], more[2])
-    hx, hy, hz = _cross(phi[0], phi[1], phi[2], gx, gy, gz)
+    cx, cy, cz = cross(phi[0], phi[1], phi[2], rate[0], rate[1], rate[2])
+    dx, dy, dz = cross(phi[0], phi[1], phi[2], cx, cy, cz)
+    ex, ey, ez = cross(rate[0], rate[1], rate[2], cx, cy, cz)
+    gx, gy, gz = cross(phi[0], phi[1], phi[2], more[0], more[1], more[2])
+    hx, hy, hz = cross(phi[0], phi[1], phi[2], gx, gy, gz)
     da, db = da * change, db * change
     return (
         rate[0] + a * cx + b * dx,
@@ -93,10 +94,10 @@ def unloaded(pose, given, wrench, out):
     sensor, bias, center = given.sensor, given.bias, given.tool_center
     sw, sx, sy, sz = sensor[0], sensor[1], sensor[2], sensor[3]
     gx, gy, gz = given.gravity[0], given.gravity[1], given.gravity[2]
-    gx, gy, gz = _turned(rw, -rx, -ry, -rz, gx, gy, gz)
-    gx, gy, gz = _turned(sw, -sx, -sy, -sz, gx, gy, gz)
+    gx, gy, gz = turned(rw, -rx, -ry, -rz, gx, gy, gz)
+    gx, gy, gz = turned(sw, -sx, -sy, -sz, gx, gy, gz)
     gx, gy, gz = given.tool_mass * gx, given.tool_mass * gy, given.tool_mass * gz
-    tx, ty, tz = _cross(center[0], center[1], center[2], gx, gy, gz)
+    tx, ty, tz = cross(center[0], center[1], center[2], gx, gy, gz)
     out[0], out[1], out[2] = wrench[0] - bias[0] - gx, wrench[1] - bias[1] - gy, wrench[2] - bias[2] - gz
     out[3], out[4], out[5] = wrench[3] - bias[3] - tx, wrench[4] - bias[4] - ty, wrench[5] - bias[5] - tz
 
@@ -107,16 +108,16 @@ def felt(pose, sample, given, tare, out):
     rw, rx, ry, rz = pose[0], pose[1], pose[2], pose[3]
     sensor = given.sensor
     sw, sx, sy, sz = sensor[0], sensor[1], sensor[2], sensor[3]
-    fx, fy, fz = _turned(sw, sx, sy, sz, out[0] - tare[0], out[1] - tare[1], out[2] - tare[2])
-    mx, my, mz = _turned(sw, sx, sy, sz, out[3] - tare[3], out[4] - tare[4], out[5] - tare[5])
-    lx, ly, lz = _cross(sensor[4], sensor[5], sensor[6], fx, fy, fz)
+    fx, fy, fz = turned(sw, sx, sy, sz, out[0] - tare[0], out[1] - tare[1], out[2] - tare[2])
+    mx, my, mz = turned(sw, sx, sy, sz, out[3] - tare[3], out[4] - tare[4], out[5] - tare[5])
+    lx, ly, lz = cross(sensor[4], sensor[5], sensor[6], fx, fy, fz)
     mx, my, mz = mx + lx, my + ly, mz + lz
     if given.axes != HAND:
-        fx, fy, fz = _turned(rw, rx, ry, rz, fx, fy, fz)
-        mx, my, mz = _turned(rw, rx, ry, rz, mx, my, mz)
+        fx, fy, fz = turned(rw, rx, ry, rz, fx, fy, fz)
+        mx, my, mz = turned(rw, rx, ry, rz, mx, my, mz)
         if given.axes != BASE:
-            fx, fy, fz = _turned(sample[0], -sample[1], -sample[2], -sample[3], fx, fy, fz)
-            mx, my, mz = _turned(sample[0], -sample[1], -sample[2], -sample[3], mx, my, mz)
+            fx, fy, fz = turned(sample[0], -sample[1], -sample[2], -sample[3], fx, fy, fz)
+            mx, my, mz = turned(sample[0], -sample[1], -sample[2], -sample[3], mx, my, mz)
     out[0], out[1], out[2], out[3], out[4], out[5] = mx, my, mz, fx, fy, fz
 
 
@@ -143,7 +144,7 @@ def _turned_to_axes(pose, sample, given, a, b, c):
     if given.axes == BASE:
         return a, b, c
     r = pose if given.axes == HAND else sample
-    return _turned(r[0], -r[1], -r[2], -r[3], a, b, c)
+    return turned(r[0], -r[1], -r[2], -r[3], a, b, c)
 
 
 @inline
@@ -174,37 +175,37 @@ def _place(sample, given, y, v, rate, out):
     pz = 2.0 * (rw * sample[7] - sample[4] * rz - (sample[5] * ry - sample[6] * rx))
     ox, oy, oz = sample[8], sample[9], sample[10]
     ax, ay, az = sample[14], sample[15], sample[16]
-    cx, cy, cz = _cross(px, py, pz, ox, oy, oz)
+    cx, cy, cz = cross(px, py, pz, ox, oy, oz)
     vx, vy, vz = sample[11] - cx, sample[12] - cy, sample[13] - cz
-    cx, cy, cz = _cross(vx, vy, vz, ox, oy, oz)
-    ex, ey, ez = _cross(px, py, pz, ax, ay, az)
+    cx, cy, cz = cross(vx, vy, vz, ox, oy, oz)
+    ex, ey, ez = cross(px, py, pz, ax, ay, az)
     bx, by, bz = sample[17] - cx - ex, sample[18] - cy - ey, sample[19] - cz - ez
-    wx, wy, wz, dx, dy, dz = _turning(y, v, rate)
+    wx, wy, wz, dx, dy, dz = turning(y, v, rate)
     half = 0.5 * math.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
     share = 0.5 * (math.sin(half) / half if half > 1e-8 else 1.0 - half * half / 6.0)
     ew, ei, ej, ek = math.cos(half), share * y[0], share * y[1], share * y[2]
     ux, uy, uz, sx, sy, sz, hx, hy, hz = y[3], y[4], y[5], v[3], v[4], v[5], rate[3], rate[4], rate[5]
     if given.axes == BASE:
         quaternion_product((ew, ei, ej, ek), (rw, rx, ry, rz), out)
-        fx, fy, fz = _turned(ew, ei, ej, ek, ox, oy, oz)
-        ax, ay, az = _turned(ew, ei, ej, ek, ax, ay, az)
-        cx, cy, cz = _cross(wx, wy, wz, fx, fy, fz)
+        fx, fy, fz = turned(ew, ei, ej, ek, ox, oy, oz)
+        ax, ay, az = turned(ew, ei, ej, ek, ax, ay, az)
+        cx, cy, cz = cross(wx, wy, wz, fx, fy, fz)
         ax, ay, az = ax + dx + cx, ay + dy + cy, az + dz + cz
         ox, oy, oz = fx + wx, fy + wy, fz + wz
         vx, vy, vz, bx, by, bz = vx + sx, vy + sy, vz + sz, bx + hx, by + hy, bz + hz
     else:
         quaternion_product((rw, rx, ry, rz), (ew, ei, ej, ek), out)
-        ux, uy, uz = _turned(rw, rx, ry, rz, ux, uy, uz)
-        sx, sy, sz = _turned(rw, rx, ry, rz, sx, sy, sz)
-        hx, hy, hz = _turned(rw, rx, ry, rz, hx, hy, hz)
-        wx, wy, wz = _turned(rw, rx, ry, rz, wx, wy, wz)
-        dx, dy, dz = _turned(rw, rx, ry, rz, dx, dy, dz)
-        cx, cy, cz = _cross(ox, oy, oz, ux, uy, uz)
+        ux, uy, uz = turned(rw, rx, ry, rz, ux, uy, uz)
+        sx, sy, sz = turned(rw, rx, ry, rz, sx, sy, sz)
+        hx, hy, hz = turned(rw, rx, ry, rz, hx, hy, hz)
+        wx, wy, wz = turned(rw, rx, ry, rz, wx, wy, wz)
+        dx, dy, dz = turned(rw, rx, ry, rz, dx, dy, dz)
+        cx, cy, cz = cross(ox, oy, oz, ux, uy, uz)
         vx, vy, vz = vx + cx + sx, vy + cy + sy, vz + cz + sz
-        ex, ey, ez = _cross(ox, oy, oz, cx + 2.0 * sx, cy + 2.0 * sy, cz + 2.0 * sz)
-        cx, cy, cz = _cross(ax, ay, az, ux, uy, uz)
+        ex, ey, ez = cross(ox, oy, oz, cx + 2.0 * sx, cy + 2.0 * sy, cz + 2.0 * sz)
+        cx, cy, cz = cross(ax, ay, az, ux, uy, uz)
         bx, by, bz = bx + cx + ex + hx, by + cy + ey + hy, bz + cz + ez + hz
-        cx, cy, cz = _cross(ox, oy, oz, wx, wy, wz)
+        cx, cy, cz = cross(ox, oy, oz, wx, wy, wz)
         ax, ay, az = ax + cx + dx, ay + cy + dy, az + cz + dz
         ox, oy, oz = ox + wx, oy + wy, oz + wz
     px, py, pz = px + ux, py + uy, pz + uz
@@ -213,10 +214,10 @@ def _place(sample, given, y, v, rate, out):
     out[5] = 0.5 * (px * w + py * z - pz * y3)
     out[6] = 0.5 * (py * w + pz * x - px * z)
     out[7] = 0.5 * (pz * w + px * y3 - py * x)
-    cx, cy, cz = _cross(px, py, pz, ox, oy, oz)
+    cx, cy, cz = cross(px, py, pz, ox, oy, oz)
     out[8], out[9], out[10], out[11], out[12], out[13] = ox, oy, oz, vx + cx, vy + cy, vz + cz
-    cx, cy, cz = _cross(vx, vy, vz, ox, oy, oz)
-    ex, ey, ez = _cross(px, py, pz, ax, ay, az)
+    cx, cy, cz = cross(vx, vy, vz, ox, oy, oz)
+    ex, ey, ez = cross(px, py, pz, ax, ay, az)
     out[14], out[15], out[16] = ax, ay, az
     out[17], out[18], out[19], out[20] = bx + cx + ex, by + cy + ey, bz + cz + ez, sample[20]
 
@@ -283,8 +284,8 @@ def admittance(pose, desired, k, parameters, state, work):
     square = y[0] * y[0] + y[1] * y[1] + y[2] * y[2]
     a, b, _, _ = _factors(square)
     # Jᵀ m = m − a φ × m + b φ × (φ × m)
-    cx, cy, cz = _cross(y[0], y[1], y[2], wrench[0], wrench[1], wrench[2])
-    dx, dy, dz = _cross(y[0], y[1], y[2], cx, cy, cz)
+    cx, cy, cz = cross(y[0], y[1], y[2], wrench[0], wrench[1], wrench[2])
+    dx, dy, dz = cross(y[0], y[1], y[2], cx, cy, cz)
     known[0], known[1], known[2] = (
         wrench[0] - a * cx + b * dx,
         wrench[1] - a * cy + b * dy,
@@ -357,13 +358,13 @@ def give_back(parameters, state, work):
     given, own, room = contact_parameters(parameters), contact_state(state), contact_work(work)
     if room.noted[0] == 0.0:
         return
-    asked, delivered, back, turned = room.asked, room.delivered, room.back, room.planned
-    w, x, y, z = turned[0], -turned[1], -turned[2], -turned[3]
+    asked, delivered, back, frame = room.asked, room.delivered, room.back, room.planned
+    w, x, y, z = frame[0], -frame[1], -frame[2], -frame[3]
     if given.axes == BASE:
         w, x, y, z = 1.0, 0.0, 0.0, 0.0
     for part in range(2):
         i = 3 * part
-        lacking = _turned(
+        lacking = turned(
             w,
             x,
             y,

@@ -57,9 +57,10 @@ class ContactLimits:
     Attributes
     ----------
     stiffness
-        Largest of what stands still, N/m (about turning axes N·m/rad), on the worst axis; infinite where none fails.
+        Largest of what stands still, N/m, on the worst axis; infinite where none fails. N·m/rad where the stage moves
+        about axes only.
     axis
-        The worst axis: x, y, z, mx, my or mz.
+        The worst axis: x, y or z; mx, my or mz where the stage moves about axes only.
     loose_part
         Worst of what is free to move behind a spring.
     least_damping
@@ -132,11 +133,12 @@ def contact_limits(
         raise ValueRangeError(
             "contact: the plant has no linear model, so what stiffness it bears is unknown; set allow_unstable"
         )
-    rows, found = admittance.axis_rows, []
-    for i in np.flatnonzero(rows[:, :2].any(axis=1)):
+    found = []
+    for i in np.flatnonzero(~admittance.rigid):
         loop = _Loop(admittance, law, model, start, int(i))
         found.append((loop.limit(), int(i), loop))
-    stiffness, worst, loop = min(found, key=lambda each: each[0])
+    # N/m and N·m/rad are no more comparable than metres and radians: what is touched has a stiffness in N/m.
+    stiffness, worst, loop = min(found, key=lambda each: (each[1] < 3, each[0]))
     loose = [LoosePart(loop.limit(mass), mass) for mass in _MASSES] if worst >= 3 else []
     lag = max(sum(plant.lag(robot).mean), _lateness(model, robot.configuration_size, period))
     wanted = [
@@ -152,6 +154,19 @@ def contact_limits(
         loop.least_damping(asked),
         float(_IMPACT * max(wanted) / (asked * late)) if wanted else None,
     )
+
+
+def bears(
+    admittance: Admittance, law: Controller, model: LinearModel, q: ArrayLike, stiffness: float
+) -> bool:
+    """Return whether the loops of `contact_limits` are stable against one stiffness, N/m, in a hundredth of its time.
+
+    Loops about turning axes, whose stiffnesses are others, are left out.
+    """
+    start = as_array("q", q, (law.robot.configuration_size,))
+    axes = np.flatnonzero(~admittance.rigid)
+    loops = (_Loop(admittance, law, model, start, int(i)) for i in axes if i >= 3)
+    return all(loop.radius(stiffness) <= 1 + _ROUNDING for loop in loops)
 
 
 def _lateness(model: LinearModel, joints: int, period: float) -> float:

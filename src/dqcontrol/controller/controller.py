@@ -13,7 +13,14 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, SINGULAR, InterpretedKernel, Kernel
 from dqcontrol.compiled.law_signature import LAW as LAW
 from dqcontrol.contact.admittance import NO_GUARDS
-from dqcontrol.contact.contact_layout import CONTACT_STATE, UNTOUCHED, WRENCH, contact_work
+from dqcontrol.contact.contact_layout import (
+    CONTACT_STATE,
+    UNTOUCHED,
+    WRENCH,
+    contact_parameters,
+    contact_state,
+    contact_work,
+)
 from dqcontrol.contact.guided_step import guide_again
 from dqcontrol.controller.command_kernel import (
     LAW_FAILED,
@@ -59,7 +66,7 @@ class Controller:
     period
         Control period, s.
     pose, preferred
-        Pose of the hand (8,) and motion preferred in the null space (m,) at the last command.
+        Pose of the end effector (8,) and motion preferred in the null space (m,) at the last command.
     constraints
         What is kept, made ready; None without.
     wrench
@@ -291,6 +298,48 @@ class Controller:
         if self.constraints:
             self.constraints.check_start(values)
         return np.concatenate([self._law.initial_state(self.robot, values), np.zeros(self._memory_size)])
+
+    def go_on_from(self, q: ArrayLike, before: Controller, state: Array) -> Array:
+        """Return `initial_state` with what contact remembers under another law, the one before, with its state.
+
+        So the compliant frame stays where it is while M, D, K, the wanted force or the law change; what touches ended
+        and displaced begins anew where the reference's are others.
+
+        Raises
+        ------
+        ValueRangeError
+            If an axis that has given way is to be rigid, or the deflection is along other axes.
+        """
+        new = self.initial_state(q)
+        present, past = self._law.contact, before._law.contact
+        if present is None or past is None:
+            return new
+        at, old = self._contact_at, before._contact_at
+        kept = new[at : at + CONTACT_STATE]
+        kept[:] = state[old : old + CONTACT_STATE]
+        own, given = contact_state(kept), contact_parameters(self._parts.contacting)
+        if own.y.any() and present.axes != past.axes:
+            raise ValueRangeError(
+                "contact.axes: stay as they are while the compliant frame is off the desired one"
+            )
+        if (present.rigid & (own.y != 0.0)).any():
+            raise ValueRangeError(
+                "contact: an axis that has given way cannot become rigid; give it a stiffness"
+            )
+        known = contact_parameters(before._parts.contacting)
+        if not (np.array_equal(given.guards, known.guards) and np.array_equal(given.fit, known.fit)):
+            for guided in (
+                own.hits,
+                own.gone,
+                own.touched,
+                own.points,
+                own.moved,
+                own.held,
+                own.screw,
+                own.fitted,
+            ):
+                guided[:] = 0.0
+        return new
 
     def command(self, q: Array, sample: Sample, state: Array, out: Array | None = None) -> Array:
         """Return the inputs u for one sample.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from msgspec.structs import replace
 
-from dqcontrol.contact import Admittance, ContactLimits, ForceReference, contact_limits
+from dqcontrol.contact import Admittance, ContactLimits, ForceReference, bears, contact_limits
 from dqcontrol.contact.admittance import NEEDS_CONTACT
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.plants.plant import lagging_mode
@@ -18,8 +18,10 @@ from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.tables.tables import Column, Table
 
 if TYPE_CHECKING:
+    from dqcontrol.controller import Controller
     from dqcontrol.experiments.prepared_experiment import Combination
     from dqcontrol.experiments.spec import Spec
+    from dqcontrol.plants.linear_model import LinearModel
 
 _MOVES = 1e-6  # of the eight coefficients of a pose: 2 µm
 _UNKNOWN_STIFFNESS = 1e4  # N/m, for a world that says none: a table top of wood under a finger
@@ -76,6 +78,18 @@ def _damping_for_it(limits: ContactLimits) -> str:
 
 def limits_of(spec: Spec, case: Combination) -> ContactLimits:
     """Return what the contact loop of a case bears at its start, before the stiffest springy body of its world."""
+    touched = max(_stiffnesses(spec).values(), default=_UNKNOWN_STIFFNESS)
+    return contact_limits(*_loop_of(spec, case), case.plant, case.scene.start, touched)
+
+
+def bears_world(spec: Spec, case: Combination, model: LinearModel) -> bool:
+    """Return whether the contact loop of a case is stable before the stiffest springy body of its world, if any."""
+    touched = max(_stiffnesses(spec).values(), default=0.0)
+    return not touched or bears(*_loop_of(spec, case), model, case.scene.start, touched)
+
+
+def _loop_of(spec: Spec, case: Combination) -> tuple[Admittance, Controller]:
+    """Return the admittance of a case, with the filter of its wrist, and its law without it, ready to run."""
     law = case.variant.law
     assert law.contact is not None
     wrist = getattr(case.plant, "wrist", None)
@@ -91,8 +105,7 @@ def limits_of(spec: Spec, case: Combination) -> ContactLimits:
         lagging_mode(case.plant),
         lag=case.plant.lag(case.scene.robot),
     )
-    touched = max(_stiffnesses(spec).values(), default=_UNKNOWN_STIFFNESS)
-    return contact_limits(contact, prepared, case.plant, case.scene.start, touched)
+    return contact, prepared
 
 
 def _stiffnesses(spec: Spec) -> dict[str, float]:

@@ -158,12 +158,15 @@ class Control:
     def take_law(self, law: Controller) -> None:
         """Go on with another law for the same robot and period; its memory begins with the last measured joints.
 
+        What contact remembers stays, so that gains of a compliant frame change without a jump.
+
         Raises
         ------
         ShapeError, ValueRangeError
             If what it keeps is not kept there; the present law goes on then.
         """
-        self._law_state, self.law = law.initial_state(self.measured), law
+        self._law_state = law.go_on_from(self.measured, self.law, self._law_state)
+        self.law = law
 
     def emergency_stop(self, cause: str = "") -> None:
         """Brake as hard as the supervisor may, and hold until `reset`; while inactive it refuses to start.
@@ -252,7 +255,7 @@ class Control:
         self._follow_supervisor(rests)
 
     def record(self, recording: SampleSink, time: float, q: Array) -> None:
-        """Hand the last step over to a recording, and stop the robot if that cannot be written.
+        """End effector the last step over to a recording, and stop the robot if that cannot be written.
 
         Parameters
         ----------

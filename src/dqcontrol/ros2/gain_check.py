@@ -9,6 +9,7 @@ import msgspec
 from dqcontrol.controller import Controller
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.experiments.check import loop_checks
+from dqcontrol.experiments.contact_check import bears_world
 from dqcontrol.experiments.spec import AnyLaw
 from dqcontrol.measures.stability import (
     MOST_STATES,
@@ -72,6 +73,16 @@ def check_stable(
             _as_check_says(loaded, law, gains, supervisor)
         raise _unstable(f"{gain.loop} unstable: k = {abs(gain.value):.3g} 1/s, spectral radius {radius:.3g}")
     return ""
+
+
+def check_bears(loaded: Loaded, law: AnyLaw) -> None:
+    """Raise a `ValueRangeError` if the springy bodies of the spec's world make a law's contact unstable."""
+    model = loaded.linear_model
+    case = replace(loaded.case, variant=replace(loaded.case.variant, law=law), prepared=None)
+    if model is not None and not bears_world(loaded.setting.spec, case, model):
+        raise ValueRangeError(
+            f"contact: unstable against the stiffest body of the world; the parameter {OVERRIDE} lets it through"
+        )
 
 
 def _as_check_says(

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeVar, get_args, get_type_hints
 
 import msgspec
 from msgspec import Struct
 
+from dqcontrol.contact import Admittance
 from dqcontrol.errors import Error, ValueRangeError
-from dqcontrol.ros2.gain_check import check_stable
+from dqcontrol.ros2.gain_check import check_bears, check_stable
 from dqcontrol.ros2.loading import Loaded
 from dqcontrol.ros2.localisation import numbers_of_odometry
 from dqcontrol.ros2.parameters import Number
 
 T = TypeVar("T", bound=Struct)
 
-_LAW, _SUPERVISOR = "law.", "supervisor."
+_LAW, _CONTACT, _SUPERVISOR = "law.", "contact.", "supervisor."
 _AXES = "xyz"
 _FARTHEST = 100.0  # m
 _OWN = (
@@ -43,14 +44,15 @@ _OWN = (
 
 
 def numbers_of(loaded: Loaded) -> list[Number]:
-    """Return all numbers that may be changed: our own, the law's and the supervisor's.
+    """Return all numbers that may be changed: our own, the law's, of its contact, and the supervisor's.
 
-    Where one number may stand and the spec has none, or one for each joint, its value is None.
+    Where one number may stand and the spec has none, or one for each joint or axis, its value is None.
     """
     return [
         *_OWN,
         *(numbers_of_odometry(loaded.period, loaded.stale_after) if loaded.parts.base else ()),
         *_fields(_LAW, loaded.law, "of the law; while active only if it is constant over time"),
+        *_compliances(loaded.law.contact),
         *_fields(_SUPERVISOR, loaded.supervisor, "of the supervisor; only while inactive"),
         *_fields(f"{_SUPERVISOR}payload.", loaded.payload, "of what it carries; only while inactive"),
     ]
@@ -96,6 +98,9 @@ def retune(
         If a number is not allowed, or not now; nothing is changed then.
     """
     law = with_numbers(loaded.law, _LAW, numbers)
+    contact = law.contact and with_numbers(law.contact, _CONTACT, numbers)
+    if contact is not law.contact:
+        law = msgspec.structs.replace(law, contact=contact)
     supervisor = with_numbers(loaded.supervisor, _SUPERVISOR, numbers)
     if active and supervisor is not loaded.supervisor:
         raise Error("the supervisor may be changed only while the controller is inactive")
@@ -105,6 +110,8 @@ def retune(
     unjudged = ""
     if not allow_unstable and (law is not loaded.law or not active):
         unjudged = check_stable(loaded, law, prepared, supervisor, moves=active)
+    if contact != loaded.law.contact and not allow_unstable:
+        check_bears(loaded, law)
     supervisor.prepare(loaded.robot, loaded.period)
     changes = law is not loaded.law, supervisor is not loaded.supervisor, unjudged
     loaded.law, loaded.supervisor = law, supervisor
@@ -112,6 +119,13 @@ def retune(
     loaded.speeds.angular = numbers.get("angular_speed", loaded.speeds.angular)
     loaded.speeds.acceleration = numbers.get("acceleration", loaded.speeds.acceleration)
     return changes
+
+
+def _compliances(contact: Admittance | None) -> Iterator[Number]:
+    for part in ("translation", "rotation", "force") if contact is not None else ():
+        parameters = getattr(contact, part)
+        if isinstance(parameters, Struct):
+            yield from _fields(f"{_CONTACT}{part}.", parameters, "of the compliant frame")
 
 
 def _fields(prefix: str, struct: Struct, description: str) -> list[Number]:

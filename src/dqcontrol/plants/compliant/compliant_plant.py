@@ -10,6 +10,7 @@ from msgspec import Meta
 from msgspec.structs import replace
 
 from dqcontrol.arrays import Array
+from dqcontrol.contact import Impedance
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each, unknown_name
 from dqcontrol.plants.compliant.compliant_arm import assemble
 from dqcontrol.plants.compliant.controller_file import SOFTEST, STIFFEST, Stiffness
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 # s, roughly: a step without ticks of its joint controllers, and each tick; by `accurate`
 _STEP, _TICK = 5e-5, {False: 7e-6, True: 1.6e-5}
 Mode = Literal["OFF", "PWM", "TORQUE", "TORQUE_GC", "THETA", "THETA_GC", "THETA_MJ", "THETA_GC_MJ"]
+_BY_TORQUE = ("TORQUE", "TORQUE_GC")
 Share = Annotated[float, Meta(ge=0, le=1, description="0 … 1")]
 
 
@@ -83,6 +85,10 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         Mean speed of minimum-jerk motions in THETA_MJ and THETA_GC_MJ, rad/s: one number, or one a joint.
     torque
         Asked for in TORQUE and TORQUE_GC, N·m: one number, or one a joint.
+    impedance
+        Asked for in TORQUE and TORQUE_GC in the place of ``torque``: springs of the end effector
+        (`dqcontrol.contact.Impedance`), from the filtered angles and rates, without the hand's weight in TORQUE.
+        Measured are then the targets, which are what a law leads.
     duty
         Share of the voltage asked for in PWM, −1 to 1: one number, or one a joint.
     pushes
@@ -134,6 +140,7 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
     slew_rate: Annotated[float | list[float] | None, Meta(description="rad/s")] = None
     speed: Annotated[float | list[float], Meta(description="rad/s")] = 0.5
     torque: Annotated[float | list[float], Meta(description="N·m")] = 0.0
+    impedance: Impedance | None = None
     duty: Annotated[float | list[float], Meta(description="−1 … 1")] = 0.0
     pushes: Annotated[list[Push], Meta(max_length=1000)] = []
     payload: Payload | list[Payload] | None = None
@@ -179,6 +186,9 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         _within("torque", self.torque, -1e4, 1e4)
         _within("duty", self.duty, -1, 1)
         as_array("plant.gravity", self.gravity, (3,))
+        _of_kind("impedance", self.impedance, Impedance, type(None))
+        if self.impedance is not None:
+            self._check_impedance(self.impedance)
         _of_kind("hand", self.hand, bool, str)
         _of_kind("payload_compensation", self.payload_compensation, PayloadCompensation, type(None))
         _of_kind("wrist_fault", self.wrist_fault, WristFault, type(None))
@@ -188,6 +198,17 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
             _list_of("payload", self.payload, Payload)
         if not isinstance(self.springs, str):
             _within("springs", [k for k in self.springs if k is not None] or None, SOFTEST, STIFFEST)
+
+    def _check_impedance(self, impedance: Impedance) -> None:
+        if self.mode not in _BY_TORQUE:
+            raise ValueRangeError(
+                f"plant.impedance: asks for torques, so mode must be {' or '.join(_BY_TORQUE)}"
+            )
+        if self.command_mode != "integrated" or impedance.feels:
+            raise ValueRangeError(
+                "plant.impedance: pulls towards a target that stays, by springs alone; "
+                "command_mode: integrated, and no 'mass'"
+            )
 
     def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> RunningCompliant:
         """Return the arm at rest at start.

@@ -92,6 +92,12 @@ class RunningCompliant(RunningPlant):
             subtree_masses=model.body_subtreemass,
         )
         self._wrist = LiveWrist(arm.file.wrist_sensor, self.memory.wrench, plant.wrist_fault)
+        self._springs = None
+        if plant.impedance is not None:
+            weight = plant.gravity_factor if plant.mode == "TORQUE" else 0.0
+            rotors = arm.file.column("motor", "rotor_inertia")
+            self._springs = plant.impedance.prepare(arm.robot, plant.gravity, weight, rotors)
+            self._springs.check_period(self.q.copy(), TICK)
         self._draw()
         settle(self._plan, self._numbers, self._physics, self._noise[0])
         world, period = plant.world, arm.ticks * TICK
@@ -209,10 +215,11 @@ class RunningCompliant(RunningPlant):
 
     def _advance(self, plan: NDArray[np.intp], ticks: int) -> None:
         self._draw()
-        if self._world is None or not self._world.bodies.moves:
-            failed = advance(plan, self._numbers, self._physics, ticks, self._moves, self._noise)
+        moving = self._world is not None and self._world.bodies.moves
+        if moving or self._springs is not None:
+            failed = self._advance_by_ticks(plan, ticks)
         else:
-            failed = self._advance_among_moving(plan, ticks)
+            failed = advance(plan, self._numbers, self._physics, ticks, self._moves, self._noise)
         if failed:
             raise DivergedError(f"plant: the arm diverged before {self.time:g} s, q = {self.q}")
         self._measure()
@@ -222,15 +229,20 @@ class RunningCompliant(RunningPlant):
                 f"{self.fault}: the motors are off since before {self.time:g} s", SafetyWarning, stacklevel=3
             )
 
-    def _advance_among_moving(self, plan: NDArray[np.intp], ticks: int) -> bool:
-        """Take ticks one by one, at each of which bodies that move as they say are elsewhere."""
-        assert self._world is not None
-        moves = self._moves
+    def _advance_by_ticks(self, plan: NDArray[np.intp], ticks: int) -> bool:
+        """Take ticks one by one, at each of which bodies are elsewhere that move as they say, and torques new."""
+        springs, state = self._springs, self.memory.state
+        moves = self._moves if springs is None else self._moves / ticks
         for k in range(ticks):
-            self._world.bodies.place(self.time + TICK)
+            if self._world is not None:
+                self._world.bodies.place(self.time + TICK)
+            if springs is not None:
+                q, rates, target = (state[:, each] for each in (column.ANGLE, column.VELOCITY, column.ASKED))
+                self.memory.constants[:, column.TORQUE_ASKED] = springs.torque(q, rates, target, moves / TICK)
             if advance(plan, self._numbers, self._physics, 1, moves, self._noise[k : k + 1]):
                 return True
-            plan, moves = self._holding, self._idle
+            if springs is None:
+                plan, moves = self._holding, self._idle
         return False
 
     def _draw(self) -> None:
@@ -243,7 +255,7 @@ class RunningCompliant(RunningPlant):
 
     def _measure(self) -> None:
         memory, other = self.memory, self._other_readings
-        self.measured[:] = memory.state[:, column.TOLD]
+        self.measured[:] = memory.state[:, column.TOLD if self._springs is None else column.ASKED]
         self._joint_readings[0] = self.data.qpos[self._rotors]
         self._joint_readings[1:] = memory.state.T[_JOINT_COLUMNS]
         self._wrist.read(self.time, self._rng, other[0:6])

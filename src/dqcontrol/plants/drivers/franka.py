@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -57,11 +58,15 @@ class _Franky(Link):
     def __init__(self, plant: FrankaArm) -> None:
         self._franky: Any = client("franky", "franka")
         real_time = self._franky.RealtimeConfig
-        self._robot: Any = self._franky.Robot(
-            plant.host,
-            relative_dynamics_factor=plant.dynamics,
-            realtime_config=real_time.Enforce if _REALTIME.exists() else real_time.Ignore,
-        )
+        before = os.sched_getscheduler(0), os.sched_getparam(0)
+        try:
+            self._robot: Any = self._franky.Robot(
+                plant.host,
+                relative_dynamics_factor=plant.dynamics,
+                realtime_config=real_time.Enforce if _REALTIME.exists() else real_time.Ignore,
+            )
+        finally:  # it takes the highest priority for this thread, too, and never gives it back
+            os.sched_setscheduler(0, *before)
         self._held = self._franky.Duration(round(1000 * plant.timeout))
         self._state: Any = None
 

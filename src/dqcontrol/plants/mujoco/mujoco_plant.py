@@ -8,6 +8,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from dqcontrol.arrays import Array
+from dqcontrol.contact import Impedance
 from dqcontrol.errors import ValueRangeError, as_each
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.mujoco.gripper import Gripper, add_gripper, fingers
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
-    """Joints with masses, gravity and torque limits, held by position servos.
+    """Joints with masses, gravity and torque limits, held by position servos or by an impedance.
 
     Each servo applies τ = k_p (q* − q) − k_d q̇, clipped to the joint's effort limit. The velocity command u
     becomes servo targets once a period T; the target q* moves linearly from where it is to its new value over
@@ -36,6 +37,10 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
     The arm starts at rest and in balance: the first target is start + τ_g / k_p, with τ_g the part of the
     gravity torque that is not compensated. As that part changes with the configuration, the joints sag.
     Position limits are mechanical stops, where a joint has both.
+
+    With `impedance` the arm is driven by torque: at each time step those of springs and dampers between the end
+    effector and its pose at the targets, with the same limits, in place of the servos'. Measured are then the
+    targets, which are what a law leads; else it would wind up the springs of an arm that gives way.
 
     Parameters
     ----------
@@ -63,11 +68,13 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
     viscous_friction, dry_friction
         N·m·s/rad and N·m (N·s/m and N): one number, or one a joint.
     gripper
-        At each hand; none if omitted.
+        At each end effector; none if omitted.
     pads
-        On both of two hands, to carry something between them; none if omitted.
+        On both of two end effectors, to carry something between them; none if omitted.
     wrist
-        A force sensor at the hand with a tool; nothing if omitted.
+        A force sensor at the end effector with a tool; nothing if omitted.
+    impedance
+        See `dqcontrol.contact.Impedance`; position servos if omitted. Its sensor is the wrist's, without noise.
     world
         What links touch, each other included; nothing if omitted. A spec gives its own.
     position_limit
@@ -95,6 +102,7 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
     gripper: Gripper | None = None
     pads: Pads | None = None
     wrist: Wrist | None = None
+    impedance: Impedance | None = None
     world: World | None = None
     touches_world: ClassVar[bool] = True
 
@@ -197,10 +205,14 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
 
         A step h takes v⁺ = (M + hD)⁻¹ (M v + h k_p (q* − q)) with D of servos and viscous friction, then
         q⁺ = q + h v⁺. What changes with the configuration (gravity, inertia), dry friction, effort limits and
-        encoders are left out.
+        encoders are left out. Torques of an impedance are taken by their slopes;
+        as if a law saw the joints, which move later than the targets that it sees.
         """
         h, steps, n = self.timestep, self.substeps(period), robot.configuration_size
         live = self.start(robot, start, period, 1, 0)
+        if live.drive is not None:
+            viscous = live.model.dof_damping.reshape(live.model.nv, -1)[:n, 0]
+            return live.drive.linear_model(live.model, live.data, h, steps, viscous)
         mass, unit, zero = mass_matrix(live.model, live.data)[:n, :n], np.eye(n), np.zeros((n, n))
         damping = np.diag(live.damping + live.model.dof_damping.reshape(live.model.nv, -1)[:n, 0])
         pull = h * np.linalg.solve(mass + h * damping, np.diag(live.stiffness))

@@ -12,6 +12,7 @@ from dqcontrol.errors import DivergedError, ValueRangeError, as_each
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.mujoco.gripper import LiveGripper
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
+from dqcontrol.plants.mujoco.torque_drive import TorqueDrive
 from dqcontrol.plants.mujoco.world_model import WorldContacts
 from dqcontrol.plants.mujoco.wrist_sensor import TOOL, MujocoWrist
 from dqcontrol.plants.plant import as_command
@@ -35,6 +36,8 @@ class RunningMujoco(RunningPlant):
     ----------
     model, data
         MuJoCo's own model and state, for whoever needs more.
+    drive
+        What drives the joints by the torques of an impedance; None: position servos.
     """
 
     model: Any
@@ -71,11 +74,17 @@ class RunningMujoco(RunningPlant):
         self._read()
         self._rate, self._target = data.ctrl[:n], data.act
         self._advance = self._wrist.advance if self._wrist else import_mujoco().mj_step
+        self.drive = TorqueDrive(plant, robot, model, data) if plant.impedance else None
+        if self.drive is not None:
+            self._advance = self.drive.advancing(self._advance, self._wrist.felt if self._wrist else None)
         self._substeps = substeps
         self._period = period
         self._from_measured = plant.command_mode == "measured"
         self._encoders = JointEncoders(plant, n, seed)
-        self._encoders.read(self.q, self.measured)
+        # What a law leads are the springs' ends: fed back, an arm that gives way would wind them up to the force of
+        # a stiff one.
+        self._seen = self._target[:n] if self.drive else self.q
+        self._encoders.read(self._seen, self.measured)
 
     @property
     def time(self) -> float:
@@ -125,7 +134,7 @@ class RunningMujoco(RunningPlant):
                 f"plant: the arm diverged before {self.data.time:g} s, q = {self.q}; "
                 "try a smaller timestep, less bandwidth or stiffness, or more damping"
             )
-        self._encoders.read(self.q, self.measured)
+        self._encoders.read(self._seen, self.measured)
         self._read()
 
     def close_gripper(self, closed: bool | None = True) -> None:
@@ -141,10 +150,12 @@ class RunningMujoco(RunningPlant):
         self._gripper.told = closed
 
     def push(self, row: int, point: Array, force: Array) -> None:
-        """Push a link; see `RunningPlant.push`. A wrist's sensor feels what pushes the link at its hand."""
+        """Push a link; see `RunningPlant.push`. A wrist's sensor feels what pushes the link at its end effector."""
         applied = self.data.xfrc_applied
         applied[:] = 0.0
-        joint = int(self._parents[row]) if row >= len(self.q) else row  # rows behind the joints' are hands
+        joint = (
+            int(self._parents[row]) if row >= len(self.q) else row
+        )  # rows behind the joints' are end effectors
         if joint >= 0:
             body = self._body_of(joint)
             applied[body, :3] = force

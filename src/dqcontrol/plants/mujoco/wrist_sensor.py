@@ -22,7 +22,7 @@ _STREAM = 6  # of the sensor's noise, beside that of the encoders
 
 
 def add_wrist(spec: Any, wrist: Wrist, robot: Robot, timestep: float, compensated: float) -> None:
-    """Add a tool, welded to the last link at the hand, and sensors of what it exerts there.
+    """Add a tool, welded to the last link at the end effector, and sensors of what it exerts there.
 
     Parameters
     ----------
@@ -38,11 +38,11 @@ def add_wrist(spec: Any, wrist: Wrist, robot: Robot, timestep: float, compensate
     Raises
     ------
     ValueRangeError
-        If the robot has several hands.
+        If the robot has several end effectors.
     """
     mujoco = import_mujoco()
     if len(robot.ends) != 1:
-        raise ValueRangeError(f"plant.wrist: is at one hand, and {robot.name} has {len(robot.ends)}")
+        raise ValueRangeError(f"plant.wrist: is at one end effector, and {robot.name} has {len(robot.ends)}")
     end = robot.chain[robot.ends[0]]
     body = spec.body(f"link_{int(robot.parents[robot.ends[0]]) + 1}").add_body(
         name=TOOL, pos=end[4:7], quat=end[:4]
@@ -87,10 +87,12 @@ class MujocoWrist:
     Attributes
     ----------
     wrench
-        What it shows: force and torque of tool and environment on the hand, its axes, shape (6,).
+        What it shows: force and torque of tool and environment on the end effector, its axes, shape (6,).
     readings
         That, and the force of what is touched, base axes, the mean of a period: contacts of hard things come and go
         from one time step to the next.
+    felt
+        Behind the filter, without noise, updated at every time step.
     """
 
     def __init__(self, wrist: Wrist, model: Any, data: Any, seed: int) -> None:
@@ -103,23 +105,23 @@ class MujocoWrist:
         self._rng = np.random.default_rng([seed, _STREAM])
         self.readings: Array = np.zeros(9)
         self.wrench: Array = self.readings[:6]
-        self._filtered = self._felt()
+        self.felt: Array = self._felt()
         self._touch, self._steps = np.zeros(3), 0
 
     def _felt(self) -> Array:
-        """Return force and torque that the tool exerts, and the bias; MuJoCo shows what the hand exerts on it."""
+        """Return force and torque that the tool exerts, and the bias; MuJoCo shows what acts on the tool."""
         return self._bias - np.concatenate(self._shown)
 
     def advance(self, model: Any, data: Any, count: int) -> None:
         """Take so many time steps, and feel at each."""
         for _ in range(count):
             self._step(model, data, 1)
-            self._filtered += (1.0 - self._kept) * (self._felt() - self._filtered)
+            self.felt += (1.0 - self._kept) * (self._felt() - self.felt)
             self._touch += self._external
         self._steps += count
 
     def read(self) -> None:
         """Update what it shows."""
-        self.wrench[:] = self._filtered + self._noise * self._rng.standard_normal(6)
+        self.wrench[:] = self.felt + self._noise * self._rng.standard_normal(6)
         self.readings[6:] = self._touch / max(self._steps, 1)
         self._touch[:], self._steps = 0.0, 0

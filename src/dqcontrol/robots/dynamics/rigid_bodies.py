@@ -68,7 +68,7 @@ class RigidBody(NamedTuple):
 
 _body = MemoryLayout(RigidBody, unchecked=True)
 
-_MOVED, _INERTIA, _RATES, _WRENCH = (
+MOVED, _INERTIA, RATES, _WRENCH = (
     13,
     10,
     12,
@@ -103,11 +103,11 @@ def rigid_bodies(robot: Robot) -> Array:
 def work_size(count: int) -> int:
     """Return the scratch that the functions below need for so many joints."""
     padded = (count + 3) // 4 * 4
-    return 3 * padded + (_MOVED + _RATES + _WRENCH) * count
+    return 3 * padded + (MOVED + RATES + _WRENCH) * count
 
 
 @inline
-def _place_bodies(bodies, q, moved, halves):
+def place_bodies(bodies, q, moved, halves):
     """Write pose (7) and screw (6) of each joint; return 0, or NaN unless q is finite."""
     count = bodies.shape[0]
     padded = (count + 3) // 4 * 4
@@ -170,9 +170,9 @@ def fill_mass_matrix(bodies, q, out, work):
     if q.shape[0] != n or out.shape[1] != n:
         return WRONG_SIZE
     padded = (count + 3) // 4 * 4
-    moved = as_matrix(as_row(work, 3 * padded, _MOVED * count), count, _MOVED)
-    composite = as_matrix(as_row(work, 3 * padded + _MOVED * count, _INERTIA * count), count, _INERTIA)
-    check = _place_bodies(bodies, q, moved, work)
+    moved = as_matrix(as_row(work, 3 * padded, MOVED * count), count, MOVED)
+    composite = as_matrix(as_row(work, 3 * padded + MOVED * count, _INERTIA * count), count, _INERTIA)
+    check = place_bodies(bodies, q, moved, work)
     for i in range(count):
         body, at = _body(bodies[i]), moved[i]
         a, b, c, d, e, f, g, h, k = _axes(at)
@@ -233,11 +233,11 @@ def fill_joint_forces(bodies, q, rates, accelerations, gravity, out, work):
         return WRONG_SIZE
     accelerated = accelerations.shape[0] == n
     padded = (count + 3) // 4 * 4
-    moved = as_matrix(as_row(work, 3 * padded, _MOVED * count), count, _MOVED)
-    speeds = as_matrix(as_row(work, 3 * padded + _MOVED * count, _RATES * count), count, _RATES)
-    place = 3 * padded + (_MOVED + _RATES) * count
+    moved = as_matrix(as_row(work, 3 * padded, MOVED * count), count, MOVED)
+    speeds = as_matrix(as_row(work, 3 * padded + MOVED * count, RATES * count), count, RATES)
+    place = 3 * padded + (MOVED + RATES) * count
     wrenches = as_matrix(as_row(work, place, _WRENCH * count), count, _WRENCH)
-    check = _place_bodies(bodies, q, moved, work)
+    check = place_bodies(bodies, q, moved, work)
     for i in range(n):
         check += 0.0 * rates[i]
         out[i] = 0.0
