@@ -247,7 +247,12 @@ class PlayPage(ServedPage):
             return
         scene, end = self.server.scene, pulled.point + pulled.force / STIFFNESS
         arrow = scene.add_arrows(
-            "/spring", np.array([[pulled.point, end]]), _PULL, shaft_radius=0.006, head_radius=0.018, head_length=0.05
+            "/spring",
+            np.array([[pulled.point, end]]),
+            _PULL,
+            shaft_radius=0.006,
+            head_radius=0.018,
+            head_length=0.05,
         )
         label = scene.add_label("/spring-force", f"{np.linalg.norm(pulled.force):.0f} N", position=end)
         self._spring = [arrow, label]
