@@ -6,7 +6,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.contact import Admittance, Compliance, ForceSensor, WantedWrench
-from dqcontrol.contact.limits import _Loop
+from dqcontrol.contact.limits import _loop_of
 
 ARM = dqc.load_robot("iiwa7")
 PUSH = 2.0  # N
@@ -88,7 +88,7 @@ def check(seed):
     """Return whether it grows 5 % below the predicted limit and 5 % above it; None where that would take too long."""
     loop = Loop(seed)
     model = loop.plant.linear_model(ARM, loop.q, loop.period)
-    axis = _Loop(loop.admittance, loop.law, model, loop.q, 5)
+    axis = _loop_of(loop.admittance, loop.law, model, loop.q, 5)
     limit = axis.limit(loop.mass)
     if not 50 < limit < 1e6:
         return None
