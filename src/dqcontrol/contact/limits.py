@@ -27,6 +27,10 @@ if TYPE_CHECKING:
             """Return how small commands move it."""
             ...
 
+        def compliance(self, robot: Robot, start: Array) -> Array:
+            """Return by how much its servos give way."""
+            ...
+
         def lag(self, robot: Robot) -> Lag:
             """Return how late it is."""
             ...
@@ -57,7 +61,8 @@ class ContactLimits:
     Attributes
     ----------
     stiffness
-        Largest of what stands still, N/m (about turning axes N·m/rad), on the worst axis; infinite where none fails.
+        Largest of what stands still, N/m, on the worst axis; infinite where none fails. Of a compliance that turns
+        alone, N·m/rad.
     axis
         The worst axis: x, y, z, mx, my or mz.
     loose_part
@@ -136,12 +141,13 @@ def contact_limits(
         raise ValueRangeError(
             "contact: the plant has no linear model, so what stiffness it bears is unknown; set allow_unstable"
         )
-    found = []
-    for i in np.flatnonzero(~admittance.rigid):
-        loop = _loop_of(admittance, law, model, start, int(i))
+    found, soft = [], plant.compliance(robot, start)
+    axes = np.flatnonzero(~admittance.rigid)
+    for i in axes[axes >= 3] if axes.max() >= 3 else axes:  # one unit: N/m, where it gives way along an axis
+        loop = _loop_of(admittance, law, model, start, int(i), soft)
         found.append((loop.limit(), int(i), loop))
     for point in as_array("at", at).reshape(-1, 3):
-        loop, along = _beside(admittance, law, model, start, point)
+        loop, along = _beside(admittance, law, model, start, point, soft)
         found.append((loop.limit(), along, loop))
     stiffness, worst, loop = min(found, key=lambda each: each[0])
     loose = [LoosePart(loop.limit(mass), mass) for mass in _MASSES] if worst >= 3 else []
@@ -158,16 +164,16 @@ def contact_limits(
 
 
 def bears(
-    admittance: Admittance, law: Controller, model: LinearModel, q: ArrayLike, stiffness: float
+    admittance: Admittance, law: Controller, model: LinearModel, q: ArrayLike, stiffness: float, soft: Array
 ) -> bool:
     """Return whether the loops of `contact_limits` are stable against one stiffness, N/m, in a hundredth of its time.
 
-    Loops about turning axes, whose stiffnesses are others, are left out.
+    With the plant's compliance. Loops about turning axes, whose stiffnesses are others, are left out.
     """
     start = as_array("q", q, (law.robot.configuration_size,))
     axes = np.flatnonzero(~admittance.rigid)
-    loops = (_loop_of(admittance, law, model, start, int(i)) for i in axes if i >= 3)
-    return all(loop.radius(stiffness) <= 1 + _ROUNDING for loop in loops)
+    loops = (_loop_of(admittance, law, model, start, int(i), soft) for i in axes if i >= 3)
+    return all(loop.radius(loop.felt(stiffness)) <= 1 + _ROUNDING for loop in loops)
 
 
 def _lateness(model: LinearModel, joints: int, period: float) -> float:
@@ -188,7 +194,7 @@ def _largest(admittance: Admittance) -> list[float]:
 
 
 def _beside(
-    admittance: Admittance, law: Controller, model: LinearModel, q: Array, point: Array
+    admittance: Admittance, law: Controller, model: LinearModel, q: Array, point: Array, soft: Array
 ) -> tuple[_Loop, int]:
     """Return the loop of all axes, touched at a point along the wanted force, and the axis that is most along it."""
     wanted = np.array(_largest(admittance))
@@ -200,19 +206,22 @@ def _beside(
     row = np.concatenate([np.cross(point, normal), normal])
     along = 3 + int(np.abs(normal).argmax())
     axes = [along, *(int(i) for i in np.flatnonzero(~admittance.rigid) if i != along)]
-    return _Loop(admittance, law, model, q, axes, row[None]), along
+    return _Loop(admittance, law, model, q, axes, row[None], soft), along
 
 
-def _loop_of(admittance: Admittance, law: Controller, model: LinearModel, q: Array, axis: int) -> _Loop:
+def _loop_of(
+    admittance: Admittance, law: Controller, model: LinearModel, q: Array, axis: int, soft: Array
+) -> _Loop:
     """Return the loop along one axis alone."""
-    return _Loop(admittance, law, model, q, [axis], np.eye(6)[axis : axis + 1])
+    return _Loop(admittance, law, model, q, [axis], np.eye(6)[axis : axis + 1], soft)
 
 
 class _Loop:
     """The loop along axes that give way: plant, law, admittance and sensor; what is touched comes last.
 
     ``contacts`` are springs of what is touched: each by the row by which it moves with the axes φx φy φz x y z, and by
-    which its force acts along them.
+    which its force acts along them. Joints that give way by ``soft`` are springs behind one: 1/K grows by what they let
+    it move.
     """
 
     def __init__(
@@ -223,6 +232,7 @@ class _Loop:
         q: Array,
         axes: list[int],
         contacts: Array,
+        soft: Array,
     ) -> None:
         self._rows, self._period, self._filter = (
             admittance.axis_rows[axes],
@@ -236,6 +246,7 @@ class _Loop:
         turn = algebra.matrix_from_pose(pose)[:3, :3] if admittance.axes != "base" else np.eye(3)
         jacobian = np.vstack([turn.T @ part for part in np.split(robot.hand_jacobian(q), 2)])
         ways, self._acts = contacts @ jacobian, contacts[:, axes]
+        self._soft = float(ways[0] ** 2 @ soft) if len(ways) == 1 else 0.0
         m, state = robot.input_size, law.initial_state(q)
 
         def command(angles: Array, axis: int, way: float, speed: float, more: float) -> Array:
@@ -321,10 +332,16 @@ class _Loop:
 
     def limit(self, mass: float = 0.0) -> float:
         """Return the stiffness from which on the loop is unstable, N/m or N·m/rad; infinite if none is."""
-        return _first_failure(lambda stiffness: self.radius(stiffness, mass))
+        felt = _first_failure(lambda stiffness: self.radius(stiffness, mass))
+        return felt / (1 - self._soft * felt) if self._soft * felt < 1 else np.inf
+
+    def felt(self, stiffness: float) -> float:
+        """Return the stiffness of what is touched and of the joints behind it."""
+        return stiffness / (1 + self._soft * stiffness)
 
     def least_damping(self, stiffness: float) -> float:
         """Return the damping from which on a stiffness is borne, N·s/m or N·m·s/rad; infinite if none bears it."""
+        stiffness = self.felt(stiffness)
         if (damping := self._rows[0, 1]) == 0:
             return np.nan
         share = _first_failure(lambda less: self.radius(stiffness, factor=1e4 / less), 1.0, 1e8)

@@ -95,7 +95,8 @@ def limits_of(spec: Spec, case: Combination) -> ContactLimits:
 def bears_world(spec: Spec, case: Combination, model: LinearModel) -> bool:
     """Return whether the contact loop of a case is stable before the stiffest springy body of its world, if any."""
     touched = max(_stiffnesses(spec).values(), default=0.0)
-    return not touched or bears(*_loop_of(spec, case), model, case.scene.start, touched)
+    soft = case.plant.compliance(case.scene.robot, case.scene.start)
+    return not touched or bears(*_loop_of(spec, case), model, case.scene.start, touched, soft)
 
 
 def _loop_of(spec: Spec, case: Combination) -> tuple[Admittance, Controller]:
