@@ -175,6 +175,7 @@ def test_without_physics_nothing_is_pulled(page_of):
     assert "physics" in page.session.told[-1]
 
 
+@pytest.mark.slow
 def test_a_base_drives_to_its_target_and_the_hand_keeps_its_pose_relative_to_it(page_of):
     page = page_of(JOHN)
     session = page.session

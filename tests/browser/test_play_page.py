@@ -206,6 +206,7 @@ def test_a_pointer_drags_either_of_two_arms(browser, tmp_path):
         playing.close()
 
 
+@pytest.mark.slow
 def test_ten_scenes_have_three_sentences_and_run():
     assert len(SCENES) == 10
     for scene in SCENES:

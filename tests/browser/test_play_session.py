@@ -252,6 +252,11 @@ def test_each_of_two_arms_goes_where_it_is_dragged_and_what_is_saved_is_the_same
     session.drag(moved(before["right"], [0, -0.06, 0]), "right")
     steps(session, 50)
     assert session.words.endswith("mm to go")  # of the right one: the left one is there
+    assert session.ends.labels == ("left", "right")
+    point, right = session.history[-1], session.live.state.q
+    away = session.robot.fkm(right, "right")
+    lag = np.linalg.norm(algebra.translation(session.live.aimed(0)) - algebra.translation(away))
+    assert point.error < 1e-4 < 0.005 < point.further_error == pytest.approx(lag, abs=3e-3)
     steps(session, 350)
     np.testing.assert_allclose(shifts(before, hands(session)), [[0.05, 0, 0.05], [0, -0.06, 0]], atol=1e-3)
     session.save(tmp_path / "both.yaml")

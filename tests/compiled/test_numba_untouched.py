@@ -48,7 +48,8 @@ assert len(before) > 5000
 """
 
 
-@pytest.mark.parametrize("cache", [pytest.param("cold", marks=pytest.mark.slow), "warm"])
+@pytest.mark.slow
+@pytest.mark.parametrize("cache", ["cold", "warm"])
 def test_every_attribute_of_numba_is_the_object_that_it_was(tmp_path, cache, monkeypatch):
     if cache == "cold":
         monkeypatch.setenv("DQCONTROL_CACHE", str(tmp_path))

@@ -138,6 +138,14 @@ def test_what_is_refused_before_anything_moves(changes, words):
     assert "\n" not in str(caught.value)
 
 
+def test_axes_that_turn_hide_no_unstable_contact():
+    """What they bear is N·m/rad, a smaller number."""
+    wall = {"wall": {"box": 0.2, "position": [0.55, 0, 0.17], "stiffness": 1e5}}
+    contact = spec()["contact"] | {"rotation": {"damping": 5, "stiffness": 4}}
+    with pytest.raises(Error, match=r"wall has 1e\+05 N/m, but along z this loop is unstable"):
+        check(spec(world=wall, contact=contact))
+
+
 def test_unstable_contact_runs_if_that_is_asked_for():
     wall = {"wall": {"box": 0.2, "position": [0.55, 0, 0.17], "stiffness": 1e5}}
     contact = spec()["contact"] | {"allow_unstable": True}

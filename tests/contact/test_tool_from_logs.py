@@ -151,6 +151,7 @@ plant: {{kind: servo, time_constant: 40 ms, delay: 12 ms, wrist: {{}}}}
         check(spec)
 
 
+@pytest.mark.slow
 def test_the_command_line_proposes_and_identifies(log, tmp_path):
     def run(*words):
         done = subprocess.run(

@@ -192,6 +192,7 @@ def test_parts_are_written_while_the_study_runs(tmp_path, monkeypatch):
     assert run_study_to(spec(), tmp_path / "noise").taken_over == 4
 
 
+@pytest.mark.slow
 def test_processes_that_began_elsewhere_write_into_this_folder(tmp_path, monkeypatch):
     """Processes are used again by later studies and stay in the folder that they began in."""
     for name in ("first", "second"):

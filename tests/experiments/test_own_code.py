@@ -194,6 +194,7 @@ def test_the_environment_can_refuse_code(folder, monkeypatch):
         read_spec(folder / "spec.yaml")
 
 
+@pytest.mark.slow
 def test_reports_in_processes_say_first_that_they_run_code_and_refuse_it_too(folder, monkeypatch, capsys):
     study = run_study_to(folder / "spec.yaml", folder / "out", figures=False)
     assert len(study.rows) == 4
@@ -339,7 +340,9 @@ def test_two_kinds_of_one_name_are_refused():
     assert One is not Two
 
 
-@pytest.mark.parametrize("command", [["run", "--out", "results"], ["check"]])
+@pytest.mark.parametrize(
+    "command", [pytest.param(["run", "--out", "results"], marks=pytest.mark.slow), ["check"]]
+)
 def test_what_an_interpreted_function_raises_is_told_in_a_line(folder, command):
     """What does not compile is called from Python; there is no traceback for a mistake in it."""
     (folder / "wrong.py").write_text(

@@ -46,7 +46,9 @@ SPEC = {
 
 
 @needs_c
-@pytest.mark.parametrize("supervisor", [None, {"acceleration": 10.0, "contact_force": 30.0}])
+@pytest.mark.parametrize(
+    "supervisor", [pytest.param(None, marks=pytest.mark.slow), {"acceleration": 10.0, "contact_force": 30.0}]
+)
 def test_the_library_gives_way_as_python_does(tmp_path, supervisor):
     spec = SPEC if supervisor is None else SPEC | {"supervisor": supervisor}
     folder = export_controller(spec, tmp_path / "c").folder

@@ -9,7 +9,7 @@ import dqcontrol as dqc
 from dqcontrol.algebra import translation
 from dqcontrol.cli.clip_command import clip
 from dqcontrol.errors import ExistsError, FileFormatError, MissingExtraError, ShapeError, ValueRangeError
-from dqcontrol.films.clip import _moments, render_clip, render_strip, render_whole
+from dqcontrol.films.clip import _film, _moments, render_clip, render_strip, render_whole
 from dqcontrol.films.film_physics import with_rolling_wheels
 from dqcontrol.films.offscreen import offscreen
 from dqcontrol.plants import CompliantPlant, Gripper, MobilePlant
@@ -288,3 +288,15 @@ def test_a_still_shows_where_it_was_nearest_or_pressed_hardest():
     pressed = SimpleNamespace(values=force)
     assert moments(constraint_distance=kept, contact_force=pressed) == pytest.approx([0, 2, 3.3, 6, 8, 10])
     assert moments(contact_force=SimpleNamespace(values=0 * force)) == pytest.approx(six)
+
+
+def test_a_mobile_manipulator_is_drawn_among_what_it_keeps_clear_of():
+    robot = dqc.load_robot("little-john")
+    start = [0, 0, 0, 0, -0.9, 0.9, 0.9, 0]
+    board = dqc.world.Body(box=(0.25, 0.8, 0.02), position=(2.0, 0.6, 0.45))
+    keep = dqc.constraints.Constraints(world=dqc.World(bodies={"board": board}), clear_of="all")
+    law = dqc.laws.Proportional(gain=1.0, constraints=keep)
+    target = dqc.references.SetPoint(robot.fkm(start))
+    record = dqc.simulate(robot, target, law, dqc.plants.Integrator(), start, 0.05, 0.2)
+    drawn = _film(robot, [(dqc.plants.Integrator(), record)], keep).spec.compile()
+    np.testing.assert_allclose(drawn.body("world: board").pos, [2.0, 0.6, 0.45])

@@ -90,7 +90,7 @@ def test_the_files_run_and_identify_finds_the_servos_that_ran(tmp_path):
         ({"duration": 3}, r"^duration: must be ≥ 14 s for 7 joints, got 3"),
         ({"start": [0, 3, 0, 0, 0, 0, 0]}, r"^start: joint_2 = 3 is beyond its limits"),
         ({"workspace": [0, 1]}, r"^workspace: expected x0, x1, y0"),
-        ({"workspace": [5, 6, 5, 6, 5, 6]}, r"^workspace: the hand starts outside of it"),
+        ({"workspace": [5, 6, 5, 6, 5, 6]}, r"^workspace: the end effector starts outside of it"),
         ({"signal": "noise"}, r"^signal: unknown name 'noise'"),
         ({"speed": 0.0}, r"^speed: joint_1 is left 0; start it elsewhere"),
     ],

@@ -457,7 +457,7 @@ def test_of_ambiguous_joints_the_plant_has_the_sum_that_is_known():
     assert found.plant().delay == [0.02, 0.02]
 
 
-@pytest.mark.parametrize("velocities", [False, True])
+@pytest.mark.parametrize("velocities", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_the_twin_of_a_log_whose_stamps_jitter_drops_and_doubles_no_command(tmp_path, velocities):
     """Stamps with 0.2 ms of jitter, and a period that is not their median step to the last digit."""
     rng = np.random.default_rng(SEED)

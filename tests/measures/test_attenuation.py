@@ -181,7 +181,7 @@ def test_premises_are_checked(arm):
         measured(arm, PUSH, damped)
     with pytest.raises(PremiseError, match="start: the arm comes to a singular value of"):
         measured(arm, PUSH, start=stretched)
-    with pytest.raises(PremiseError, match="disturbance: turns the hand half a turn from its target"):
+    with pytest.raises(PremiseError, match="disturbance: turns the end effector half a turn from its target"):
         measured(arm, spin, duration=2.0)
     with pytest.raises(PremiseError, match="law: the run diverged at"):
         measured(arm, PUSH, period=1e3, duration=1e5)

@@ -8,7 +8,7 @@ from planning_scenes import load
 import dqcontrol as dqc
 from dqcontrol.errors import NoteWarning, PlanError, ShapeError
 from dqcontrol.planning import CertifiedEdges, branch_along
-from dqcontrol.planning.branches import SINGULAR, continued
+from dqcontrol.planning.branches import SINGULAR, continued, first_through
 
 Q = np.array([0.3, -1.2, 1.4, -0.6, -1.4, 0.0])
 
@@ -56,6 +56,42 @@ def test_where_none_goes_through_sample_and_pair_are_told():
     assert told.value.pair.startswith("ball: ")
     assert told.value.sample is not None
     assert 5 < told.value.sample < 30
+    assert f"sample {told.value.sample} of 61" in str(told.value)
+    assert str(told.value).endswith("postures there none is clear and not singular")
+
+
+def test_where_nobody_may_start_the_posture_that_lacks_least_is_told():
+    """A ball behind the hand, where all postures have wrists, some of them deeper in it."""
+    robot = load("ur5")
+    poses = circle(robot)
+    hand = dqc.algebra.translation(poses[0])
+    ball = dqc.constraints.Constraints(**around({"ball": sphere(hand, 0.02)}))
+    with pytest.raises(PlanError, match=r"none goes through; the best at sample 0 of 61: ball: ") as told:
+        branch_along(robot, ball, poses)
+    assert told.value.sample == 0
+    starts = [each.q for each in dqc.robots.postures(robot, poses[0])]
+    rooms = CertifiedEdges(robot, ball).room_at(np.array(starts))[0]
+    assert rooms.max() < 0
+    assert np.array_equal(told.value.nearest, starts[rooms.argmax()])
+
+
+def test_joints_to_spare_are_moved_aside_as_the_law_moves_them():
+    """A Panda whose nearest configurations all end at a limit; the law with constraints goes all of the circle."""
+    robot = load("panda")
+    keep = dqc.constraints.Constraints(self_collision=False, acceleration=10)
+    around_q = dqc.references.Circle(
+        robot.fkm([2.02, 0.0, -2.3, -0.81, -0.31, 0.22, -0.09]), radius=0.1, duration=10.0
+    )
+    poses = around_q.samples(np.linspace(0, 10, 61))[:, :8]
+    edges = CertifiedEdges(robot, keep)
+    starts = [(each.q, poses) for each in dqc.robots.postures(robot, poses[0])]
+    with pytest.raises(PlanError, match="none goes through; the farthest stops at sample"):
+        first_through(starts, edges, aside=False)
+    q = branch_along(robot, keep, poses)
+    assert edges.clear(q[:-1], q[1:]).certified.all()
+    law = dqc.laws.ProportionalFeedforward(gain=5, constraints=keep)
+    record = dqc.simulate(robot, around_q, law, dqc.plants.Integrator(), q[0], 0.01, 10.0)
+    assert record.error.max() < 2e-3
 
 
 def test_a_path_out_of_reach_names_the_sample():

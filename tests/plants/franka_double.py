@@ -7,14 +7,14 @@ acceleration, and 20 in a row, or a command beyond the limits of velocity, accel
 that speeds fall towards the ends of the joints is left out), stop the robot with a reflex.
 """
 
-import json
 import select
 import socket
 import struct
-import sys
 import threading
 import time
 from contextlib import suppress
+
+from robot_double import RobotDouble, exactly, towards, work
 
 CYCLE = 0.001
 CONNECT, MOVE, STOP_MOVE, RECOVER, MODEL = 0, 1, 2, 10, 11
@@ -73,11 +73,11 @@ class Arm:
     """Joints, what is wanted of them, and what of that they refuse."""
 
     def __init__(self, q, moving=0.0):
-        self.q, self.dq, self.ddq = list(q), [moving] * 7, [0.0] * 7
+        self.q, self.qd, self.qdd = list(q), [moving] * 7, [0.0] * 7
         self.moving = moving
         self.mode, self.generator, self.fault = IDLE, None, ""
         self.cycles, self.lost, self.lost_in_all, self.rested = 1, 0, 0, 0
-        self.fastest = self.hardest = 0.0
+        self.fastest = 0.0
         self.heard = 0
 
     def packed(self):
@@ -86,8 +86,8 @@ class Arm:
             errors[ERRORS[self.fault]] = 1
         busy = self.generator is not None
         return STATE.pack(
-            self.cycles, *UNIT * 6, *zeros[:26], *zeros[:4], *zeros[:21], *self.q, *self.q, *self.dq, *self.dq,
-            *self.ddq, *zeros[:26], *zeros[:25], *zeros[:9], *UNIT, *zeros[:12], *self.q, *self.dq, *zeros[:36],
+            self.cycles, *UNIT * 6, *zeros[:26], *zeros[:4], *zeros[:21], *self.q, *self.q, *self.qd, *self.qd,
+            *self.qdd, *zeros[:26], *zeros[:25], *zeros[:9], *UNIT, *zeros[:12], *self.q, *self.qd, *zeros[:36],
             1 + self.generator if busy else 0, 0 if busy else 3, *errors, *errors, self.mode, 1.0 if busy else 0.0,
         )  # fmt: skip
 
@@ -95,11 +95,11 @@ class Arm:
         """Joint velocities of the next cycle; without a command those at the last acceleration."""
         if self.generator is None:
             if self.moving:
-                return self.dq
+                return self.qd
             steps = [limit * CYCLE for limit in ACCELERATION]
-            return [max(was - step, min(was + step, 0.0)) for was, step in zip(self.dq, steps, strict=True)]
+            return [towards(was, 0.0, step) for was, step in zip(self.qd, steps, strict=True)]
         if command is None:
-            return [was + CYCLE * rate for was, rate in zip(self.dq, self.ddq, strict=True)]
+            return [was + CYCLE * rate for was, rate in zip(self.qd, self.qdd, strict=True)]
         if self.generator == VELOCITY:
             return list(command[8:15])
         return [(target - joint) / CYCLE for target, joint in zip(command[1:8], self.q, strict=True)]
@@ -114,20 +114,19 @@ class Arm:
             if fault := self.refused(wanted):
                 self.fault, self.mode, self.generator = fault, IN_REFLEX, None
                 wanted = self.wanted(None)
-        self.ddq = [(new - was) / CYCLE for new, was in zip(wanted, self.dq, strict=True)]
-        self.dq = wanted
-        self.q = [joint + CYCLE * rate for joint, rate in zip(self.q, self.dq, strict=True)]
-        self.fastest = max(self.fastest, *map(abs, self.dq))
-        if any(abs(rate) > 1e-4 for rate in self.dq):
+        self.qdd = [(new - was) / CYCLE for new, was in zip(wanted, self.qd, strict=True)]
+        self.qd = wanted
+        self.q = [joint + CYCLE * rate for joint, rate in zip(self.q, self.qd, strict=True)]
+        self.fastest = max(self.fastest, *map(abs, self.qd))
+        if any(abs(rate) > 1e-4 for rate in self.qd):
             self.rested = self.cycles + 1
 
     def refused(self, wanted):
         if self.lost >= LOST:
             return "communication_constraints_violation"
         for i, new in enumerate(wanted):
-            rate = (new - self.dq[i]) / CYCLE
-            jerk = abs(rate - self.ddq[i]) / CYCLE
-            self.hardest = max(self.hardest, jerk / JERK[i])
+            rate = (new - self.qd[i]) / CYCLE
+            jerk = abs(rate - self.qdd[i]) / CYCLE
             if not LOWER[i] <= self.q[i] + CYCLE * new <= UPPER[i]:
                 return "joint_motion_generator_position_limits_violation"
             if abs(new) > SPEED[i]:
@@ -139,13 +138,16 @@ class Arm:
         return ""
 
 
-class Double:
+class Double(RobotDouble):
     """The arm behind its ports; one client at a time, as with FCI."""
 
+    cycle_time = CYCLE
+    shown = (*RobotDouble.shown, "mode", "lost_in_all")
+
     def __init__(self, host, q, version=10, patience=0.02, **options):
-        self.arm, self.lock = Arm(q, **options), threading.Lock()
+        super().__init__(Arm(q, **options))
         self.version, self.patience = version, patience
-        self.client, self.move, self.plugged = None, 0, True
+        self.client, self.move = None, 0
         self.udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.udp.bind((host, 0))
         self.udp.setblocking(False)
@@ -156,26 +158,20 @@ class Double:
     def accept(self, listener):
         while True:
             connection, (host, _) = listener.accept()
+            late = time.monotonic() + 1.0  # a client that has just ended may not have been noticed
+            while self.client is not None and time.monotonic() < late:
+                time.sleep(0.01)
             if self.client is not None:
                 connection.close()
                 continue
             self.client = connection
             threading.Thread(target=self.serve, args=(connection, host), daemon=True).start()
 
-    def exactly(self, connection, count):
-        data = b""
-        while len(data) < count:
-            part = connection.recv(count - len(data))
-            if not part:
-                raise ConnectionError
-            data += part
-        return data
-
     def serve(self, connection, host):
         try:
             while True:
-                kind, number, size = struct.unpack("<III", self.exactly(connection, 12))
-                payload = self.exactly(connection, size - 12)
+                kind, number, size = struct.unpack("<III", exactly(connection, 12))
+                payload = exactly(connection, size - 12)
                 while not self.plugged:
                     time.sleep(0.01)
                 with self.lock:
@@ -184,9 +180,9 @@ class Double:
             pass
         with self.lock:  # a client that is gone moves nothing
             self.address, self.client = None, None
-            self.arm.generator = None
-            if self.arm.mode == MOVING:
-                self.arm.mode = IDLE
+            self.robot.generator = None
+            if self.robot.mode == MOVING:
+                self.robot.mode = IDLE
         connection.close()
 
     def reply(self, kind, number, payload):
@@ -194,7 +190,7 @@ class Double:
             self.client.sendall(struct.pack("<III", kind, number, 12 + len(payload)) + payload)
 
     def answer(self, host, kind, number, payload):
-        arm = self.arm
+        arm = self.robot
         if kind == CONNECT:
             version, port = struct.unpack("<HH", payload[:4])
             self.reply(kind, number, struct.pack("<BH", int(version != self.version), self.version))
@@ -207,7 +203,7 @@ class Double:
             self.reply(kind, number, bytes([STARTED if possible else REJECTED]))
             if possible:
                 self.move, arm.mode, arm.generator, arm.lost = number, MOVING, generator, 0
-                arm.ddq = [0.0] * 7
+                arm.qdd = [0.0] * 7
         elif kind == STOP_MOVE:
             self.reply(kind, number, b"\0")
             self.ended(PREEMPTED)
@@ -218,8 +214,8 @@ class Double:
 
     def ended(self, status):
         if self.move:
-            self.arm.generator = None
-            self.arm.mode = IN_REFLEX if self.arm.fault else IDLE
+            self.robot.generator = None
+            self.robot.mode = IN_REFLEX if self.robot.fault else IDLE
             self.reply(MOVE, self.move, bytes([status]))
             self.move = 0
 
@@ -228,63 +224,31 @@ class Double:
         until = time.monotonic() + self.patience
         while (left := until - time.monotonic()) > 0 and select.select([self.udp], [], [], left)[0]:
             command = COMMAND.unpack(self.udp.recv(1024))
-            if command[0] == self.arm.cycles and self.plugged:
+            if command[0] == self.robot.cycles and self.plugged:
                 return command
         return None
 
-    def run(self):
-        due = time.monotonic()
-        while True:
-            with self.lock:
-                address, state, busy = self.address, self.arm.packed(), self.arm.generator is not None
-            if address and self.plugged:
-                self.udp.sendto(state, address)
-            command = self.heard() if busy and address else None
-            with self.lock:
-                if command and command[40]:  # motion_generation_finished
-                    self.ended(SUCCESS)
-                    command = None
-                before = self.arm.fault
-                self.arm.cycle(command)
-                if self.arm.fault and not before:
-                    if self.address and self.plugged:
-                        self.udp.sendto(self.arm.packed(), self.address)
-                        self.arm.cycles += 1
-                    self.ended(REFLEX)
-            if select.select([sys.stdin], [], [], 0)[0]:
-                line = sys.stdin.readline()
-                if not line:
-                    return
-                self.asked(json.loads(line))
-            due = max(due + CYCLE, time.monotonic() - CYCLE)
-            time.sleep(max(0.0, due - time.monotonic()))
+    def is_driven(self):
+        return self.robot.generator is not None
 
-    def asked(self, wanted):
+    def cycle(self):
         with self.lock:
-            self.plugged = wanted.pop("plugged", self.plugged)
-            for name, value in wanted.items():
-                setattr(self.arm, name, value)
-            names = (
-                "q",
-                "dq",
-                "fault",
-                "mode",
-                "cycles",
-                "fastest",
-                "hardest",
-                "lost_in_all",
-                "heard",
-                "rested",
-            )
-            state = {name: getattr(self.arm, name) for name in names} | {
-                "client": self.client is not None,
-                "cycle": CYCLE,
-            }
-        print(json.dumps(state), flush=True)
+            address, state, busy = self.address, self.robot.packed(), self.robot.generator is not None
+        if address and self.plugged:
+            self.udp.sendto(state, address)
+        command = self.heard() if busy and address else None
+        with self.lock:
+            if command and command[40]:  # motion_generation_finished
+                self.ended(SUCCESS)
+                command = None
+            before = self.robot.fault
+            self.robot.cycle(command)
+            if self.robot.fault and not before:
+                if self.address and self.plugged:
+                    self.udp.sendto(self.robot.packed(), self.address)
+                    self.robot.cycles += 1
+                self.ended(REFLEX)
 
 
 if __name__ == "__main__":
-    options = json.loads(sys.argv[1])
-    double = Double(**options)
-    print("ready", flush=True)
-    double.run()
+    work(Double)

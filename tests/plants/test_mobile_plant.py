@@ -333,7 +333,9 @@ def test_two_arms_stand_on_a_drive_and_drive_with_it():
 
 def test_two_arms_on_a_drive_that_are_refused():
     robot = two_arms_on_wheels()
-    with pytest.raises(ValueRangeError, match=r"plant\.gripper: is at the hand of one arm, and .* has two"):
+    with pytest.raises(
+        ValueRangeError, match=r"plant\.gripper: is at the end effector of one arm, and .* has two"
+    ):
         MobilePlant(gripper=Gripper()).start(robot, np.zeros(17), T, 1, 0)
     with pytest.raises(ValueRangeError, match=r"two arms by v and ω, and .* is unconstrained"):
         MobilePlant().start(robot.in_form("unconstrained"), np.zeros(17), T, 1, 0)

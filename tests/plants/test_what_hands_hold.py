@@ -107,9 +107,9 @@ def test_a_box_that_slips_is_said(tmp_path):
 def test_what_is_refused():
     panda = dqc.load_robot("panda")
     plant = MujocoPlant(pads=Pads(), world=dqc.World(bodies={"box": Body(box=0.1, position=(3, 0, 0))}))
-    with pytest.raises(ValueRangeError, match=r"plant\.pads: are on two hands, and panda has 1"):
+    with pytest.raises(ValueRangeError, match=r"plant\.pads: are on two end effectors, and panda has 1"):
         plant.start(panda, Q[:7], 0.01, 1, 0)
-    with pytest.raises(ValueRangeError, match=r"plant\.pads: both hands start 0 m apart, too near"):
+    with pytest.raises(ValueRangeError, match=r"plant\.pads: both end effectors start 0 m apart, too near"):
         plant.start(dqc.TwoArms(panda, panda), np.concatenate([Q[:7], Q[:7]]), 0.01, 1, 0)
     with pytest.raises(ValueRangeError, match=r"plant\.pads: press a body of the world .* give 'world'"):
         MujocoPlant(pads=Pads()).start(panda, Q[:7], 0.01, 1, 0)

@@ -12,14 +12,12 @@ may not do. These bounds are ours, in place of a controller's own checks that ar
 `servoJ` is a filter of second order, critically damped, that settles within the look-ahead time.
 """
 
-import json
 import math
-import select
 import socket
 import struct
-import sys
 import threading
-import time
+
+from robot_double import RobotDouble, exactly, towards, work
 
 CYCLE = 0.002
 SPEED, ACCELERATION = math.radians(191.0), 40.0
@@ -48,14 +46,11 @@ class Controller:
         self.q, self.qd = list(q), [moving] * len(q)
         self.drift = moving  # rad/s before a program runs
         self.version, self.power, self.in_use, self.remote = tuple(version), power, in_use, remote
-        self.reads_late, self.begun = (
-            reads_late,
-            0,
-        )  # cycles that who only reads hears nothing of a new program
+        self.reads_late, self.begun = reads_late, 0  # cycles: who only reads hears so late of a new program
         self.cycles, self.running, self.fault = 0, False, ""
         self.ints, self.doubles, self.state = [0] * 48, [0.0] * 48, 1
         self.mode, self.watchdog, self.heard = None, math.inf, 0
-        self.fastest = self.hardest = 0.0
+        self.fastest = 0.0
         self.commands, self.owner, self.rested = 0, None, 0
 
     def values(self):
@@ -75,7 +70,7 @@ class Controller:
         self.qd = [self.drift] * len(self.q) if self.drift and not self.running else self.wanted()
         for wanted, was, joint in zip(self.qd, before, self.q, strict=True):
             change = abs(wanted - was) / CYCLE
-            self.fastest, self.hardest = max(self.fastest, abs(wanted)), max(self.hardest, change)
+            self.fastest = max(self.fastest, abs(wanted))
             if self.fault:
                 continue
             if abs(wanted) > SPEED:
@@ -130,10 +125,6 @@ class Controller:
         self.watchdog, self.ints[0], self.begun = math.inf, 0, self.cycles
 
 
-def towards(value, goal, step):
-    return max(value - step, min(value + step, goal))
-
-
 class Rtde(threading.Thread):
     """One client of RTDE."""
 
@@ -145,30 +136,21 @@ class Rtde(threading.Thread):
     def run(self):
         try:
             while True:
-                size, kind = struct.unpack(">HB", self.exactly(3))
-                self.answer(kind, self.exactly(size - 3))
+                size, kind = struct.unpack(">HB", exactly(self.connection, 3))
+                self.answer(kind, exactly(self.connection, size - 3))
         except (OSError, ConnectionError):
             pass
         with self.double.lock:
             self.double.clients.discard(self)
-            if self.double.controller.owner is self:
-                self.double.controller.owner = None
+            if self.double.robot.owner is self:
+                self.double.robot.owner = None
         self.connection.close()
-
-    def exactly(self, count):
-        data = b""
-        while len(data) < count:
-            part = self.connection.recv(count - len(data))
-            if not part:
-                raise ConnectionError
-            data += part
-        return data
 
     def send(self, kind, payload):
         self.connection.sendall(struct.pack(">HB", 3 + len(payload), kind) + payload)
 
     def answer(self, kind, payload):
-        controller = self.double.controller
+        controller = self.double.robot
         if kind == ord("V"):
             self.send(kind, b"\x01")
         elif kind == ord("v"):
@@ -194,7 +176,7 @@ class Rtde(threading.Thread):
             self.take(payload)
 
     def take(self, payload):
-        controller, at = self.double.controller, 1
+        controller, at = self.double.robot, 1
         with self.double.lock:
             if not self.double.plugged:
                 return
@@ -221,18 +203,17 @@ class Rtde(threading.Thread):
             self.send(ord("U"), data)
 
 
-class Double:
+class Double(RobotDouble):
     """The controller and its ports."""
 
+    cycle_time = CYCLE
+    shown = (*RobotDouble.shown, "commands", "mode")
+
     def __init__(self, host, **options):
-        self.controller, self.lock, self.clients = Controller(**options), threading.Lock(), set()
-        self.plugged, self.sockets = True, []
-        for port, serve in (
-            (29999, self.dashboard),
-            (30002, self.script),
-            (30003, self.script),
-            (30004, self.rtde),
-        ):
+        super().__init__(Controller(**options))
+        self.clients = set()
+        ports = {29999: self.dashboard, 30002: self.script, 30003: self.script, 30004: self.rtde}
+        for port, serve in ports.items():
             listener = socket.create_server((host, port))
             threading.Thread(target=self.accept, args=(listener, serve), daemon=True).start()
 
@@ -244,15 +225,15 @@ class Double:
 
     def dashboard(self, connection):
         connection.sendall(b"Connected: Universal Robots Dashboard Server\n")
-        version = ".".join(map(str, self.controller.version[:3]))
+        version = ".".join(map(str, self.robot.version[:3]))
         answers = {"PolyscopeVersion": f"URSoftware {version}.0 (double)", "get serial number": "20260000000"}
         with connection, connection.makefile() as lines:
             for line in lines:
                 answer = answers.get(line.strip(), "ok")
                 if line.strip() == "is in remote control":
-                    answer = str(self.controller.remote).lower()
+                    answer = str(self.robot.remote).lower()
                 if line.strip() == "stop":
-                    self.controller.running, self.controller.mode = False, None
+                    self.robot.running, self.robot.mode = False, None
                 connection.sendall(answer.encode() + b"\n")
 
     def script(self, connection):
@@ -262,69 +243,29 @@ class Double:
                 text += part
                 if b"def rtde_control():" in text and text.rstrip().endswith(b"end"):
                     with self.lock:
-                        if (
-                            self.controller.power
-                            and not self.controller.fault
-                            and not self.controller.running
-                        ):
-                            self.controller.start_program()
+                        if self.robot.power and not self.robot.fault and not self.robot.running:
+                            self.robot.start_program()
                     text = b""
 
     def rtde(self, connection):
         Rtde(self, connection).run()
 
-    def run(self):
-        """Step, and answer questions on stdin: a line of JSON each, what to set, answered by the state."""
-        due = time.monotonic()
-        while True:
-            with self.lock:
-                self.controller.cycle()
-                values, clients = self.controller.values(), list(self.clients)
-            if (
-                self.controller.running
-                and self.controller.cycles - self.controller.begun < self.controller.reads_late
-            ):
-                clients = [client for client in clients if client.inputs]
-            for client in clients if self.plugged else ():
-                try:
-                    client.tell(values)
-                except OSError:
-                    self.clients.discard(client)
-            if select.select([sys.stdin], [], [], 0)[0]:
-                line = sys.stdin.readline()
-                if not line:
-                    return
-                self.asked(json.loads(line))
-            due = max(due + CYCLE, time.monotonic() - CYCLE)
-            time.sleep(max(0.0, due - time.monotonic()))
+    def is_driven(self):
+        return self.robot.running
 
-    def asked(self, wanted):
-        controller = self.controller
+    def cycle(self):
+        robot = self.robot
         with self.lock:
-            self.plugged = wanted.pop("plugged", self.plugged)
-            for name, value in wanted.items():
-                setattr(controller, name, value)
-            state = {
-                name: getattr(controller, name)
-                for name in (
-                    "q",
-                    "qd",
-                    "fault",
-                    "running",
-                    "cycles",
-                    "fastest",
-                    "hardest",
-                    "commands",
-                    "mode",
-                    "heard",
-                    "rested",
-                )
-            }
-        print(json.dumps(state | {"cycle": CYCLE}), flush=True)
+            robot.cycle()
+            values, clients = robot.values(), list(self.clients)
+        if robot.running and robot.cycles - robot.begun < robot.reads_late:
+            clients = [client for client in clients if client.inputs]
+        for client in clients if self.plugged else ():
+            try:
+                client.tell(values)
+            except OSError:
+                self.clients.discard(client)
 
 
 if __name__ == "__main__":
-    options = json.loads(sys.argv[1])
-    double = Double(**options)
-    print("ready", flush=True)
-    double.run()
+    work(Double)

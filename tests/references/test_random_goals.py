@@ -45,7 +45,7 @@ def test_arms_stay_within_their_limits():
     [
         ({"reach": -1.0}, "reach: must be ≥ 0, got -1"),
         ({"arm": float("nan")}, "arm: must be finite"),
-        ({"lowest": 3.0}, "lowest: 3 m is higher than the hand comes"),
+        ({"lowest": 3.0}, "lowest: 3 m is higher than the end effector comes"),
         ({"start": START + 3, "arm": 0.1}, "start: joint_1 is outside its limits"),
         ({"reach": math.inf}, "reach: must be finite"),
     ],

@@ -89,6 +89,7 @@ def test_joint_jogs_of_unknown_joints_are_refused(node, spec):
     assert following.control.target.rates(following.control.time).tolist() == [0, 0.1, 0, 0, 0, 0, 0]
 
 
+@pytest.mark.slow
 def test_users_of_moveit_servo_change_one_line(spec, start, node):
     from geometry_msgs.msg import PoseStamped, TwistStamped
     from sensor_msgs.msg import JointState

@@ -314,7 +314,7 @@ def test_parameters_that_are_not_allowed(arm, parameters, message):
 
 def test_starts_that_are_not_allowed(arm):
     supervisor = Supervisor(workspace=WorkspaceBox(lower=(0, 0, 0), upper=(0.1, 0.1, 0.1))).prepare(arm, T)
-    with pytest.raises(ValueRangeError, match=r"supervisor.workspace: the hand starts at"):
+    with pytest.raises(ValueRangeError, match=r"supervisor.workspace: the end effector starts at"):
         supervisor.start(Q0)
     with pytest.raises(ValueRangeError, match=r"q: \S+ is 9, outside -2.967 … 2.967"):
         supervisor.start([9, 0, 0, 1, 0, 0, 0])

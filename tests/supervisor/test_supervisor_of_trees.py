@@ -80,8 +80,8 @@ def test_a_run_of_two_arms_under_the_supervisor_is_the_same_interpreted():
 
 
 def test_what_is_refused_of_several_hands():
-    with pytest.raises(dqc.Error, match="contact_force: is of one hand"):
+    with pytest.raises(dqc.Error, match="contact_force: is of one end effector"):
         dqc.supervisor.Supervisor(contact_force=10.0).prepare(TWO, 0.01)
     box = dqc.supervisor.WorkspaceBox(lower=(0, 0, 0), upper=(1, 1, 1))
-    with pytest.raises(dqc.Error, match=r"the hand starts at \[.*\] and \[.*-0.40"):
+    with pytest.raises(dqc.Error, match=r"the end effector starts at \[.*\] and \[.*-0.40"):
         dqc.supervisor.Supervisor(workspace=box).prepare(TWO, 0.01).start(START)

@@ -57,12 +57,12 @@ def matrix_from_rotation(rotation: ArrayLike) -> Array:
     """Return rotation matrices R, shape (…, 3, 3), of unit quaternions (…, 4): R v = Im(r v r*) [P16 B.1]."""
     r = as_unit_quaternion("rotation", rotation)
     w, x, y, z = np.moveaxis(r, -1, 0)
-    rows = [
-        [2 * (w * w + x * x) - 1, 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 2 * (w * w + y * y) - 1, 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 2 * (w * w + z * z) - 1],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    entries = [
+        2 * (w * w + x * x) - 1, 2 * (x * y - w * z), 2 * (x * z + w * y),
+        2 * (x * y + w * z), 2 * (w * w + y * y) - 1, 2 * (y * z - w * x),
+        2 * (x * z - w * y), 2 * (y * z + w * x), 2 * (w * w + z * z) - 1,
+    ]  # fmt: skip
+    return np.stack(entries, axis=-1).reshape(*r.shape[:-1], 3, 3)
 
 
 def rotation_from_matrix(matrix: ArrayLike) -> Array:

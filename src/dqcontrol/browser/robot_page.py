@@ -115,7 +115,7 @@ class RobotPage(ServedPage):
         gui.add_button("Where it began").on_click(lambda _: self.set(self._home))
         gui.add_button("Middle of the limits").on_click(lambda _: self.set((self.lower + self.upper) / 2))
         self._joint_frames = gui.add_checkbox("Frames of all joints", True)
-        self._reach = gui.add_checkbox("What the hand reaches", False)
+        self._reach = gui.add_checkbox("What the end effector reaches", False)
         self._numbers = gui.add_html("")
 
     def _told(self) -> str:
@@ -124,7 +124,7 @@ class RobotPage(ServedPage):
         x, y, z = algebra.translation(pose)
         rpy = np.degrees(algebra.rpy_from_rotation(algebra.rotation(pose)))
         rows = [
-            ("Hand [m]", f"{x:.3f}, {y:.3f}, {z:.3f}", False),
+            ("End effector [m]", f"{x:.3f}, {y:.3f}, {z:.3f}", False),
             ("Roll, pitch, yaw [°]", ", ".join(f"{angle:.1f}" for angle in rpy), False),
             ("Manipulability", f"{float(self.robot.manipulability(self.q)):.3g}", False),
         ]

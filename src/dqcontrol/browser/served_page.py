@@ -11,6 +11,7 @@ from typing import Any
 
 from dqcontrol.arrays import Array
 from dqcontrol.browser.layout import FIELD
+from dqcontrol.browser.loop_events import use_loop_events
 from dqcontrol.browser.own_origin import only_own_pages
 from dqcontrol.errors import MissingExtraError
 
@@ -51,6 +52,7 @@ def start_server(port: int, title: str = "dqcontrol") -> Any:
         If viser is not installed.
     """
     viser = import_viser()
+    use_loop_events()
     with contextlib.redirect_stdout(io.StringIO()), only_own_pages():  # without its banner
         server: Any = viser.ViserServer(host=HOST, port=port, label=title, verbose=False)
     # The usual map of light takes half a minute to draw without a graphics card.

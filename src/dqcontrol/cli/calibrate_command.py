@@ -1,4 +1,4 @@
-"""Correct the geometry of an arm from measured poses of its hand."""
+"""Correct the geometry of an arm from measured poses of its end effector."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def calibrate(
     out: Out = None,
     force: Force = False,
 ) -> None:
-    """Correct DH parameters, base and tool frame of an arm from measured poses of its hand.
+    """Correct DH parameters, base and tool frame of an arm from measured poses of its end effector.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ def evaluate(
 ) -> None:
     """Measure your own joint log against a reference: table, and plots and report if --out is given.
 
-    It begins with the verdict. Exit status: 0 if the hand did what was asked, 1 if it did not, 2 if nothing was
+    It begins with the verdict. Exit status: 0 if the end effector did what was asked, 1 if it did not, 2 if nothing was
     measured, because something is wrong.
 
     Parameters

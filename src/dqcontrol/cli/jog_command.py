@@ -29,7 +29,7 @@ def jog(
     out: Out = None,
     force: Force = False,
 ) -> None:
-    """Drive a robot's hand by keys in the terminal, and keep poses as a points file.
+    """Drive a robot's end effector by keys in the terminal, and keep poses as a points file.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def jog(
     poses
         New points file, made with the first pose; a spec's reference of kind points follows it.
     speed
-        The fastest that the hand moves, m/s.
+        The fastest that the end effector moves, m/s.
     angular_speed
         The fastest that it turns, rad/s.
     out

@@ -24,19 +24,20 @@ def plan(spec: Path, /) -> None:
     """
     from dqcontrol.errors import NoteWarning, ShapeError
     from dqcontrol.experiments import prepare
-    from dqcontrol.planning import PlanTo
+    from dqcontrol.planning.plan_to import PlanTo, ResumedWay
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NoteWarning)  # what it says is printed below
         setting = prepare(spec)
     for label, scene in setting.scenes.items():
-        if not isinstance(scene.reference, PlanTo):
+        way = scene.reference
+        if not isinstance(way, PlanTo | ResumedWay):
             kind = setting.spec.reference.__struct_config__.tag
             raise ShapeError(
                 f"{spec}: reference: expected kind plan-to, got {kind}, which has nothing to plan"
             )
-        print_table(_points(scene.reference, label or scene.robot.name))
-        print(f"{scene.reference.duration:.3g} s; {scene.reference.plan}")
+        print_table(_points(way.after if isinstance(way, ResumedWay) else way, label or scene.robot.name))
+        print(way)
 
 
 def _points(way: PlanTo, title: str) -> Table:

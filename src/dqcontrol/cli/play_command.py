@@ -34,7 +34,8 @@ def play(
     source
         A robot's name or file; a spec of one run; or the folder of a run, which begins where that began.
     device
-        What drives the hand beside the mouse: web-xr is a page for a phone or headset, ros2 topics of poses and twists.
+        What drives the end effector beside the mouse: web-xr is a page for a phone or headset, ros2 topics of poses and
+        twists.
     out
         Folder where recordings are saved.
     port

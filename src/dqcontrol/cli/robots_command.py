@@ -225,7 +225,7 @@ def solve(
     tip_link: TipLink = None,
     top: int = 5,
 ) -> None:
-    """Find joint angles that bring a robot's hand to a pose; the best to start from comes first.
+    """Find joint angles that bring a robot's end effector to a pose; the best to start from comes first.
 
     The best has the most room to its joint limits and the most manipulability. Without --rpy and --quaternion the
     orientation does not matter.
@@ -235,7 +235,7 @@ def solve(
     source
         Name, .yaml, .urdf, .xacro or .xml (MJCF) file, PACKAGE:PATH or menagerie:NAME.
     position
-        Of the hand in the base frame: x y z, m.
+        Of the end effector in the base frame: x y z, m.
     rpy
         Its roll, pitch and yaw, rad or as 90deg: Rz(yaw) Ry(pitch) Rx(roll).
     quaternion

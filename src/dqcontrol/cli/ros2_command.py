@@ -13,6 +13,8 @@ from dqcontrol.cli.options import Force, Out
 
 ros2: App = App(name="ros2", help="Controllers and simulated robots as ROS 2 nodes.", help_format="plaintext")
 
+NETWORK = "Do not keep to the loopback; ROS's own settings count."
+
 
 @Parameter(name="*")
 @dataclass(frozen=True)
@@ -26,9 +28,7 @@ class NodeOptions:
     base_interface: Annotated[
         Literal["twist", "twist-stamped", "wheels"], Parameter(help="What commands of a mobile base are.")
     ] = "twist"
-    network: Annotated[
-        bool, Parameter(negative=(), help="Do not keep to the loopback; ROS's own settings count.")
-    ] = False
+    network: Annotated[bool, Parameter(negative=(), help=NETWORK)] = False
     priority: Annotated[
         int | None,
         Parameter(validator=validators.Number(gte=1, lte=99), help="1 … 99: ask for real-time scheduling."),
@@ -61,7 +61,7 @@ def controller(
     name
         Of the node.
     follow
-        What the hand follows: the spec's reference, poses or twists from topics, or the topics of MoveIt Servo.
+        What the end effector follows: the spec's reference, poses or twists from topics, or the topics of MoveIt Servo.
     autostart
         Start with the first joint states; end when the reference has ended or the robot was stopped.
     out
@@ -69,7 +69,7 @@ def controller(
     force
         Replace an earlier folder of results.
     tracker
-        Topic of poses of the hand that a tracker measures; they are kept beside the recording.
+        Topic of poses of the end effector that a tracker measures; they are kept beside the recording.
     """
     from dqcontrol.loop.interrupts import counted_interrupts
 
@@ -132,7 +132,7 @@ def robot(
     wrench_node
         Name of another node that publishes the wrench, of plants that have one.
     tracker
-        Topic that says where the hand truly is, as a tracker would.
+        Topic that says where the end effector truly is, as a tracker would.
     """
     from dqcontrol.loop.interrupts import counted_interrupts
 
@@ -156,6 +156,46 @@ def robot(
                 tracker=tracker,
             )
             middleware.spin(*node.nodes, is_over=lambda: interrupts.count > 0, priority=options.priority)
+
+
+@ros2.command
+def send(
+    run: Path,
+    /,
+    *ros_arguments: RosArguments,
+    name: str = "dqcontrol",
+    action: str = "/joint_trajectory_controller/follow_joint_trajectory",
+    network: Annotated[bool, Parameter(negative=(), help=NETWORK)] = False,
+) -> None:
+    """Send the motion of a run, as one goal, to an arm that offers no more than FollowJointTrajectory.
+
+    Parameters
+    ----------
+    run
+        Folder of a run of an arm, which begins at rest; if it ends on the way, it brakes.
+    name
+        Of the node.
+    action
+        Name of the action.
+    """
+    from dqcontrol.loop.interrupts import counted_interrupts
+
+    with counted_interrupts() as interrupts:
+        from dqcontrol.errors import Error
+        from dqcontrol.experiments import load_run
+        from dqcontrol.ros2 import middleware
+
+        middleware.check_installed()
+        motion = load_run(run)
+        interrupts.only_count()  # as above
+        with middleware.ros(ros_arguments, [name], network=network):
+            from dqcontrol.ros2.trajectory_goal import TrajectoryGoal
+
+            goal = TrajectoryGoal(motion, name=name, action=action)
+            goal.serve(interrupts)
+        if not goal.is_done:
+            raise Error(f"ros2: {goal.outcome or 'left while it moved'}")
+        print(f"done: {goal.length}")
 
 
 add_offered(ros2, "dqcontrol.commands.ros2")

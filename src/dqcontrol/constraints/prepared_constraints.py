@@ -103,6 +103,8 @@ class PreparedConstraints:
         Distance or room that is asked for in each row, m or rad.
     is_angle
         Of each row.
+    levers
+        How far each row can change at most with an input, shape (rows, m): m/rad, m/m or rad/rad.
     allowances
         How much more than asked samples keep of each row, so that it holds between them too, m or rad.
     rate
@@ -143,6 +145,7 @@ class PreparedConstraints:
             str, list[tuple[int, Shape]]
         ] = {}  # numbers of obstacles, shapes seen from their body
         self._lines: list[_Line] = []
+        self._body_levers: dict[int, Array] = {}  # of bodies against what stands, by number
         self.names: tuple[str, ...] = given.names
         self.rate: float = self._rate()
         self._held: list[int] = self._add_held()
@@ -159,7 +162,8 @@ class PreparedConstraints:
         self.owners: NDArray[np.intp] = np.array([each.row.name for each in self._lines], dtype=np.intp)
         self.is_angle: Array = np.array([each.row.kind > INSIDE for each in self._lines], dtype=bool)
         self.asked: Array = np.array([float(each.row.kept) for each in self._lines])
-        self.allowances: Array = np.array([self._allowance(each) for each in self._lines])
+        self.levers: Array = np.array([each.levers for each in self._lines]).reshape(-1, robot.input_size)
+        self.allowances: Array = self._allowances()
         self._pack(command_mode)
 
     @property
@@ -374,7 +378,9 @@ class PreparedConstraints:
         speed: float = 0.0,
     ) -> None:
         body = self._bodies[a]
-        levers = self._frames.levers(body.frame, body.extent)
+        if a not in self._body_levers:
+            self._body_levers[a] = self._frames.levers(body.frame, body.extent)
+        levers = self._body_levers[a]
         if levers.any():
             row = _row(kind=kind, a=a, b=-1 - obstacle, kept=margin, level=level, name=name, speed=speed)
             self._lines.append(_Line(row, label, levers, 0.0))
@@ -515,35 +521,35 @@ class PreparedConstraints:
             found += [(i, k) for k in sorted(others)]
         return found
 
-    def _allowance(self, line: _Line) -> float:
-        """Return κ T²/8 for the largest κ that limits of speed allow, and that of obstacles' paths."""
-        used = line.levers > 0
-        if not np.isfinite(self._velocity[used]).all():
-            j = int(np.argmax(used & ~np.isfinite(self._velocity)))
+    def _allowances(self) -> Array:
+        """Return of each row κ T²/8 for the largest κ that limits of speed allow, and what is late."""
+        used = self.levers > 0
+        unknown = used & ~np.isfinite(self._velocity)
+        if unknown.any():
+            j = int(unknown[int(unknown.any(axis=1).argmax())].argmax())
             raise ValueRangeError(
                 f"constraints: {self.robot.name} has no velocity limit of {self.robot.input_names[j]}, without which "
                 "nothing is known of what happens between samples"
             )
         speed = np.where(used, self._velocity, 0.0)
-        before = np.concatenate([[0.0], np.cumsum(speed)[:-1]])
-        bend = float((line.levers * speed * (speed + 2 * before)).sum())
-        if line.curved:
-            bend = line.curved * float((line.levers * speed).sum()) ** 2
-        return bend * self.period**2 / 8 + self._lateness(line)
+        before = np.cumsum(speed, axis=1) - speed
+        bend = (self.levers * speed * (speed + 2 * before)).sum(axis=1)
+        curved = np.array([line.curved for line in self._lines])
+        bend = np.where(curved > 0, curved * (self.levers * speed).sum(axis=1) ** 2, bend)
+        late = (self.levers * speed) @ self.way.apart[self.robot.input_coordinates]
+        if len(self.way.shares) > 1:
+            late += [self._lateness(line) for line in self._lines]
+        return bend * self.period**2 / 8 + late
 
     def _lateness(self, line: _Line) -> float:
-        """Return what delays that differ take of a row, and things that move otherwise than straight on.
+        """Return what delays that differ take of a row whose obstacle moves otherwise than straight on.
 
         What is met `WayToTargets.early` comes nearer by as much as it moves meanwhile; a path with corners is off the
         line between two of its points by a quarter of the time between them, times how much its velocity changes.
         """
-        delayed = (
-            np.where(line.levers > 0, self._velocity, 0.0) * self.way.apart[self.robot.input_coordinates]
-        )
-        found = float(line.levers @ delayed)
         obstacle = int(line.row.b) if line.row.kind == SIGHT else -1 - int(line.row.b)
-        if obstacle < 0 or AT_MOST <= line.row.kind <= AT_LEAST or len(self.way.shares) == 1:
-            return found
+        if obstacle < 0 or AT_MOST <= line.row.kind <= AT_LEAST:
+            return 0.0
         moving, moved = self._obstacles[obstacle][1], 0.0
         if moving.velocity is not None:
             moved = self.way.early * float(np.linalg.norm(moving.velocity))
@@ -556,7 +562,7 @@ class PreparedConstraints:
             within = [turns[(path[:, 0] >= t) & (path[:, 0] <= t + between)].sum() for t in path[:, 0]]
             moved = self.way.early * float(np.linalg.norm(speeds, axis=1).max(initial=0.0))
             moved += 0.25 * between * max(within)
-        return found + moved / (_NEAR if line.row.kind == SIGHT else 1.0)
+        return moved / (_NEAR if line.row.kind == SIGHT else 1.0)
 
     def _bend(self, line: _Line) -> float:
         """Return `Row.bend`: of distances from what is round one over what is between the cores."""
@@ -637,7 +643,7 @@ class PreparedConstraints:
         )
         kept = KeptRows(
             rows=rows,
-            levers=np.array([line.levers for line in self._lines]).reshape(len(rows), m),
+            levers=self.levers,
             drives=robot.drives,
             rims=np.array(
                 [robot.limits.velocity[int(first) - k] for k, (first, *_) in enumerate(robot.drives)]

@@ -61,10 +61,10 @@ class ContactLimits:
     Attributes
     ----------
     stiffness
-        Largest of what stands still, N/m, on the worst axis; infinite where none fails. Of a compliance that turns
-        alone, N·m/rad.
+        Largest of what stands still, N/m, on the worst axis; infinite where none fails. N·m/rad where the stage moves
+        about axes only.
     axis
-        The worst axis: x, y, z, mx, my or mz.
+        The worst axis: x, y or z; mx, my or mz where the stage moves about axes only.
     loose_part
         Worst of what is free to move behind a spring.
     least_damping
@@ -143,7 +143,8 @@ def contact_limits(
         )
     found, soft = [], plant.compliance(robot, start)
     axes = np.flatnonzero(~admittance.rigid)
-    for i in axes[axes >= 3] if axes.max() >= 3 else axes:  # one unit: N/m, where it gives way along an axis
+    # N/m and N·m/rad are no more comparable than metres and radians: what is touched has a stiffness in N/m.
+    for i in axes[axes >= 3] if axes.max() >= 3 else axes:
         loop = _loop_of(admittance, law, model, start, int(i), soft)
         found.append((loop.limit(), int(i), loop))
     for point in as_array("at", at).reshape(-1, 3):

@@ -56,8 +56,8 @@ class Plan(NamedTuple):
     contact_at
         Where the state has what contact remembers.
     delivered_at, last_at, sent_at
-        Where the state takes what left, of the law the hand's twist and the command, of its limits the command; 0:
-        nowhere.
+        Where the state takes what left, of the law the end effector's twist and the command, of its limits the command;
+        0: nowhere.
     state
         Its size.
     table_rows, table_columns, rows, columns, work, inputs, preferring, position_limiting, limiting, tasking,
@@ -241,7 +241,7 @@ def compute_command(prepared, q, sample, k, state, out):
 
 @inline
 def note_sent(prepared, state, command):
-    """Write what left, as a twist of the hand and as a command, where the state of a law or a limit wants it."""
+    """Write what left, as the end effector's twist and as a command, where the state of a law or a limit wants it."""
     plan = prepared.plan
     delivered, last, sent = plan.delivered_at, plan.last_at, plan.sent_at
     if delivered != 0:
@@ -267,7 +267,7 @@ def note_sent(prepared, state, command):
 
 @shared
 def note_delivered(pose, twist_jacobian, command, out):
-    """Write the hand's twist [ω ; ṗ] under a command."""
+    """Write the end effector's twist [ω ; ṗ] under a command."""
     for k in range(6):
         out[k] = 0.0
         for i in range(command.shape[0]):

@@ -66,7 +66,7 @@ class Controller:
     period
         Control period, s.
     pose, preferred
-        Pose of the hand (8,) and motion preferred in the null space (m,) at the last command.
+        Pose of the end effector (8,) and motion preferred in the null space (m,) at the last command.
     constraints
         What is kept, made ready; None without.
     wrench

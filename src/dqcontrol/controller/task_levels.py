@@ -82,7 +82,7 @@ class FurtherTask:
         of each joint.
     gain
         k, 1/s: ω = k θn + ω_d and ṗ = k (p_d − p) + ṗ_d, position and orientation apart. 0: it moves as the reference
-        does and corrects nothing, as hands do that press something between them.
+        does and corrects nothing, as end effectors do that press something between them.
     reference
         The motion to follow; None: the pose at the start is held.
     level

@@ -27,13 +27,13 @@ MOVES = {
 END = "q"
 HELP = (
     "hold to move   w s  x   a d  y   r f  z     to turn   l j  x   i k  y   u o  z",
-    "+ - faster, slower    h axes of hand or base    p keep this pose",
+    "+ - faster, slower    h axes of end effector or base    p keep this pose",
     "space stop    g resume after a stop    q quit, also by c or Ctrl-C",
 )
 
 
 class Jog:
-    """What keys do to a robot: one moves the hand while it repeats.
+    """What keys do to a robot: one moves the end effector while it repeats.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class Jog:
     share
         Of the fastest speeds, that keys ask for.
     of_hand
-        Whether they mean the axes of the hand, or those of the base.
+        Whether they mean the axes of the end effector, or those of the base.
     """
 
     live: Live
@@ -60,7 +60,7 @@ class Jog:
 
     @property
     def status(self) -> str:
-        """Where the hand is, what keys mean, and what the robot does."""
+        """Where the end effector is, what keys mean, and what the robot does."""
         live = self.live
         x, y, z = translation(live.robot.fkm(live.plant.measured))
         keys = f"{self.share * live.speeds.linear:.2g} m/s {self.share * live.speeds.angular:.2g} rad/s"

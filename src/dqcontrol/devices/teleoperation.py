@@ -56,18 +56,18 @@ class Teleoperation:
     """Drives a robot by what a device tells.
 
     A device that is moved itself counts from where it is when the clutch is taken: that moves nothing. When it is let
-    go, what is told is too old or no number, the hand stays where it is.
+    go, what is told is too old or no number, the end effector stays where it is.
 
     Parameters
     ----------
     live
         The robot.
     scale
-        Metres of the hand for a metre of the device.
+        Metres of the end effector for a metre of the device.
     stale
         Age from which what is told no longer counts, s.
     of_hand
-        Whether twists and poses are in the axes of the hand, or of the base.
+        Whether twists and poses are in the axes of the end effector, or of the base.
 
     Attributes
     ----------

@@ -23,7 +23,7 @@ from dqcontrol.measures.task_range import with_range
 from dqcontrol.recording import load_record
 from dqcontrol.robots import Robot, TwoArms, describe, load_robot, most_dexterous
 
-_ABOVE = 0.35  # of the reach: the hand has room on all sides
+_ABOVE = 0.35  # of the reach: the end effector has room on all sides
 _GAIN = 5.0  # 1/s
 
 Ends = tuple[str | None, str | None]  # base and tip link

@@ -66,7 +66,7 @@ class PathDemand:
     Attributes
     ----------
     left
-        What the hand misses all the same.
+        What the end effector misses all the same.
     peak_share
         Largest joint speed over its limit; NaN without limits.
     joint
@@ -158,7 +158,7 @@ def task_remarks(setting: PreparedExperiment) -> Iterator[str]:
 
 
 def _of_way(case: Combination) -> Iterator[str]:
-    """Say what stands in the way: of joints that go straight to a set-point, or of a path that the hand follows."""
+    """Say what stands in the way: of joints that go straight to a set-point, or of a path of the end effector."""
     given, scene = case.variant.law.constraints, case.scene
     robot, start = scene.robot, scene.start
     if given is None or len(robot.drives) or isinstance(scene.reference, PlannedWay):
@@ -211,7 +211,7 @@ def _of_detour(scene: PreparedRobot) -> Iterator[str]:
 
 
 def _of_the_origin(case: Combination) -> Iterator[str]:
-    """Say how far from the origin a hand is to be where its law's error depends on where the origin is."""
+    """Say how far from the origin an end effector is to be where its law's error depends on where the origin is."""
     law = case.variant.law
     key = {HInfinity: "form", LinearQuadraticDQ: "error"}
     field = next((key[kind] for kind in key if isinstance(law, kind)), "")
@@ -233,7 +233,7 @@ def way_out(law: Law) -> str:
 
 
 def _of_singular_start(case: Combination) -> Iterator[str]:
-    """Say if a law would stand still at its start, as no joint can move the hand towards the first pose beyond it."""
+    """Say if a law would stand still at its start, as no joint moves the end effector towards the first other pose."""
     scene, law = case.scene, case.variant.law
     if isinstance(law, OpenLoop | JointMotion) or isinstance(law.null_space, ManipulabilityAscent):
         return
@@ -245,8 +245,8 @@ def _of_singular_start(case: Combination) -> Iterator[str]:
         return
     if lost_share(robot, scene.start, desired[far.argmax()], part, inverse_of(law)) > _ALL:
         yield (
-            f"{case.names.label}: starts in a singularity where no joint can move the hand towards the reference, so "
-            f"that every command is zero; {way_out(law)}"
+            f"{case.names.label}: starts in a singularity where no joint can move the end effector towards the "
+            f"reference, so that every command is zero; {way_out(law)}"
         )
 
 
@@ -287,7 +287,8 @@ def _of_path(scene: PreparedRobot) -> Iterator[str]:
         )
         share = SETTLED if demand.left.rests else FOLLOWED
         yield (
-            f"reference: cannot be followed by {robot.name}: even with ideal joints the hand {demand.left.error}, more "
+            f"reference: cannot be followed by {robot.name}: even with ideal joints the end effector "
+            f"{demand.left.error}, more "
             f"than {100 * share:.0f} % of the motion: {why}"
         )
     if demand.peak_share > _SHARES:

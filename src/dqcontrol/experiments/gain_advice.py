@@ -25,7 +25,8 @@ class GainAdvice:
     Attributes
     ----------
     table
-        One row a law: overshoot and time constant, and how far the hand lags behind a target that moves at 0.1 m/s.
+        One row a law: overshoot and time constant, and how far the end effector lags behind a target that moves at 0.1
+        m/s.
     parameters
         Of each law, as a spec has them.
     reasons

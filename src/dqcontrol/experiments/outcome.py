@@ -38,7 +38,7 @@ class ForceBound(Part, frozen=True, kw_only=True):
 
 
 class Expectation(Part, frozen=True, kw_only=True):
-    """One thing that is to be true: of a body or the hand at the end, of distances and forces all the time.
+    """One thing that is to be true: of a body or the end effector at the end, of distances and forces all the time.
 
     Parameters
     ----------

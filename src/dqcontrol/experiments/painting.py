@@ -42,7 +42,15 @@ from dqcontrol.robots import Robot, load_robot, postures
 
 PERIOD = 0.01  # s
 LAW, PLANT = LinearQuadraticDQ(error_weight=100.0, control_weight=1.0), Servo()
-START = (1.5708, -0.8, 0.0, -2.4, 0.0, 3.1708, 0.7854)  # of the Panda: the hand points forward, along y
+START = (
+    1.5708,
+    -0.8,
+    0.0,
+    -2.4,
+    0.0,
+    3.1708,
+    0.7854,
+)  # of the Panda: the end effector points forward, along y
 _WIDEST, _NARROWEST = 0.45, 0.05  # m; what is tried if no width is given
 _SHRINK = 0.88
 _POSES = 60  # of the drawing that must be reached
@@ -88,8 +96,8 @@ def paint(
 ) -> Painting:
     """Draw a file with a lamp in the hand, unless told otherwise by the law LQR-DQ on the default servos.
 
-    The middle of the drawing is where the hand is in the start configuration. Between two outlines the lamp is off.
-    The hand rests at corners; joints keep their velocity limits.
+    The middle of the drawing is where the end effector is in the start configuration. Between two outlines the lamp is
+    off. The end effector rests at corners; joints keep their velocity limits.
 
     Parameters
     ----------
@@ -98,8 +106,8 @@ def paint(
     robot
         An arm, or what `load_robot` takes.
     start
-        Configuration with the hand in the middle of the paper, rad or m; default, for the Panda only: it looks along
-        y.
+        Configuration with the end effector in the middle of the paper, rad or m; default, for the Panda only: it looks
+        along y.
     width
         m; default: as wide as the arm reaches, up to 0.45 m; a drawing file keeps its own size.
     speed
@@ -122,7 +130,7 @@ def paint(
         if robot != "panda":
             raise ValueRangeError(
                 f"start: needed to paint with {arm.name}; only for 'panda' there is a default (dqcontrol robots solve "
-                "finds joint angles for a pose of the hand)"
+                "finds joint angles for a pose of the end effector)"
             )
         start = START
     q = as_array("start", start, (arm.configuration_size,))
@@ -155,7 +163,7 @@ def paint(
 
 
 def _start_through(arm: Robot, reference: Reference, first: Array, pace: float) -> Array:
-    """Return a configuration at the first pose from which the hand can go all of a drawing: the given one if it can.
+    """Return a configuration from which the end effector can go all of a drawing: the given one if it can.
 
     Where none can, it is the given one, and a note says the sample that stops the farthest.
     """
@@ -166,7 +174,7 @@ def _start_through(arm: Robot, reference: Reference, first: Array, pace: float) 
     others = [each.q for each in postures(arm, poses[0])]
     edges = CertifiedEdges(arm, Constraints())
     try:
-        return first_through([(start, poses) for start in (first, *others)], edges)[0]
+        return first_through([(start, poses) for start in (first, *others)], edges, aside=False)[0]
     except PlanError as error:
         warnings.warn(f"start: {error}", NoteWarning, stacklevel=3)
         return first

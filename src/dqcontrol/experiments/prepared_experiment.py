@@ -70,7 +70,7 @@ T = TypeVar("T")
 _KEPT_BYTES = 200e6  # of prepared laws; beyond that they are prepared again when their turn comes
 _MOST_TRIALS = 10_000_000
 _MOST_KNOWN = 16  # robots and scenes
-FULL_POSE = 6  # joints, with fewer of which a hand follows no pose
+FULL_POSE = 6  # joints, with fewer of which an end effector follows no pose
 PATH_SAMPLES = 200  # of a path that starts are tried with: 20 mm apart on one of 4 m
 
 
@@ -343,7 +343,7 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
     try:
         check_reach(robot, start, samples)
     except ReachError as error:
-        if not getattr(reference, "streamed", False):  # what a hand leads may well go out of reach
+        if not getattr(reference, "streamed", False):  # what an end effector leads may well go out of reach
             raise ReachError(f"{error}{suspected_millimetres(spec.reference, robot)}") from None
         warnings.warn(str(error), LimitWarning, stacklevel=2)
     check_floor(robot, start, samples)
@@ -387,7 +387,7 @@ def _tasks(spec: Spec, robot: Robot, start: Array, folder: Path, times: Array) -
 
 
 def _through_all(spec: Spec, folder: Path, robot: Robot, found: list[ReachingPosture]) -> ReachingPosture:
-    """Return the best posture from which the hand can go all of the reference and keep constraints; else the best."""
+    """Return the best posture from which the whole reference is followed and constraints are kept, or the best."""
     given = [variant.law.constraints for variant in spec.variants]
     if any(each != given[0] for each in given) or robot.configuration_size < FULL_POSE or len(robot.drives):
         return found[0]
@@ -399,7 +399,7 @@ def _through_all(spec: Spec, folder: Path, robot: Robot, found: list[ReachingPos
         times = np.linspace(0.0, goes, PATH_SAMPLES if goes else 1)
         paths.append((each.q, reference.samples(times)[:, POSE]))
     try:
-        through = first_through(paths, CertifiedEdges(robot, asked))
+        through = first_through(paths, CertifiedEdges(robot, asked), aside=given[0] is not None)
     except PlanError as error:
         warnings.warn(f"start: {error}", NoteWarning, stacklevel=2)
         return found[0]

@@ -25,8 +25,8 @@ def check_reach(robot: Robot, q0: Array, samples: Array, *, orientation: bool = 
 
     First the distance from the first axis is held against the length of the stretched arm, unless it stands on a base
     that drives; then poses along the reference are solved for. Each can be reached by itself then; whether without a
-    jump between them, and by driving as a base can, is for the run to show. A robot whose hand cannot move in all six
-    directions cannot reach most poses exactly: only positions count there.
+    jump between them, and by driving as a base can, is for the run to show. A robot whose end effector cannot move in
+    all six directions cannot reach most poses exactly: only positions count there.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def _check_length(robot: Robot, samples: Array) -> None:
 
 
 def _driven_near(robot: Robot, q0: Array, poses: Array) -> Array:
-    """Return q0 for each pose, a base that stands on the floor driven as far as the hand has to go."""
+    """Return q0 for each pose, a base that stands on the floor driven as far as the end effector has to go."""
     starts = np.tile(q0, (len(poses), 1))
     first = next(parts_with_offsets(robot.parts))[0] if isinstance(robot, WholeBody) else 0
     if base_coordinates(robot)[first]:
@@ -94,7 +94,7 @@ def _driven_near(robot: Robot, q0: Array, poses: Array) -> Array:
 
 
 def _turns_freely(robot: Robot) -> bool:
-    """Return whether the hand can move in all six directions in general, where drives may stand as they need."""
+    """Return whether the end effector can move in all six directions in general; drives stand as they need."""
     free = robot.in_form("unconstrained") if isinstance(robot, WholeBody) else robot
     q = np.random.default_rng(0).uniform(-1.0, 1.0, robot.configuration_size)
     return bool(np.linalg.matrix_rank(free.twist_jacobian(q), tol=1e-6) == 6)

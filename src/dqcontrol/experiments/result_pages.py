@@ -57,7 +57,7 @@ class ResultPages(Protocol):
         ...
 
     def path_picture(self, record: Record) -> bytes:
-        """Return the path of the hand as a PNG file."""
+        """Return the path of the end effector as a PNG file."""
         ...
 
 

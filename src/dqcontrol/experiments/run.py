@@ -114,7 +114,7 @@ class Run:
 
     @property
     def pose(self) -> Array:
-        """Poses of the hand, shape (N, 8), inertial frame."""
+        """Poses of the end effector, shape (N, 8), inertial frame."""
         return self.record.pose
 
     @property
@@ -235,7 +235,7 @@ class Run:
         return ShownPage(replay({self.label: self}), height)
 
     def _repr_mimebundle_(self, **_: object) -> dict[str, Any]:
-        """Return what notebooks show: the metrics in a line, and the hand's path."""
+        """Return what notebooks show: the metrics in a line, and the end effector's path."""
         image = base64.b64encode(result_pages().path_picture(self.record)).decode("ascii")
         html = f'<img alt="path" src="data:image/png;base64,{image}">'
         table = summary({self.label: self})

@@ -44,11 +44,9 @@ _OFF = 0.1  # of the wanted force: what is farther off is not what was asked, as
 _ROUNDING = 1e-9  # as a share of a velocity limit
 _OFTEN = 0.1  # of the samples
 _CLOSED = 1e-3  # m between fingers that have nothing between them
-_CLOSING = 0.1  # s in which hands close on what they carry
-_BEHIND = (
-    0.7  # cosine of 45° between an error and the way: beyond it the hand is late rather than beside its way
-)
-_STEADILY = 0.9  # of the last twentieth's samples, over which the hand's speed is taken, too
+_CLOSING = 0.1  # s in which end effectors close on what they carry
+_BEHIND = 0.7  # cosine of 45° between an error and the way: beyond it late rather than beside its way
+_STEADILY = 0.9  # of the last twentieth's samples, over which the end effector's speed is taken, too
 _ENDED = 0.1  # s before the end of a run
 _TURNS_BACK = 0.1  # s; servos, which lag by less, still move away after a constraint has ceased to press
 _END = 0.1, 0.2  # of a run, and s at least: where it is looked at whether it shakes
@@ -258,7 +256,7 @@ class Judge:
         return f" ({label})" if pair is not None and (name == SELF or label != pair.label) else ""
 
     def _supervised(self, record: Record) -> Iterator[str]:
-        """Yield where the base was in a zone, or the hand outside its box by more than the supervisor tolerates."""
+        """Yield where base or end effector left their zones or box by more than the supervisor tolerates."""
         given = self._supervisor
         if given is None:
             return
@@ -430,7 +428,7 @@ class Judge:
     # Why a task was not done
 
     def _left(self, record: Record, result: TaskResult) -> str:
-        """Return by how much constraints took the hand away from its reference, if it is back at the end."""
+        """Return by how much constraints took the end effector away from its reference, if it is back at the end."""
         if PRESSURE not in record.readings or not self._kept_hand(record):
             return ""
         errors = (
@@ -449,13 +447,13 @@ class Judge:
         return f"{length_text(far, 2) if mainly else f'{math.degrees(turned):.2g}°'} at most"
 
     def _kept_hand(self, record: Record) -> bool:
-        """Return whether the hand was farthest from its reference while a constraint pressed, or just after."""
+        """Return whether the end effector was farthest from its reference while a constraint pressed, or just after."""
         pressed = np.flatnonzero((record.readings[PRESSURE].values > 0).any(axis=1))
         farthest = record.time[int(record.error.argmax())]
         return bool(len(pressed)) and bool(np.abs(record.time[pressed] - farthest).min() <= _TURNS_BACK)
 
     def _causes(self, record: Record, metrics: Metrics, result: TaskResult) -> Iterator[str]:
-        """Yield what held the hand, what is most to the point first."""
+        """Yield what held the end effector, what is most to the point first."""
         if (held := deadlocks(record)) and held[-1].end >= record.time[-1] - _ENDED:
             yield f"held by {' and '.join(held[-1].names[:2])} since {held[-1].begin:.3g} s"
         elif PRESSURE in record.readings and (pressed := record.readings[PRESSURE]).values[-2:].any():
@@ -482,7 +480,7 @@ class Judge:
             yield f"too late: {length_text(behind)} behind"
 
     def _rests(self, record: Record, metrics: Metrics, result: TaskResult) -> Iterator[str]:
-        """Yield why a hand rests before its goal."""
+        """Yield why an end effector rests before its goal."""
         if result.is_singular:
             return  # it is said where it rests
         partial = isinstance(self.law, PartialProportional)
@@ -520,9 +518,10 @@ def _braked(record: Record) -> str:
 
 
 def _behind(record: Record, result: TaskResult) -> float:
-    """Return by how much the hand is behind on its way, m: the mean while the reference moves, or what is left.
+    """Return by how much the end effector is behind on its way, m: the mean while the reference moves, or what is left.
 
-    Of a reference at rest only a hand that comes nearer all the time is behind: others hang or sway beside their goal.
+    Of a reference at rest only an end effector that comes nearer all the time is behind: others hang or sway beside
+    their goal.
     """
     error = record.desired_position - record.position
     if result.rests:

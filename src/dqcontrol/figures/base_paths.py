@@ -38,10 +38,10 @@ _RADIUS = 0.17  # m, of a base that does not say how wide it is
 
 @styled
 def base_path(robot: Robot, records: Mapping[str, Record], constraints: Constraints | None = None) -> Figure:
-    """Plot from above where bases and hand went, the headings of the bases, and the goal.
+    """Plot from above where bases and end effector went, the headings of the bases, and the goal.
 
-    Arrows show headings at equal times; they start where the base is. The last desired position of the hand is the
-    goal, and its arrow the hand's x axis there.
+    Arrows show headings at equal times; they start where the base is. The last desired position of the end effector is
+    the goal, and its arrow the end effector's x axis there.
 
     Parameters
     ----------
@@ -102,10 +102,10 @@ def base_path(robot: Robot, records: Mapping[str, Record], constraints: Constrai
         figure,
         axes,
         [
-            Line2D([], [], label="hand", ls=":", color=NEUTRAL),
+            Line2D([], [], label="end effector", ls=":", color=NEUTRAL),
             Line2D([], [], label="start", marker="o", mfc="white", **mark),
             Line2D([], [], label="end", marker="s", **mark),
-            Line2D([], [], label="goal of the hand", marker="+", ms=9, mew=1.6, ls="", color=DESIRED),
+            Line2D([], [], label="goal", marker="+", ms=9, mew=1.6, ls="", color=DESIRED),
             *entries(drawn),
         ],
     )
@@ -121,8 +121,9 @@ def superimposed(
 ) -> Figure:
     """Draw the robot at several times of its runs in one picture, later ones stronger. [S17 Figs 5.4, 5.11]
 
-    The times share the way of the hand equally. Arms are drawn as lines from joint to joint, drives as discs as wide
-    as their track. The cross is where the hand shall be at the end; the second run and further ones are drawn dashed.
+    The times share the way of the end effector equally. Arms are drawn as lines from joint to joint, drives as discs as
+    wide as their track. The cross is where the end effector shall be at the end; the second run and further ones are
+    drawn dashed.
 
     Parameters
     ----------
@@ -220,7 +221,7 @@ def _evenly(path: Array, count: int) -> NDArray[np.intp]:
 
 
 def silhouette(robot: Robot, frames: Array) -> tuple[list[Array], list[Array]]:
-    """Return the points from joint to joint up to each hand, and the rim of each base with a stroke to its front."""
+    """Return points from joint to joint up to each end effector, and each base's rim with a stroke to its front."""
     bases = _bases(robot)
     hidden = {first + k for first, _ in robot.bases for k in (0, 1)}
     branches = []

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 @styled
 def compare_poses(records: Mapping[str, Record]) -> Figure:
-    """Plot the eight coefficients of the hand's pose of several runs over the longest run's desired one. [S17 Fig. 5.2]
+    """Plot the eight coefficients of several runs' poses over the longest run's desired one. [S17 Fig. 5.2]
 
     Signs follow the desired pose, which itself does not jump, so that x and −x, which are one pose, look it.
 

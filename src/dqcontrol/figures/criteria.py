@@ -43,8 +43,8 @@ def compare_criteria(records: Mapping[str, Record], unit: str = "rad or m", note
     """Plot the criteria of several runs of one task, and their poses over the desired one [P16 5.2, Figures 5.2–5.4].
 
     The criteria are the norms of error, control signal, joint step from sample to sample, velocity and acceleration of
-    the hand, on logarithmic axes that hold both the first peak and what follows; the pose is the hand's position and
-    its orientation as a quaternion.
+    the end effector, on logarithmic axes that hold both the first peak and what follows; the pose is the end effector's
+    position and its orientation as a quaternion.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def compare_criteria(records: Mapping[str, Record], unit: str = "rad or m", note
 def criteria_side_by_side(records: Mapping[str, Record], unit: str = "rad or m") -> Figure:
     """Plot the pose and the criteria of each run in a column of its own, rows to one scale [P16 Figure 5.2].
 
-    The hand's position and its orientation as a quaternion are drawn over the desired ones, the criteria of
+    The end effector's position and its orientation as a quaternion are drawn over the desired ones, the criteria of
     `compare_criteria` below them.
 
     Parameters
@@ -171,8 +171,8 @@ def _labels(unit: str) -> tuple[str, ...]:
         ERROR,
         f"control\n[{rate}]",
         f"joint step\n[{unit}]",
-        "hand speed\n[m/s]",
-        "hand acc.\n[m/s²]",
+        "speed\n[m/s]",
+        "acceleration\n[m/s²]",
     )
 
 
@@ -192,7 +192,7 @@ def _criteria(record: Record) -> list[tuple[Array, Array, bool]]:
 
 
 def _quaternions(record: Record) -> tuple[Array, Array]:
-    """Return the quaternions of hand and desired pose, with signs that do not jump and are the same for all runs."""
+    """Return the quaternions of end effector and desired pose, with signs that do not jump and agree in all runs."""
     hand, desired = record.pose[:, :4], record.desired_pose[:, :4]
     with np.errstate(invalid="ignore", over="ignore"):
         flips = np.where((desired[1:] * desired[:-1]).sum(axis=1) < 0, -1.0, 1.0)

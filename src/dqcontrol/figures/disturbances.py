@@ -1,4 +1,4 @@
-"""What a disturbance did to the hand, over time."""
+"""What a disturbance did to the end effector, over time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @styled
 def disturbance(record: Record) -> Figure:
-    """Plot the rotation ω and the velocity of the hand ṗ = v − p × ω that the disturbance gave it, inertial axes.
+    """Plot the rotation ω and the velocity ṗ = v − p × ω that the disturbance gave the end effector, inertial axes.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def disturbance(record: Record) -> Figure:
     figure = new_figure(DOUBLE, 3.8)
     panels = figure.subplots(2, 1, sharex=True)
     for axes, values, label in zip(
-        panels, (omega, velocity), ("rotation [rad/s]", "velocity of hand [m/s]"), strict=True
+        panels, (omega, velocity), ("rotation [rad/s]", "velocity of end effector [m/s]"), strict=True
     ):
         for i, name in enumerate("xyz"):
             axes.step(record.time, values[:, i], where="post", label=name, lw=1.0, **line_style(i))

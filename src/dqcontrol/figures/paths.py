@@ -1,4 +1,4 @@
-"""Figures of the hand's path in space."""
+"""Figures of the end effector's path in space."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ _NAMES = "xyz"
 
 @styled
 def path_3d(record: Record, constraints: Constraints | None = None) -> Figure:
-    """Plot the hand's path over the desired one; beside it a front view if the desired path is planar.
+    """Plot the end effector's path over the desired one; beside it a front view if the desired path is planar.
 
-    Axes have one scale. Start and end of the hand are marked, and the target if the desired pose rests.
+    Axes have one scale. Start and end of the end effector are marked, and the target if the desired pose rests.
 
     Parameters
     ----------
@@ -52,12 +52,12 @@ def path_3d(record: Record, constraints: Constraints | None = None) -> Figure:
     --------
     >>> path_3d(run.record).savefig("path.pdf")  # doctest: +SKIP
     """
-    return _paths({"hand": record}, constraints)
+    return _paths({"end effector": record}, constraints)
 
 
 @styled
 def compare_paths(records: Mapping[str, Record], constraints: Constraints | None = None) -> Figure:
-    """Plot the hand's paths of several runs by label, over the first run's desired path; see `path_3d`.
+    """Plot the end effector's paths of several runs by label, over the first run's desired path; see `path_3d`.
 
     Parameters
     ----------

@@ -45,7 +45,7 @@ _SMALLEST = {"mm": 1e-3, "°": 1e-3}  # a micrometre and 4 seconds of arc: no ax
 def pose_coefficients(record: Record) -> Figure:
     """Plot the eight coefficients of the end pose over the desired ones.
 
-    Signs follow the hand continuously and the desired pose takes the nearer sign, so that a change between x
+    Signs follow the end effector continuously and the desired pose takes the nearer sign, so that a change between x
     and −x, which are one pose, does not show as a jump.
 
     Parameters
@@ -60,7 +60,7 @@ def pose_coefficients(record: Record) -> Figure:
     pose, desired = _continuous(record)
     figure, panels = pose_panels()
     for i, axes in enumerate(panels):
-        axes.plot(record.time, pose[:, i], color=COLOURS[0], label="hand")
+        axes.plot(record.time, pose[:, i], color=COLOURS[0], label="end effector")
         axes.plot(record.time, desired[:, i], color=DESIRED, ls="--", lw=1.1, label="desired")
         at_least(axes, 1e-3)
     legend_below(figure, panels[0])

@@ -149,7 +149,7 @@ def _merged(drawn: Iterable[tuple[int, Surface, Colour]]) -> Iterator[CarriedBod
 
 
 def _rods(robot: Robot, own: set[int]) -> Iterator[tuple[int, Surface, Colour]]:
-    """Yield a rod from each joint to the next, a drum on each axis, thinner towards the hand; and rails."""
+    """Yield a rod from each joint to the next, a drum on each axis, thinner towards the end effector; and rails."""
     points, parents, ends = robot.chain[:, 4:7], robot.parents, robot.ends
     count, bases = len(robot.row_coordinates), base_coordinates(robot)
     radii = rod_radii(robot)

@@ -1,4 +1,4 @@
-"""A drawing of a robot with the path of its hand, to tell at a glance what a report is about."""
+"""A drawing of a robot with the path of its end effector, to tell at a glance what a report is about."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _BARS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)  # m
 
 @styled
 def robot_picture(robot: Robot, record: Record) -> Figure:
-    """Draw a robot as it starts, with the desired path (dashed) and the hand's, seen from the front, without axes.
+    """Draw a robot as it starts, with the desired path (dashed) and the end effector's, from the front, without axes.
 
     Links are drawn as rods from joint to joint; a bar gives the scale.
 

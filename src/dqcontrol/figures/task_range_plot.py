@@ -1,4 +1,4 @@
-"""The range condition of a run over time: what is asked of the hand, and what of it the robot cannot do."""
+"""The range condition of a run over time: what is asked of the end effector, and what of it the robot cannot do."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where hands are and shall be in the room, for pictures: of trees all tips, relative poses where they are."""
+"""Where end effectors are and shall be in the room, for pictures: of trees all tips, relative poses where they are."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def tip_paths(robot: Robot, record: Record) -> list[Array]:
-    """Return the positions (N, 3), m, of the hand; of a tree those of all its tips, and of what two hands hold."""
+    """Return positions (N, 3), m, of the end effector; of a tree those of all tips, and of what two of them hold."""
     if not isinstance(robot, TreeRobot) or not np.isfinite(record.q).all():
         return [record.position]
     tips = algebra.translation(robot.frames(record.q)[:, list(robot.ends)])

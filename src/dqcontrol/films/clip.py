@@ -38,7 +38,7 @@ from dqcontrol.measures.plans_of_run import plans_of_run
 from dqcontrol.plants.mobile.mobile_plant import MobilePlant
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.tree_robot import TreeRobot
-from dqcontrol.world import World
+from dqcontrol.world import World, stands
 
 if TYPE_CHECKING:
     from dqcontrol.loop.record import Record
@@ -74,8 +74,8 @@ def render_clip(
     """Save a clip of an arm, or of a mobile manipulator, with the time in its corner.
 
     Further runs show through the first, in colours of their own. A mobile manipulator that was not in physics is drawn
-    as physics would, on wheels that do not slip. Of an arm also the desired path (dashed, blue), the hand's path so far
-    (red), and the world.
+    as physics would, on wheels that do not slip. Of an arm also the desired path (dashed, blue), the end effector's
+    path so far (red), and the world.
 
     Parameters
     ----------
@@ -328,21 +328,29 @@ def _film(robot: Robot, runs: Further, kept: Constraints | None) -> Film:
         kept = Constraints(world=world)
     around = None if kept is None else ConstraintView(kept, robot, period)
     if plant is not None and (picture := plant.picture(robot)) is not None:
-        return film_physics(robot, picture, record, [_in_physics(robot, *each) for each in further])
+        return film_physics(
+            robot, picture, record, [_in_physics(robot, *each, World(bodies={})) for each in further]
+        )
     if isinstance(robot, SerialArm) or (isinstance(robot, TreeRobot) and not robot.bases):
         return film_arm(robot, record, [each for _, each in further], around)
+    bodies = kept.world.bodies if kept is not None and kept.world is not None else {}
+    around_base = World(bodies={name: body for name, body in bodies.items() if stands(body)})
     return film_physics(
-        robot, *_in_physics(robot, plant, record), [_in_physics(robot, *each) for each in further]
+        robot,
+        *_in_physics(robot, plant, record, around_base),
+        [_in_physics(robot, *each, around_base) for each in further],
     )
 
 
-def _in_physics(robot: Robot, plant: Plant | None, record: Record) -> tuple[PhysicsPicture, Record]:
-    """Return how physics draws a mobile manipulator, and its run with the angles of the wheels."""
+def _in_physics(
+    robot: Robot, plant: Plant | None, record: Record, world: World
+) -> tuple[PhysicsPicture, Record]:
+    """Return how physics draws a mobile manipulator among what stands, and its run with the angles of the wheels."""
     if plant is not None and (picture := plant.picture(robot)) is not None:
         return picture, record
     if robot.bases:
         with contextlib.suppress(ValueRangeError):
-            return MobilePlant().picture(robot), with_rolling_wheels(robot, record)
+            return MobilePlant(world=world).picture(robot), with_rolling_wheels(robot, record)
     raise ValueRangeError(
         f"clip: draws arms, and mobile manipulators on one differential drive of known size; to see {robot.name}: "
         "dqcontrol view"

@@ -18,7 +18,7 @@ def add_desired(mujoco: Any, scene: Any, points: NDArray[np.float64], reach: flo
 
 
 def add_actual(mujoco: Any, scene: Any, points: NDArray[np.float64], reach: float, pieces: int) -> None:
-    """Add the hand's path, shape (N, 3), m: red, for an arm of length ``reach``, m."""
+    """Add the end effector's path, shape (N, 3), m: red, for an arm of length ``reach``, m."""
     _add(mujoco, scene, _thinned(points, pieces), 0.004 * reach, ACTUAL, 0.0)
 
 

@@ -1,4 +1,4 @@
-"""An arm's run for the camera: the arm, the desired path, the hand's path so far, and what is in its way."""
+"""An arm's run for the camera: the arm, the desired path, the end effector's path so far, and what is in its way."""
 
 from __future__ import annotations
 

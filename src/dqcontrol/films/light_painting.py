@@ -1,4 +1,4 @@
-"""The hand's path as a long exposure shows a lamp that it holds."""
+"""The end effector's path as a long exposure shows a lamp that it holds."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _DOTS = 80  # an inch
 
 
 def light_painting(record: Record, lit: Lit | None = None) -> Figure:
-    """Draw the hand's path as a long exposure: seen along the plane of the desired path, or along y.
+    """Draw the end effector's path as a long exposure: seen along the plane of the desired path, or along y.
 
     A lamp that moves slowly leaves more light: the exposure of each stretch is the time spent on it.
 

@@ -1,4 +1,4 @@
-"""A picture of a run: the arm, ghosts of it along the way, and the hand's path over the desired one."""
+"""A picture of a run: the arm, ghosts of it along the way, and the end effector's path over the desired one."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def render_run(
     q
         Configurations over time, shape (N, n), rad or m. The last is drawn in full.
     pose, desired_pose
-        Hand poses over time, shapes (N, 8) and (M, 8), or positions, shapes (N, 3) and (M, 3), in m; red and
+        End effector poses over time, shapes (N, 8) and (M, 8), or positions, shapes (N, 3) and (M, 3), in m; red and
         blue.
     path
         Where to save the picture.

@@ -57,10 +57,11 @@ class Shape:
         x = as_array("pose", pose, (8,))
         if x.ndim != 1:
             raise ShapeError(f"pose: expected one pose, shape (8,), got {x.shape}")
-        matrix = algebra.matrix_from_pose(x)
-        return self._carried(matrix[:3, :3], matrix[:3, 3])
+        return self._carried(x)
 
-    def _carried(self, rotation: Array, position: Array) -> Self:
+    def _carried(self, pose: Array) -> Self:
+        matrix = algebra.matrix_from_pose(pose)
+        rotation, position = matrix[:3, :3], matrix[:3, 3]
         positions = {name: rotation @ getattr(self, name) + position for name in self._positions}
         directions = {name: rotation @ getattr(self, name) for name in self._directions}
         return replace(self, **positions, **directions)
@@ -85,10 +86,6 @@ class Shape:
     def __repr__(self) -> str:
         parts = (f"{each.name}={_text(getattr(self, each.name))}" for each in fields(self))
         return f"{type(self).__name__}({', '.join(parts)})"
-
-
-def _carried_pose(pose: Array, rotation: Array, position: Array) -> Array:
-    return algebra.multiply(algebra.pose(algebra.rotation_from_matrix(rotation), position), pose)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -314,9 +311,10 @@ class Plane(Shape):
         first /= np.linalg.norm(first)
         return np.column_stack([first, np.cross(self.normal, first), self.normal])
 
-    def _carried(self, rotation: Array, position: Array) -> Self:
-        normal = rotation @ self.normal
-        return type(self)(normal, self.offset + float(normal @ position))
+    def _carried(self, pose: Array) -> Self:
+        matrix = algebra.matrix_from_pose(pose)
+        normal = matrix[:3, :3] @ self.normal
+        return type(self)(normal, self.offset + float(normal @ matrix[:3, 3]))
 
     def _fill(self, row: Array) -> None:
         row[kernels.KIND], row[kernels.OFFSET] = kernels.PLANE, self.offset
@@ -352,8 +350,8 @@ class Box(Shape):
         if (self.size <= 0).any():
             raise ValueRangeError(f"size: must be > 0, got {self.size.tolist()}")
 
-    def _carried(self, rotation: Array, position: Array) -> Self:
-        return type(self)(_carried_pose(self.pose, rotation, position), self.size)
+    def _carried(self, pose: Array) -> Self:
+        return type(self)(algebra.multiply(pose, self.pose), self.size)
 
     def _fill(self, row: Array) -> None:
         matrix = algebra.matrix_from_pose(self.pose)
@@ -420,9 +418,9 @@ class Hull(Shape):
         matrix = algebra.matrix_from_pose(self.pose)
         return self.points @ matrix[:3, :3].T + matrix[:3, 3]
 
-    def _carried(self, rotation: Array, position: Array) -> Self:
+    def _carried(self, pose: Array) -> Self:
         found = object.__new__(type(self))
-        _freeze(found, "pose", _carried_pose(self.pose, rotation, position))
+        _freeze(found, "pose", algebra.as_unit("pose", algebra.multiply(pose, self.pose)))
         object.__setattr__(found, "points", self.points)
         object.__setattr__(found, "faces", self.faces)
         return found

@@ -57,7 +57,7 @@ class PartialParameters(NamedTuple):
     Attributes
     ----------
     axis, spare
-        That of the hand, and one across it, about which half a turn goes.
+        That of the end effector, and one across it, about which half a turn goes.
     """
 
     inverse: Annotated[Array, inverse_parameters.size()]
@@ -138,8 +138,8 @@ def decoupled_proportional(q, pose, pose_jacobian, twist_jacobian, sample, param
 class DecoupledProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="decoupled-proportional"):
     """Decoupled P: q̇ = N_d⁺ K [p_d − p ; 1 − r*r_d], N_d = [J_p ; H⁻(r_d) C4 J_r]. [P16 3.1.1]
 
-    Position and orientation converge independently: with ideal joints the hand moves on a straight line to a resting
-    target. Both decay at rate k (orientation as tan(θ/4)).
+    Position and orientation converge independently: with ideal joints the end effector moves on a straight line to a
+    resting target. Both decay at rate k (orientation as tan(θ/4)).
 
     Sampling limits: position and orientation have the loop gain k (the largest of their entries of K). With ideal
     joints kT < 2 is stable and kT ≤ 1 monotone, with one sample of delay kT < 1 and kT ≤ 1/4; for servos and
@@ -237,7 +237,7 @@ def _turn(axis, desired, spare, out):
 
 @kernel(LAW)
 def axis_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
-    """Write q̇ = J_l⁺ k θ n × l for the direction l = Ad(r) a of one axis a of the hand; J_l u = ω × l."""
+    """Write q̇ = J_l⁺ k θ n × l for the direction l = Ad(r) a of one axis a of the end effector; J_l u = ω × l."""
     n = out.shape[0]
     given, own = partial_parameters(parameters), partial_work(work, n)
     target, axis, matrix = own.target, own.here, own.matrix
@@ -266,9 +266,9 @@ class PartialProportional(Law, frozen=True, kw_only=True, tag="partial-proportio
     """P on a part of the pose; what is left free may serve a ``null_space`` motion. [P16 2.2.2]
 
     ``position``: q̇ = J_p⁺ k (p_d − p); ``rotation``: orientation only, tan(θ/4) ∝ exp(−kt); ``axis``: only the
-    direction l of one axis of the hand, q̇ = J_l⁺ k θ n × l, n the axis and θ the angle that turn it to l_d the short
-    way, for tools that are symmetric about it. With ideal joints the part's error decays at rate k (θ itself, also
-    from half a turn); the rest of the pose moves as it happens to.
+    direction l of one axis of the end effector, q̇ = J_l⁺ k θ n × l, n the axis and θ the angle that turn it to l_d the
+    short way, for tools that are symmetric about it. With ideal joints the part's error decays at rate k (θ itself,
+    also from half a turn); the rest of the pose moves as it happens to.
 
     Sampling limits: the part has the loop gain k. With ideal joints kT < 2 is stable and kT ≤ 1 monotone, with one
     sample of delay kT < 1 and kT ≤ 1/4; for servos and physics ask ``dqcontrol check``.
@@ -282,7 +282,7 @@ class PartialProportional(Law, frozen=True, kw_only=True, tag="partial-proportio
     gain
         k in 1/s, a number or a `Schedule`.
     axis
-        Direction in the hand's frame, for ``"axis"``; any length.
+        Direction in the end effector's frame, for ``"axis"``; any length.
     inverse
         How the part's Jacobian is inverted; the default is exact away from singularities. An axis can turn only two
         ways, so its Jacobian always has one vanishing singular value, which is filtered out.
@@ -304,7 +304,11 @@ class PartialProportional(Law, frozen=True, kw_only=True, tag="partial-proportio
     gain_powers: ClassVar[Mapping[str, float]] = {"gain": 1}
     part: Literal["position", "rotation", "axis"]
     gain: Annotated[Gain, Meta(description="1/s")]
-    axis: Annotated[tuple[float, float, float], Meta(description="in the hand's frame")] = (0.0, 0.0, 1.0)
+    axis: Annotated[tuple[float, float, float], Meta(description="in the end effector's frame")] = (
+        0.0,
+        0.0,
+        1.0,
+    )
     inverse: Inverse = FilteredInverse()
     work = partial_work
 

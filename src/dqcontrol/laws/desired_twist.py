@@ -50,7 +50,8 @@ class SecondOrder(NamedTuple):
     length
         ℓ, m.
     order
-        Columns of the Jacobian from the base to the hand, each moved by those before; −1 where there are no more.
+        Columns of the Jacobian from the base to the end effector, each moved by those before; −1 where there are no
+        more.
     drives
         Columns of the speeds v of drives, whose heading their ω, the next column, turns.
     """
@@ -144,8 +145,8 @@ def drive_table(robot: Robot) -> Array:
 def desired_twist(sample, pose, twist_jacobian, numbers, last, out):
     """Write ξ_d, or the t that second order makes of it with the last command that left.
 
-    h J̇u⁻ is at most half of |ξ_d + h ξ̇_d| in the measure [ℓω ; v of the hand]: near singularities u⁻ grows without
-    bounds. At goals at rest nothing is added; where a path turns back ξ_d is 0 for a moment, but ξ̇_d is not.
+    h J̇u⁻ is at most half of |ξ_d + h ξ̇_d| in the measure [ℓω ; v of the end effector]: near singularities u⁻ grows
+    without bounds. At goals at rest nothing is added; where a path turns back ξ_d is 0 for a moment, but ξ̇_d is not.
     """
     moving = 0.0
     for i in range(6):
@@ -187,7 +188,9 @@ def _add_second_order(sample, pose, twist_jacobian, numbers, last, out):
             d, e, f = u * twist_jacobian[3, j], u * twist_jacobian[4, j], u * twist_jacobian[5, j]
             bx, by, bz = bx + b * f - c * e, by + c * d - a * f, bz + a * e - b * d
         ax, ay, az, bx, by, bz = -lead * ax, -lead * ay, -lead * az, -lead * bx, -lead * by, -lead * bz
-        if given.preview > 0.0:  # a twist that is led is that of the hand where it is, not where it will be
+        if (
+            given.preview > 0.0
+        ):  # a twist that is led is that of the end effector where it is, not where it will be
             vx, vy, vz = vx + wy * pz - wz * py, vy + wz * px - wx * pz, vz + wx * py - wy * px
             bx -= lead * (wy * vz - wz * vy)
             by -= lead * (wz * vx - wx * vz)

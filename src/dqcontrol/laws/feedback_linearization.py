@@ -1,4 +1,4 @@
-"""Feedback linearisation of the hand's motion: the pose error behaves like a damped spring, whatever the robot."""
+"""Feedback linearisation of the end effector: its pose error behaves like a damped spring, whatever the robot."""
 
 from __future__ import annotations
 
@@ -66,24 +66,25 @@ IN_BODY_TWISTS = FilteredInverse(threshold=0.02, damping=0.05, characteristic_le
 
 
 class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linearization"):
-    """Make the hand move like a damped spring towards its desired pose. [S17 4.8–4.27, Wang and Yu 2013]
+    """Make the end effector move like a damped spring towards its desired pose. [S17 4.8–4.27, Wang and Yu 2013]
 
     With x̃ = x_d* x (the short way), its logarithm log x̃ = θ/2 n + ε½p̃_b and ξ̃ = ξ_b − Ad(x̃*) ξ_d,b:
 
     U = −k_p log x̃ − k_v ξ̃ + Ad(x̃*) ξ̇_d,b + (Ad(x̃*) ξ_d,b) × ξ̃,   u = z + J⁺ (ξ_b + T U − J z),   k_p = k̄/2.
 
-    J is the Jacobian of body twists and ξ_b the hand's body twist, which the law remembers: J u of the last sample, 0
-    at the start. So a robot that takes velocities is driven by accelerations: the first command is of the size of T U,
-    however large the error.
+    J is the Jacobian of body twists and ξ_b the end effector's body twist, which the law remembers: J u of the last
+    sample, 0 at the start. So a robot that takes velocities is driven by accelerations: the first command is of the
+    size of T U, however large the error.
 
     Guarantee: dξ̃/dt = −k_p log x̃ − k_v ξ̃, and V = |ξ̃|² + k̄ |log x̃|² falls at V̇ = −2 k_v |ξ̃|², for goals at
     rest and moving ones: asymptotically stable from everywhere but half a turn away. About a fixed axis, and for
     translations, θ̈ + k_v θ̇ + k̄/4 θ = 0. This holds in continuous time and where J⁺ is exact: at singularities the
-    twist asked for does not lie in the range of J, and the hand may stay there, which S17 leaves open. `BestHeading`,
-    the default, keeps drives out of those that their heading can avoid.
+    twist asked for does not lie in the range of J, and the end effector may stay there, which S17 leaves open.
+    `BestHeading`, the default, keeps drives out of those that their heading can avoid.
 
     S17's k_p = k̄ A₁/A₂, A₁ = ⟨log x̃, d log x̃/dt⟩, A₂ = ⟨log x̃, ξ̃⟩, is k̄/2 identically if the logarithm is taken
-    with p̃ in the hand's axes; as printed, with p̃ in those of the desired pose, it is unbounded and may be negative.
+    with p̃ in the end effector's axes; as printed, with p̃ in those of the desired pose, it is unbounded and may
+    be negative.
 
     Sampling limits: with ideal joints stable for 0 < k_v T < 2 and (k̄/4) T² < 4 − 2 k_v T. V may rise by O(T²) a
     sample. Delays and lags are not in the loop of the velocity; they should be short against 1/k_v.
@@ -150,5 +151,5 @@ class FeedbackLinearization(Law, frozen=True, kw_only=True, tag="feedback-linear
         return LoopRates(rates, rates, lag=self.damping)
 
     def state_size(self, robot: Robot) -> int:
-        """Return room for the sign, the hand's twist and the last inputs."""
+        """Return room for the sign, the end effector's twist and the last inputs."""
         return linearization_state.size(robot.input_size)

@@ -3,7 +3,8 @@
 A law that asks for k e, e = [ℓθ ; p_d − p], descends ½|e|². Its Hessian is JᵀJ + C with C = −Σ eᵢ ∂²xᵢ; J⁺ reckons
 with JᵀJ alone. Where the target is within reach, C vanishes with e. At the pose nearest to a target out of reach e
 stays and σ → 0: the gain of the loop is then k C/(σ² + λ²), as large as 1600 k on an arm, and the joints turn back in
-every period. With λ² ≥ c‖C‖ it is k/c at most. In chain order, with ω and a the columns of angular and hand velocity,
+every period. With λ² ≥ c‖C‖ it is k/c at most. In chain order, with ω and a the columns of angular and end effector
+velocity,
 
 C_ij = e_p · (ω_i × a_j) + ½ℓ² θ · (ω_i × ω_j) = ω_i · b_j, i ≤ j, b_j = a_j × e_p + ½ℓ² ω_j × θ.
 
@@ -113,7 +114,7 @@ def added_damping(missing, growth, columns, least):
 
 
 def drives_anywhere(robot: Robot) -> bool:
-    """Return whether a base takes the hand to every x, y and heading.
+    """Return whether a base takes the end effector to every x, y and heading.
 
     Such a base turns about z in all configurations.
     """

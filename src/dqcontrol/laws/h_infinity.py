@@ -131,7 +131,7 @@ class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
     """HIR: q̇ = J_w⁺ [−k_O Im r_e ; −k_T p_e], x_e = x x_d* = r_e + ε½p_e r_e. [P16 3.30]
 
     With a resting target and ideal joints |p_e| decays at rate k_T exactly and tan(θ/4) at k_O/2. Where the robot is
-    disturbed by an inertial twist v_w and by a moving pose c of the hand (twist v_c), with gains at the bounds
+    disturbed by an inertial twist v_w and by a moving pose c of the end effector (twist v_c), with gains at the bounds
     k_O = √2 √(γ_O1⁻² + γ_O2⁻²) and k_T = √(γ_T1⁻² + γ_T2⁻²):
     ‖p_e‖² ≤ γ_T1² ‖v'_w‖² + γ_T2² ‖v'_c‖² in L2 over any horizon from zero error, v' the dual parts in the inertial
     frame, and the same for ‖Im r_e‖ with the primary parts while Re(r_e) ≥ 0. The position's bound is tight. The

@@ -1,6 +1,6 @@
-"""The inputs that give the hand a twist [ω ; ṗ]: what every law of the whole pose ends in.
+"""The inputs that give the end effector a twist [ω ; ṗ]: what every law of the whole pose ends in.
 
-Solved at the hand, in the measure |[ℓω ; ṗ]|, so that nothing depends on where the inertial frame is.
+Solved at the end effector, in the measure |[ℓω ; ṗ]|, so that nothing depends on where the inertial frame is.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def weigh(row, y, i, length):
 
 @inline
 def solve_hand_twist(pose, twist_jacobian, hand_twist, error, preferred, inverse_numbers, work, out):
-    """Write out = z + J⁺ (t − J z) for the hand's twist t = [ω ; ṗ], inertial axes, in the measure |[ℓω ; ṗ]|.
+    """Write out = z + J⁺ (t − J z) for the end effector's twist t = [ω ; ṗ], inertial axes, in the measure |[ℓω ; ṗ]|.
 
     The error [θ ; p_d − p] that t feeds back says how far damping grows. Where J has full row rank the measure does not
     matter: one 6 × 6 system in straight lines, for all laws.
@@ -88,7 +88,7 @@ def solve_hand_twist(pose, twist_jacobian, hand_twist, error, preferred, inverse
 
 @inline
 def twist_at_end_effector(twist, pose):
-    """Return the hand's [ω ; ṗ] of an inertial twist ξ = ω + εv: ṗ = v + ω × p."""
+    """Return the end effector's [ω ; ṗ] of an inertial twist ξ = ω + εv: ṗ = v + ω × p."""
     px, py, pz = position(pose)
     a, b, c = twist[0], twist[1], twist[2]
     return a, b, c, twist[3] + b * pz - c * py, twist[4] + c * px - a * pz, twist[5] + a * py - b * px
@@ -96,7 +96,7 @@ def twist_at_end_effector(twist, pose):
 
 @inline
 def in_inertial_axes(body_twist, pose):
-    """Return the hand's [ω ; ṗ] of a body twist, which is that in the hand's axes."""
+    """Return the end effector's [ω ; ṗ] of a body twist, which is that in the end effector's axes."""
     ax, ay, az = rotated(pose, (body_twist[0], body_twist[1], body_twist[2]))
     bx, by, bz = rotated(pose, (body_twist[3], body_twist[4], body_twist[5]))
     return ax, ay, az, bx, by, bz

@@ -52,9 +52,9 @@ class IntegralState(NamedTuple):
     Attributes
     ----------
     total
-        The integral, in the hand's axes.
+        The integral, in the end effector's axes.
     asked, delivered
-        Twists of the hand: what the law asked for, and what left.
+        Twists of the end effector: what the law asked for, and what left.
     """
 
     sign: Annotated[Array, 1]
@@ -78,7 +78,7 @@ integral_work: MemoryLayout[IntegralWork] = MemoryLayout(IntegralWork, "n")
 
 @inline
 def solve_with_integral(pose, twist_jacobian, twist, sample, parameters, state, preferred, work, out):
-    """Write out = z + J⁺ (t + k_I ∫ε dt − J z), t the hand's twist [ω ; ṗ] that K e asks for."""
+    """Write out = z + J⁺ (t + k_I ∫ε dt − J z), t the end effector's twist [ω ; ṗ] that K e asks for."""
     given, kept = integral_parameters(parameters), integral_state(state)
     own = integral_work(work, twist_jacobian.shape[1])
     if given.step != 0.0:
@@ -89,7 +89,7 @@ def solve_with_integral(pose, twist_jacobian, twist, sample, parameters, state, 
 
 @inline
 def _add_integral(twist, pose, sample, given, kept, own):
-    """Return the hand's twist [ω ; ṗ] with k_I ∫ε dt added, ε = [2 Im r ; p] of short(x*x_d), in the hand's axes.
+    """Return the end effector's twist [ω ; ṗ] with k_I ∫ε dt added, ε = [2 Im r ; p] of short(x*x_d), in its axes.
 
     Where less left than was asked for in the last sample, the integral gives up its part of the difference at the rate
     1/T_t; it is never driven through 0 by that, so it does not work against K e.
@@ -127,18 +127,22 @@ def _summed(value, excess, bound):
 
 
 class IntegralPoseLaw(PoseLaw, frozen=True, kw_only=True):
-    """A law that adds k_I ∫ε dt to the twist that it asks of the hand, ε ≈ [θn ; p_d − p] in the hand's axes.
+    """A law that adds k_I ∫ε dt to the twist that it asks for, ε ≈ [θn ; p_d − p] in the end effector's axes.
 
     Without it (``integral_gain`` 0) the command is that of K e alone. Where limits, clamped joints or a supervisor let
     less leave than was asked for, the integral is calculated back from what left, with the tracking time 1/√k_I; what
-    it holds otherwise it keeps until the error changes sign. Its part of the hand's speed is bounded, too.
+    it holds otherwise it keeps until the error changes sign. Its part of the end effector's speed is bounded, too.
     """
 
     gain_powers: ClassVar[Mapping[str, float]] = {"gain": 1, "integral_gain": 2}
     integral_gain: Annotated[float, Meta(ge=0, le=1e6, description="k_I, 1/s²")] = 0.0
     integral_position_limit: Annotated[
         float,
-        Meta(gt=0, le=1e6, description="largest speed that k_I ∫ε dt asks of the hand along each axis, m/s"),
+        Meta(
+            gt=0,
+            le=1e6,
+            description="largest speed that k_I ∫ε dt asks of the end effector along each axis, m/s",
+        ),
     ] = 2.0
     integral_orientation_limit: Annotated[
         float, Meta(gt=0, le=1e6, description="the same about each axis, rad/s")
@@ -163,7 +167,7 @@ class IntegralPoseLaw(PoseLaw, frozen=True, kw_only=True):
 
     @property
     def delivered_at(self) -> int:
-        """Where the state takes the hand's twist that left; 0 without an integral."""
+        """Where the state takes the end effector's twist that left; 0 without an integral."""
         return integral_state.place("delivered") if self.integral_gain else 0
 
     def loop_rates(self, parameters: np.ndarray) -> LoopRates:

@@ -67,9 +67,9 @@ _Length = Annotated[float, Meta(gt=0, description="ℓ, m: as many metres count 
 class DampedInverse(CheckedFields, frozen=True, tag="damped", tag_field="kind", forbid_unknown_fields=True):
     """Damped least squares with a constant factor: J⁺ = Jᵀ(JJᵀ + λ²I)⁻¹. [P16 2.18, Wampler 1986]
 
-    J is the Jacobian of the hand's [ℓω ; ṗ], as for `FilteredInverse`. It scales the response along each singular
-    direction by σ²/(σ² + λ²), everywhere: a loss of loop gain. In the literature λ is added to a law's own matrix: for
-    small errors that of N is half of this λ with ℓ = 1 m.
+    J is the Jacobian of the end effector's [ℓω ; ṗ], as for `FilteredInverse`. It scales the response along each
+    singular direction by σ²/(σ² + λ²), everywhere: a loss of loop gain. In the literature λ is added to a law's own
+    matrix: for small errors that of N is half of this λ with ℓ = 1 m.
     """
 
     spec_key: ClassVar[str] = "inverse"
@@ -88,10 +88,11 @@ class FilteredInverse(
 
     J⁺ = Σ σᵢ/(σᵢ² + λᵢ) vᵢuᵢᵀ with λᵢ = (1 − (σᵢ/ε)²) λ² where σᵢ < ε, else 0. [Chiaverini 1997]
 
-    J is the Jacobian of the hand's [ℓω ; ṗ] for all laws, whatever error they feed back: σ, ε and λ are in metres of
-    the hand a radian of the joints, and what is asked for and cannot be done is missed by the least |[ℓω ; ṗ]|. So
-    neither depends on where the base frame is, and ℓ says how much of a position error an angle is worth: with ℓ = 0.3
-    m a radian counts as much as 30 cm.
+    J is the Jacobian of the end effector's [ℓω ; ṗ] for all laws, whatever error they feed back: σ, ε and λ are in
+    metres of the end effector a radian of the joints, and what is asked for and cannot be done is missed by the least
+    |[ℓω ; ṗ]|. So neither depends on where the base frame is, and ℓ says how much of a position error an angle is
+    worth: with ℓ =
+    0.3 m a radian counts as much as 30 cm.
 
     With λ = ε this is J-PARSE [Guptasarma et al. 2025] with ε in place of its γ σ_max. λ = ε/2 keeps the gain σ/(σ² +
     λᵢ) below 1.16/ε, and above 1/ε as long as σ > ε/3: `python benchmarks/singularities.py` shows how it was chosen.
@@ -130,9 +131,9 @@ class ManipulabilityInverse(
 ):
     """Least squares damped where the manipulability is small: λ² = λ₀² (1 − m/m₀)² for m < m₀, else 0. [Nakamura 1986]
 
-    m = √det(JJᵀ), J the Jacobian of the hand's [ω ; ṗ] (for fewer than six joints √det(JᵀJ)/ℓ³ of that of [ℓω ; ṗ]);
-    the damping acts on that of [ℓω ; ṗ], as for `FilteredInverse`. All directions are damped, not only the singular
-    one.
+    m = √det(JJᵀ), J the Jacobian of the end effector's [ω ; ṗ] (for fewer than six joints √det(JᵀJ)/ℓ³ of that of [ℓω ;
+    ṗ]); the damping acts on that of [ℓω ; ṗ], as for `FilteredInverse`. All directions are damped, not only the
+    singular one.
     """
 
     spec_key: ClassVar[str] = "inverse"

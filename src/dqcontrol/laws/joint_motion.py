@@ -1,4 +1,4 @@
-"""A motion of the joints, as a file says it, whatever the hand's reference."""
+"""A motion of the joints, as a file says it, whatever the end effector's reference."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def joint_motion(q, pose, pose_jacobian, twist_jacobian, sample, parameters, sta
 
 
 class JointMotion(Law, frozen=True, kw_only=True, tag="joint-motion"):
-    r"""q̇ = q̇_d + k (q_d − q): joint positions over time, q_d, from a file, and not the hand's reference.
+    r"""q̇ = q̇_d + k (q_d − q): joint positions over time, q_d, from a file, and not the end effector's reference.
 
     The command leads exactly to the wanted positions of the next sample, so that the targets of servos whose targets
     grow (``integrated``) are these positions, with k = 0. After the end of the file its last positions are held. Start

@@ -83,7 +83,7 @@ class Law(
 
     @property
     def delivered_at(self) -> int:
-        """Where the state takes the hand's twist [ω ; ṗ] that left (six numbers); 0 if the law does not ask."""
+        """Where the state takes the end effector's twist [ω ; ṗ] that left (six numbers); 0 if the law does not ask."""
         return 0
 
     @property

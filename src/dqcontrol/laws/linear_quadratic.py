@@ -398,9 +398,9 @@ class LinearQuadraticDQ(
     form
         ``"log"`` or ``"sin"``.
     error
-        ``"right"`` (as published) or ``"left"``: y and twist in the hand's axes, x_l = x_d* x. The right error's p_e
-        contains the lever arm of the base's origin: with a goal whose orientation cannot be reached, the hand rests
-        that much beside its position. Rates, value and bounds are the same.
+        ``"right"`` (as published) or ``"left"``: y and twist in the end effector's axes, x_l = x_d* x. The right
+        error's p_e contains the lever arm of the base's origin: with a goal whose orientation cannot be reached, the
+        end effector rests that much beside its position. Rates, value and bounds are the same.
     feedforward
         As of `ProportionalFeedforward`.
     inverse

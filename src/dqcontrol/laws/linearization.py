@@ -40,7 +40,7 @@ class LinearizationParameters(NamedTuple):
 
 
 class LinearizationState(NamedTuple):
-    """What they keep: the sign of x_d, the hand's body twist, and the last inputs."""
+    """What they keep: the sign of x_d, the end effector's body twist, and the last inputs."""
 
     sign: Annotated[Array, 1]
     twist: Annotated[Array, 6]

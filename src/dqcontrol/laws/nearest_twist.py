@@ -35,7 +35,7 @@ def nearest_twist(rate, x):
 
 @inline
 def hand_twist_of_rate(rate, pose):
-    """Return the hand's twist [ω ; ṗ] that moves its pose nearest to a wanted rate."""
+    """Return the end effector's twist [ω ; ṗ] that moves its pose nearest to a wanted rate."""
     (ax, ay, az), (bx, by, bz), (dx, dy, dz) = nearest_twist(rate, pose)
     px, py, pz = 2.0 * dx, 2.0 * dy, 2.0 * dz
     return ax, ay, az, bx + ay * pz - az * py, by + az * px - ax * pz, bz + ax * py - ay * px  # ṗ = v + ω × p

@@ -312,8 +312,8 @@ def towards_manipulability(q, twist_jacobian, parameters, work, out):
 class ManipulabilityAscent(NullSpace, frozen=True, kw_only=True, tag="manipulability"):
     """Drift where the manipulability m = √det(J_wJ_wᵀ) grows: z = α ∂m/∂q. [Yoshikawa 1985]
 
-    It also leads out of singular configurations, where laws stand still if the hand is wanted in the direction that is
-    lost: an arm that is stretched and should draw its hand straight in.
+    It also leads out of singular configurations, where laws stand still if the end effector is wanted in the direction
+    that is lost: an arm that is stretched and should draw its end effector straight in.
 
     Parameters
     ----------
@@ -350,13 +350,13 @@ def towards_best_heading(q, twist_jacobian, parameters, work, out):
 
 
 class BestHeading(NullSpace, frozen=True, kw_only=True, tag="best-heading"):
-    """Turn differential drives to where their forward motion adds most to what the hand can do: ω = α δ.
+    """Turn differential drives to where their forward motion adds most to what the end effector can do: ω = α δ.
 
     Of all headings h of a drive, with the other columns as they are, δ (−π/2 … π/2) leads to the one with the largest
-    det(JJᵀ), in closed form; forwards and backwards are the same. Where an arm can turn against its base, the hand does
-    not notice, and J loses rank only where no heading could help. Without it a base faces as it happens to, and laws
-    end in singularities where the drive pushes along the arm's plane while the hand should move across it.
-    Robots without drives, and bodies in the unconstrained form, are left as they are.
+    det(JJᵀ), in closed form; forwards and backwards are the same. Where an arm can turn against its base, the end
+    effector does not notice, and J loses rank only where no heading could help. Without it a base faces as it happens
+    to, and laws end in singularities where the drive pushes along the arm's plane while the end effector should move
+    across it. Robots without drives, and bodies in the unconstrained form, are left as they are.
 
     Parameters
     ----------

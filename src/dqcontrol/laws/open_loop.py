@@ -53,7 +53,7 @@ def open_loop(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state,
 class OpenLoop(Law, frozen=True, kw_only=True, tag="open-loop"):
     """Resolved motion rate control without feedback: q̇ = J⁺ vec8(ẋ_d). [P16 2.10–2.13]
 
-    The errors of integration, joints and start are never corrected: the hand drifts. For comparison only.
+    The errors of integration, joints and start are never corrected: the end effector drifts. For comparison only.
 
     Sampling limits: none, as there is no loop; the error of integration grows with T.
 

@@ -95,11 +95,12 @@ class GuidedProportional(PoseLaw, frozen=True, kw_only=True, tag="guided-proport
     u_r are the planned inputs of the robot, their means from each sample to the next. z leads back to the planned
     configuration q_r: α (q_r − q) for joints, and for drives, whose plan is e_x ahead, e_y to the left and turned by
     e_φ, v = α e_x and ω = α sin e_φ + 4/m² v_r e_y [Kanayama 1990]. w is 0 on the way and grows to 1 in the second
-    after it: then z moves only what the hand leaves free, and the hand's error is removed as by `Proportional`.
+    after it: then z moves only what the end effector leaves free, and the end effector's error is removed as by
+    `Proportional`.
 
-    So what is asked of the hand on the way, J (u_r + z), lies in the range of J by construction: singularities are
-    passed as planned, joints stay within their limits, and the command starts from rest, however far the goal. Only the
-    rest of the error, at a goal configuration that was chosen far from singularities, is left to N⁺.
+    So what is asked of the end effector on the way, J (u_r + z), lies in the range of J by construction: singularities
+    are passed as planned, joints stay within their limits, and the command starts from rest, however far the goal. Only
+    the rest of the error, at a goal configuration that was chosen far from singularities, is left to N⁺.
 
     Choice: laws without a plan are for goals that move, or change while the robot drives. k as for `Proportional`.
 
@@ -131,7 +132,7 @@ class GuidedProportional(PoseLaw, frozen=True, kw_only=True, tag="guided-proport
     pull: Annotated[float, Meta(gt=0, description="1/s")] = 1.0
 
     def rows(self, robot: Robot, reference: Reference | None, period: float) -> np.ndarray:
-        """Return inverse, hysteresis, gains, pull, the hand's share, drives, and the plan at each sample.
+        """Return inverse, hysteresis, gains, pull, the end effector's share, drives, and the plan at each sample.
 
         Raises
         ------

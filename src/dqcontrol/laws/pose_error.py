@@ -33,7 +33,8 @@ def short_sign(real_part, hysteresis, sign):
 def shorten_lever(error, pose, desired, inverse_numbers):
     """Bound the lever arm in a right error y = [θ ; p_e], p_e + θ × p − (p − p_d) ≈ θ × (p_d − p), if damping grows.
 
-    Where neither vanishes, the hand would circle for ever at the speed that its joints have, whatever the damping.
+    Where neither vanishes, the end effector would circle for ever at the speed that its joints have, whatever the
+    damping.
     """
     inverse = inverse_parameters(inverse_numbers)
     if inverse.growth == 0.0:
@@ -78,7 +79,7 @@ def _with_short_lever(angular, linear, away, length):
 
 @inline
 def left_error_twist(target, error, pose, inverse_numbers):
-    """Return the hand's [ω ; ṗ] that comes nearest to N u = target, N u = −½ξ_b x_e, x_e = 1 − e; inertial axes.
+    """Return the [ω ; ṗ] that comes nearest to N u = target, N u = −½ξ_b x_e, x_e = 1 − e; inertial axes.
 
     Its velocity is k d − ω × d, d = p_d − p, ω ≈ ½kθ: if damping grows, the lever ω × d is bounded as in right errors.
     """

@@ -24,8 +24,8 @@ class DampedPoseInverse(
     """Damped least squares of the law's own matrix of eight rows: J⁺ = Jᵀ(JJᵀ + λ²I)⁻¹. [S17 4.19, Wampler 1986]
 
     J is the pose Jacobian, vec8(ẋ) = J u, in `FeedbackLinearization`. To compare with the literature only: |vec8(ẋ)|
-    weighs turning by how far the hand is from the base frame's origin, so that commands depend on where that lies.
-    With d from there to the hand, and v the velocity of the body's point midway,
+    weighs turning by how far the end effector is from the base frame's origin, so that commands depend on where that
+    lies. With d from there to the end effector, and v the velocity of the body's point midway,
 
     |vec8(ẋ)|² = ¼ (|ω|² + ¼ (d·ω)² + |v|²),
 
@@ -53,9 +53,9 @@ class DampedPoseInverse(
 
 @inline
 def solve_pose_rows(pose, lever, twist_jacobian, hand_twist, preferred, inverse_numbers, work, out):
-    """Write out = z + J⁺ (t − J z) for the hand's twist t = [ω ; ṗ], J⁺ damped in |vec8(ẋ)|, see `DampedPoseInverse`.
+    """Write out = z + J⁺ (t − J z) for the twist t = [ω ; ṗ], J⁺ damped in |vec8(ẋ)|, see `DampedPoseInverse`.
 
-    The lever goes to the hand from the origin of the frame that x is measured in; all is in inertial axes.
+    The lever goes to the end effector from the origin of the frame that x is measured in; all is in inertial axes.
     """
     own = twist_work(work, twist_jacobian.shape[1])
     matrix, twist = own.matrix, own.twist

@@ -57,8 +57,8 @@ class Proportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="proportional
     gain
         K in 1/s: a number k for kI, eight diagonal entries, or a `Schedule` of k.
     integral_gain, integral_position_limit, integral_orientation_limit
-        k_I in 1/s²: adds k_I ∫ε dt to the hand's twist, within ± the limits in m/s and rad/s along each of its axes;
-        see ``IntegralPoseLaw``. 0 for none.
+        k_I in 1/s²: adds k_I ∫ε dt to the end effector's twist, within ± the limits in m/s and rad/s along each of its
+        axes; see ``IntegralPoseLaw``. 0 for none.
     inverse
         How J is inverted; the default is exact away from singularities.
     hysteresis

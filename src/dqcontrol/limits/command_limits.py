@@ -37,8 +37,8 @@ class CommandLimits(NamedFields, frozen=True, kw_only=True, forbid_unknown_field
     ----------
     velocity
         True: where an input exceeds the robot's velocity limit, or the rim of a wheel its rim speed, the whole
-        command is scaled down, so that the hand keeps its direction and only slows. With `ModifiedClamping` joints do
-        not slow the rest: each is held at its own limit, and the others make up for it as far as they can.
+        command is scaled down, so that the end effector keeps its direction and only slows. With `ModifiedClamping`
+        joints do not slow the rest: each is held at its own limit, and the others make up for it as far as they can.
         If omitted, the plant decides (see `dqcontrol.plants.limits_before`); a law prepared without a plant leaves the
         command as it is.
     position

@@ -1,4 +1,4 @@
-"""Velocity limits of joints, bases and wheels: the whole command is scaled, so that the hand keeps its direction."""
+"""Velocity limits of joints, bases and wheels: commands are scaled, so that the end effector keeps its direction."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.references import Reference
 
-_LEVER = 0.3  # m; points so far from the hand's origin turn with it
+_LEVER = 0.3  # m; points so far from the end effector's origin turn with it
 _SAMPLES = 500  # of the log that are compared
 _SHIFTS = 400  # that are tried before the best one is refined
 _STILL = 1e-4  # m; motions below it have no time to be found
@@ -28,7 +28,7 @@ class Alignment(NamedTuple):
 def align(time: Array, poses: Array, reference: Reference) -> Alignment:
     """Return the begin of the reference at which it is nearest to the logged poses, over the whole log.
 
-    Compared are three points of the hand, its origin and one 0.3 m along each of two axes, so that turns count.
+    Compared are three points of the end effector, its origin and one 0.3 m along each of two axes, so that turns count.
     The reference rests at its ends. Where the robot lags behind, its lag counts as part of the shift.
 
     Parameters
@@ -36,7 +36,7 @@ def align(time: Array, poses: Array, reference: Reference) -> Alignment:
     time
         Of the log, shape (N,), s from 0.
     poses
-        Of the hand, shape (N, 8).
+        Of the end effector, shape (N, 8).
     reference
         With an end.
 
@@ -79,7 +79,7 @@ def align(time: Array, poses: Array, reference: Reference) -> Alignment:
 
 
 def _points(poses: Array) -> Array:
-    """Return three points that turn with the hand, shape (N, 9), m."""
+    """Return three points that turn with the end effector, shape (N, 9), m."""
     frames = algebra.matrix_from_pose(poses)
     x, y, origin = (frames[:, :3, column] for column in (0, 1, 3))
     return np.concatenate([origin, origin + _LEVER * x, origin + _LEVER * y], axis=1)

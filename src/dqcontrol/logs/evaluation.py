@@ -1,4 +1,4 @@
-"""The user's own data, measured: a joint log of any robot held against where its hand should have been."""
+"""The user's own data, measured: a joint log of any robot held against where its end effector should have been."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class ReferenceFile(Part, frozen=True, kw_only=True):
     reference
         As in the spec of an experiment.
     start
-        Configuration in which the hand is where the reference begins, rad or m; default: the log's first.
+        Configuration in which the end effector is where the reference begins, rad or m; default: the log's first.
     """
 
     reference: AnyReference
@@ -88,9 +88,9 @@ def evaluate_log(
         As for `load_robot`; may be left out for recordings of dqcontrol, which name it.
     reference
         A ``.yaml`` file with the key ``reference`` as in the spec of an experiment, and perhaps ``start``, or a whole
-        spec; a points file (`load_points`); or another joint log, whose hand shows the desired motion (``joints``,
-        ``joint_topic`` and ``angles`` hold for both logs). May be left out for recordings of dqcontrol: they hold
-        their own.
+        spec; a points file (`load_points`); or another joint log, whose end effector shows the desired motion
+        (``joints``, ``joint_topic`` and ``angles`` hold for both logs). May be left out for recordings of dqcontrol:
+        they hold their own.
     base_link, tip_link
         Ends of the chain in a URDF file.
     reference_topic
@@ -98,7 +98,7 @@ def evaluate_log(
         the commanded positions, in ``reference`` or, if that is left out, in the log.
     reference_joints
         Columns of the log with the commanded positions: what their names begin with, as ``"target_"``, or all names in
-        the robot's order. Where they put the hand is where it should have been.
+        the robot's order. Where they put the end effector is where it should have been.
     joints, joint_topic, command_topic, angles, missing
         As for `read_joint_log`.
     start
@@ -112,8 +112,8 @@ def evaluate_log(
         Length of the start that the settled errors leave out, s; default: as the spec says, if the reference or the
         recording has one, else 0.
     low_pass
-        Cut-off of the filter behind speed and acceleration of the hand and joint steps, Hz; 0 for none. Default: 10,
-        and none for recordings of dqcontrol.
+        Cut-off of the filter behind speed and acceleration of the end effector and joint steps, Hz; 0 for none.
+        Default: 10, and none for recordings of dqcontrol.
 
     Returns
     -------
@@ -172,7 +172,7 @@ def evaluate_log(
         begin = found.begin
         notes.append(
             f"aligned: the reference begins at {begin:.4g} s of the log, where it is {1e3 * found.rms:.3g} mm RMS from "
-            f"the hand and its axes (at 0 s: {1e3 * found.unshifted_rms:.3g}); a delay of the robot is part of that"
+            f"the end effector and its axes (at 0 s: {1e3 * found.unshifted_rms:.3g}); a robot's delay is part of that"
         )
     elif target is not None and target.begin is not None:
         begin = max(begin, target.begin)
@@ -276,7 +276,7 @@ def _kept(data: JointLog, begin: float, duration: float | None) -> NDArray[np.bo
 
 
 def _from_columns(data: JointLog, robot: Robot, file: Path | None, topic: str | None) -> _Target:
-    """Return where the commanded positions of the log put the hand."""
+    """Return where the commanded positions of the log put the end effector."""
     if file is not None or topic is not None:
         raise ValueRangeError("reference_joints: a reference is given, too; give one of them")
     assert data.target is not None
@@ -286,7 +286,7 @@ def _from_columns(data: JointLog, robot: Robot, file: Path | None, topic: str | 
 def _from_topic(
     data: JointLog, robot: Robot, file: Path | None, topic: str, joints: Sequence[str] | None
 ) -> _Target:
-    """Return the poses of a topic, or where the positions of one put the hand, in the file or else in the log."""
+    """Return poses of a topic, or where positions of one put the end effector, in the file or else in the log."""
     source = file or data.path
     if not is_recording(source):
         raise ShapeError(f"reference_topic: {source} is no recording and has no topics, got '{topic}'")

@@ -127,7 +127,7 @@ def tool_motion(
     gravity: Sequence[float] = (0.0, 0.0, -9.81),
     period: float = 0.008,
 ) -> ToolMotion:
-    """Propose a motion that tells a tool: the hand stays in place and turns each axis of the sensor up and down.
+    """Propose a motion that tells a tool: the end effector stays and turns each axis of the sensor up and down.
 
     About the vertical it may stand anyhow: of 24 such ways it takes the nearest one within the joints' limits. Links
     and surroundings are not looked at: a run of the spec that `ToolMotion.save` writes does that.
@@ -139,7 +139,7 @@ def tool_motion(
     start
         Configuration (n,) from which it goes and to which it comes back, rad or m; the middle of its limits if omitted.
     sensor
-        Where the force sensor is, as a contact stage has it; at the hand if omitted.
+        Where the force sensor is, as a contact stage has it; at the end effector if omitted.
     gravity
         m/s² in the base frame.
     period
@@ -160,7 +160,7 @@ def tool_motion(
     arm = robot if isinstance(robot, Robot) else load_robot(robot)
     if not isinstance(arm, SerialArm):
         raise ValueRangeError(
-            f"robot: {arm.name} is no arm on a fixed base; a tool is told by turning its hand"
+            f"robot: {arm.name} is no arm on a fixed base; a tool is told by turning its end effector"
         )
     period, fall = as_positive("period", period), as_array("gravity", gravity, (3,))
     if not fall.any():
@@ -194,7 +194,7 @@ def tool_motion(
     if not condition <= WORST_CONDITION:
         raise ValueRangeError(
             f"start: from there {arm.name} reaches {len(rests)} of 6 orientations, which are too much alike (condition "
-            f"{condition:.3g}, at most {WORST_CONDITION:g}); start where its hand can turn over"
+            f"{condition:.3g}, at most {WORST_CONDITION:g}); start where its end effector can turn over"
         )
     stops = [begin, *rests, begin]
     speed = np.minimum(_SPEED, 0.5 * arm.limits.velocity)
@@ -219,7 +219,7 @@ def _from_down(fall: Array) -> Array:
 
 
 def _nearest(arm: SerialArm, poses: Array, at: Array) -> Array | None:
-    """Return the nearest configuration with any of these poses of the hand, shape (K, 8); None if there is none."""
+    """Return the nearest configuration with any of these poses, shape (K, 8); None if there is none."""
     found = arm.solve(poses, at, restarts=10)
     room = np.minimum(found.q - arm.limits.lower, arm.limits.upper - found.q).min(axis=1)
     reached = np.flatnonzero(found.success & (room >= _ROOM))
@@ -322,7 +322,7 @@ def tool_from_logs(
     robot
         The arm, its name or file.
     sensor
-        Where the force sensor is, as a contact stage has it; at the hand if omitted. Its tool is not asked.
+        Where the force sensor is, as a contact stage has it; at the end effector if omitted. Its tool is not asked.
     known
         A tool whose mass and centre are kept: a tare, for which one rest in the air is enough.
     gravity

@@ -21,9 +21,7 @@ from dqcontrol.errors import Error, RealTimeWarning, ValueRangeError, unknown_na
 
 Overrun = Literal["catch up", "skip", "stop"]
 
-_CATCH_UP = (
-    1.1  # times as fast as real time after a delay: as much faster than its reference the hand goes then
-)
+_CATCH_UP = 1.1  # times as fast as real time after a delay: the end effector goes that much faster
 _SPIN = 2e-4  # s before a deadline at which sleeping ends: operating systems wake a sleeper that much late
 
 

@@ -13,17 +13,17 @@ DISTANCE, ROOM = "constraint_distance", "constraint_room"
 PRESSURE, SLACK, EFFECT = "constraint_pressure", "constraint_slack", "constraint_effect"
 
 # of `EFFECT`: rows and ends of joints' ranges that pressed, programs solved, share of the command left by scaling,
-# excess of a limit of acceleration as a share of it, and speed of the hand as the law asked and as it left
+# excess of a limit of acceleration as a share of it, and speed of the end effector as the law asked and as it left
 _PARTS = ("rows", "programs", "scaled", "acceleration_excess", "speed_asked", "speed")
 _UNITS = ("", "", "", "", "m/s", "m/s")
 
-HELD_WINDOW = 0.4  # s: for so long a hand is held before that counts, as for `Constraints.escape`
+HELD_WINDOW = 0.4  # s: for so long an end effector is held before that counts, as for `Constraints.escape`
 _STUCK = 0.1  # share of the speed that the law asks for
 _ASKED = 1e-3  # m/s: less is no wish
 
 
 def is_held(effect: Array) -> NDArray[np.bool_]:
-    """Return from reports (…, 6 and more) whether constraints hold the hand: slower than a tenth of what is asked."""
+    """Return from reports (…, 6 and more) whether constraints hold the end effector: below a tenth of what is asked."""
     asked, speed = effect[..., 4], effect[..., 5]
     return (asked > _ASKED) & (speed < _STUCK * asked) & (effect[..., 0] > 0)
 

@@ -55,11 +55,11 @@ class LiveState:
     share
         The largest of them as a share of its velocity limit.
     pose, desired
-        Of the hand, and where the moving target is, shape (8,), inertial frame.
+        Of the end effector, and where the moving target is, shape (8,), inertial frame.
     position_error, orientation_error
-        From the hand to the moving target, m and rad.
+        From the end effector to the moving target, m and rad.
     missing
-        From the hand to the pose asked for, m; the farthest of law and further tasks; NaN if none is.
+        From the end effector to the pose asked for, m; the farthest of law and further tasks; NaN if none is.
     condition
         What it does, and what the supervisor does about it, in words.
     """
@@ -82,7 +82,7 @@ class Live:
 
     What it is told moves a target within bounds (``Speeds``), and a supervisor stands between law and plant: whatever
     it is told, joints keep their limits of position, velocity and acceleration. A pose that is not finite is none, and
-    the hand stays where it is then. The robot is simulated, or a real one behind a plant of one's own.
+    the end effector stays where it is then. The robot is simulated, or a real one behind a plant of one's own.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ class Live:
     ...     live.step()
     >>> bool(live.state.missing < 1e-4)
     True
-    >>> live.target = np.full(8, np.nan)  # a device that sees nothing: the hand stays
+    >>> live.target = np.full(8, np.nan)  # a device that sees nothing: the end effector stays
     """
 
     def __init__(
@@ -204,7 +204,7 @@ class Live:
 
     @property
     def target(self) -> Array | None:
-        """The pose asked for, shape (8,); None if none is. Set, the target moves there; NaN: the hand stays.
+        """The pose asked for, shape (8,); None if none is. Set, the target moves there; NaN: the end effector stays.
 
         Raises
         ------
@@ -252,13 +252,13 @@ class Live:
         return pose
 
     def hold(self) -> None:
-        """Stay: the hand comes to rest where it is then, and so does what further tasks move."""
+        """Stay: the end effector comes to rest where it is then, and so does what further tasks move."""
         self.target = np.full(8, np.nan)
         for target in self._aims.values():
             target.goal = np.full(8, np.nan)
 
     def move(self, linear: Array, angular: Array, *, of_hand: bool = False) -> None:
-        """Move on with these velocities (3,), m/s and rad/s, in the axes of the base or the hand, for 0.15 s.
+        """Move on with these velocities (3,), m/s and rad/s, in the axes of the base or the end effector, for 0.15 s.
 
         Velocities that are not finite are none.
         """

@@ -78,8 +78,8 @@ class Record:
         its motors off, and the run went on; or ``"halted at …"``: the supervisor or the clock stopped the robot; or
         ``"toppled at …"``, ``"slipped at …"``: a mobile robot fell over, or its wheels lost their grip.
     disturbance
-        Twist ω + ε(ṗ + p × ω) that a disturbance gave the hand from each sample to the next, shape (N, 6), rad/s and
-        m/s, inertial frame; None if there was none.
+        Twist ω + ε(ṗ + p × ω) that a disturbance gave the end effector from each sample to the next, shape (N, 6),
+        rad/s and m/s, inertial frame; None if there was none.
     readings
         What else the plant sensed, by name, shape (N, columns) each.
 
@@ -169,12 +169,12 @@ class Record:
 
     @cached_property
     def position(self) -> Array:
-        """Hand position p, shape (N, 3), m, inertial frame."""
+        """End effector position p, shape (N, 3), m, inertial frame."""
         return _locked(row_by_row(_position, self.pose))
 
     @cached_property
     def desired_position(self) -> Array:
-        """Desired hand position, shape (N, 3), m, inertial frame."""
+        """Desired end effector position, shape (N, 3), m, inertial frame."""
         return _locked(row_by_row(_position, self.desired_pose))
 
     @cached_property
@@ -193,12 +193,12 @@ class Record:
 
     @cached_property
     def orientation_error(self) -> Array:
-        """Angle of the rotation from the hand to its desired orientation, 0 … π, shape (N,), rad."""
+        """Angle of the rotation from the end effector to its desired orientation, 0 … π, shape (N,), rad."""
         return _locked(row_norms(self.rotation_error))
 
     @cached_property
     def rotation_error(self) -> Array:
-        """Rotation vector from the hand to its desired orientation, hand frame, shape (N, 3), rad."""
+        """Rotation vector from the end effector to its desired orientation, end effector frame, shape (N, 3), rad."""
         return _locked(row_by_row(_rotation_vector, self._pose_error))
 
     @cached_property

@@ -67,7 +67,7 @@ class RepeatedLoop:
     seed
         Of the noise.
     supervisor, disturbance
-        What stands between law and plant, and what moves the hand beside the commands.
+        What stands between law and plant, and what moves the end effector beside the commands.
 
     Examples
     --------

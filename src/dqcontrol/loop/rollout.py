@@ -84,7 +84,7 @@ class DisturbanceArrays(NamedTuple):
     parameters, work
         Of its kernel.
     realised
-        Inertial twist that it gave the hand, one row a sample; at least one row.
+        Inertial twist that it gave the end effector, one row a sample; at least one row.
     """
 
     rows: Annotated[Array, READ2]

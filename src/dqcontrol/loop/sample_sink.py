@@ -1,4 +1,4 @@
-"""What a loop hands its samples to while the robot moves."""
+"""What a loop end effectors its samples to while the robot moves."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ def simulate(
     stop
         When to end early.
     disturbance
-        What moves the hand beside the commands; not for physics.
+        What moves the end effector beside the commands; not for physics.
     supervisor
         What stands between law and plant; nothing if omitted.
     seed

@@ -67,7 +67,7 @@ class Senses:
 
     @property
     def wrench(self) -> Array:
-        """Measured at the hand, shape (6,); empty if it is not."""
+        """Measured at the end effector, shape (6,); empty if it is not."""
         return np.ascontiguousarray(self._plant.wrench, dtype=np.float64)
 
 

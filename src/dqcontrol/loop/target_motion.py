@@ -18,12 +18,12 @@ from dqcontrol.compiled.compile import OK, READ, STATUS, WRITE, inline, kernel, 
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.references.sample import SAMPLE_SIZE
 
-# How far the desired pose may be ahead of the hand before it waits: a hand that is held must not jump when let go. It
-# then begins with k times that: 0.25 m/s, the reduced speed of ISO 10218-1, at k = 5 1/s.
+# How far the desired pose may be ahead of the end effector before it waits: an end effector that is held must not jump
+# when let go. It then begins with k times that: 0.25 m/s, the reduced speed of ISO 10218-1, at k = 5 1/s.
 _LEAD, _ANGULAR_LEAD = 0.05, 0.3  # m, rad
 _TINY = 1e-12
 
-# pose of the hand, time since the start (s), what is asked (empty: nothing), speeds, the target's memory
+# pose of the end effector, time since the start (s), what is asked (empty: nothing), speeds, the target's memory
 TARGET_MOTION = STATUS(READ, types.float64, READ, READ, WRITE)
 
 
@@ -39,7 +39,7 @@ class MovingSample(NamedTuple):
     linear, angular
         How fast it moves, inertial axes, m/s and rad/s.
     is_held, held
-        Whether a goal has become too old, and where the hand was then.
+        Whether a goal has become too old, and where the end effector was then.
     turn, way
         Scratch.
     """
@@ -74,7 +74,7 @@ class AskedPose(NamedTuple):
 
 
 class AskedTwist(NamedTuple):
-    """A twist that is asked for, when it was, s, and whether it is in the axes of the hand."""
+    """A twist that is asked for, when it was, s, and whether it is in the axes of the end effector."""
 
     angular: Annotated[Array, 3]
     linear: Annotated[Array, 3]
@@ -102,7 +102,7 @@ def _apart(a, b):
 
 @inline
 def _time_to_move(pose, time, moving):
-    """Rest at this time; return for how long the target may move, s: 0 while it is too far ahead of the hand."""
+    """Rest at this time; return for how long the target may move, s: 0 while too far ahead of the end effector."""
     passed = max(time - moving.last[0], 0.0)
     moving.last[0] = moving.time[0] = time
     for i in range(6):
@@ -155,7 +155,7 @@ def _place(r, p, out):
 def move_to_pose(pose, time, asked, speeds, memory):
     """Move on straight towards a goal (of `asked_pose`), turning about one axis, with bounded speeds and accelerations.
 
-    Way and turn take the same time. A goal that is too old, or none, is where the hand is then.
+    Way and turn take the same time. A goal that is too old, or none, is where the end effector is then.
     """
     moving, bounds = moving_sample(memory), target_speeds(speeds)
     passed = _time_to_move(pose, time, moving)

@@ -1,4 +1,4 @@
-"""Where the hand should be now: on a spec's reference, on the way to a pose, or where a twist leads."""
+"""Where the end effector should be now: on a spec's reference, on the way to a pose, or where a twist leads."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ class Target(Protocol):
     """What gives the desired motion at a time."""
 
     def start(self, pose: Array, time: float = 0.0) -> None:
-        """Begin with the hand at a pose (8,), at a time, s."""
+        """Begin with the end effector at a pose (8,), at a time, s."""
         ...
 
     def sample(self, time: float, pose: Array) -> Array:
-        """Return the desired motion (21,) at a time since the start, s, with the hand at a pose (8,)."""
+        """Return the desired motion (21,) at a time since the start, s, with the end effector at a pose (8,)."""
         ...
 
     def is_over(self, time: float) -> bool:
@@ -43,7 +43,7 @@ class Target(Protocol):
 
 @dataclass
 class Speeds:
-    """How fast the hand may be asked to move, m/s and rad/s, and to become faster, m/s²; turns in proportion."""
+    """How fast a target may move, m/s and rad/s, and how soon it gets faster, m/s²; turns in proportion."""
 
     linear: float = 0.1
     angular: float = 0.5
@@ -77,7 +77,7 @@ class SampledTarget:
 
 
 class MovingTarget:
-    """A desired pose that moves while it is not too far ahead of the hand."""
+    """A desired pose that moves while it is not too far ahead of the end effector."""
 
     _motion: Kernel
 
@@ -87,7 +87,7 @@ class MovingTarget:
         self._row, self._asked = self._memory[:SAMPLE_SIZE], _NOTHING
 
     def start(self, pose: Array, time: float = 0.0) -> None:
-        """Begin at rest where the hand is."""
+        """Begin at rest where the end effector is."""
         self._memory[:] = 0.0
         moving = moving_sample(self._memory)
         moving.pose[:], moving.last[0], self._asked = pose, time, _NOTHING
@@ -111,7 +111,7 @@ class MovingTarget:
 class PoseTarget(MovingTarget):
     """The way to the last pose asked for, on a straight line with limited speeds and accelerations.
 
-    Where that is too old, or no pose at all (NaN), the hand is to stay where it is then.
+    Where that is too old, or no pose at all (NaN), the end effector is to stay where it is then.
 
     Attributes
     ----------
@@ -139,15 +139,16 @@ class PoseTarget(MovingTarget):
 
 
 class Clutch:
-    """Poses of a device as poses of the hand, from where both are when it is engaged, which moves nothing.
+    """Poses of a device as poses of the end effector, from where both are when it is engaged, which moves nothing.
 
     Parameters
     ----------
     hand, device
         Poses then, shape (8,).
     of_hand
-        Whether the device's own axes are those of the hand, x_h x_d0* x_d: a device that is turned about its own x axis
-        turns the hand about the hand's. Else both move alike in the room: p_h + p_d − p_d0 and r_d r_d0* r_h.
+        Whether the device's own axes are those of the end effector, x_h x_d0* x_d: a device that is turned about its
+        own x axis turns the end effector about the end effector's. Else both move alike in the room: p_h + p_d − p_d0
+        and r_d r_d0* r_h.
 
     Examples
     --------
@@ -163,7 +164,7 @@ class Clutch:
         self._hand, self._device, self._of_hand = hand, device, of_hand
 
     def goal(self, device: Array) -> Array:
-        """Return where the hand is to be with the device at a pose, both of shape (8,)."""
+        """Return where the end effector is to be with the device at a pose, both of shape (8,)."""
         if self._of_hand:
             return algebra.multiply(algebra.multiply(self._hand, algebra.conjugate(self._device)), device)
         turn = algebra.multiply(_turn(device), algebra.conjugate(_turn(self._device)))
@@ -192,7 +193,7 @@ class TwistTarget(MovingTarget):
         super().__init__(speeds, timeout)
 
     def ask(self, time: float, linear: Array, angular: Array, *, of_hand: bool) -> None:
-        """Move on with these velocities (3,), m/s and rad/s, in the axes of the hand or of the base."""
+        """Move on with these velocities (3,), m/s and rad/s, in the axes of the end effector or of the base."""
         if not (np.isfinite(linear).all() and np.isfinite(angular).all()):  # it is none
             linear, angular = np.zeros(3), np.zeros(3)
         share = self.speeds.share(float(np.linalg.norm(linear)), float(np.linalg.norm(angular)))
@@ -202,7 +203,7 @@ class TwistTarget(MovingTarget):
 
 
 class JogTarget:
-    """Joints that are told their velocities; the hand is where they take it.
+    """Joints that are told their velocities; the end effector is where they take it.
 
     Parameters
     ----------
@@ -236,7 +237,7 @@ class JogTarget:
         return self._rates if time - self._asked <= self.timeout else np.zeros_like(self._rates)
 
     def sample(self, time: float, pose: Array) -> Array:
-        """Return the hand's own pose, at rest."""
+        """Return the end effector's own pose, at rest."""
         self._row[POSE], self._row[TIME] = pose, time
         return self._row
 

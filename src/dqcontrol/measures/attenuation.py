@@ -116,8 +116,8 @@ def attenuation(
 
     For the right error x x_d* = r_e + ε½p_e r_e, O = 1 − r_e, T = p_e, and the disturbances are the inertial twists
     v_w and v_c = Ad(x)(2c*ċ): their primary parts bound O, their dual parts T. For the left error x_d*x all is taken
-    in the hand's axes: |T| = |p − p_d|, and the dual parts are velocities of the hand's own point. The bound proved is
-    ‖O‖² ≤ γ₁²‖v_w‖² + γ₂²‖v_c‖²; the printed ‖O‖ ≤ γ₁‖v_w‖ + γ₂‖v_c‖ follows from it. [P16 3.26, corrected]
+    in the end effector's axes: |T| = |p − p_d|, and the dual parts are velocities of its own point. The bound
+    proved is ‖O‖² ≤ γ₁²‖v_w‖² + γ₂²‖v_c‖²; the printed ‖O‖ ≤ γ₁‖v_w‖ + γ₂‖v_c‖ follows from it. [P16 3.26, corrected]
     It is a bound in continuous time: samples add errors of the order of T to those of the disturbance.
 
     Parameters
@@ -217,12 +217,12 @@ def _check_premises(law: Law, robot: Robot, record: Record, error: Array) -> Non
         )
     if (error[:, 0] <= 0).any():
         raise PremiseError(
-            "disturbance: turns the hand half a turn from its target, where no law can hold the orientation"
+            "disturbance: turns the end effector half a turn from its target, where no law can hold the orientation"
         )
 
 
 def _sources(disturbance: Disturbance, record: Record, seed: int, form: str) -> tuple[Array, Array]:
-    """Return the twists of both sources, inertial for the right form and in the hand's axes for the left, (N, 6)."""
+    """Return the twists of both sources, inertial for the right form, body twists for the left, (N, 6)."""
     rows = disturbance.samples(record.time, seed)
     twist, pose = rows[:, :6], algebra.adjoint_twist(record.pose, rows[:, 6:])
     if disturbance.worst_case is not None:  # given as one push

@@ -1,4 +1,4 @@
-"""Numbers that judge what happens when something touches the hand."""
+"""Numbers that judge what happens when something touches the end effector."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def peak_contact(record: Record) -> float:
 
 
 def recovery_time(record: Record) -> float:
-    """Return how long after the last contact the hand is back, s.
+    """Return how long after the last contact the end effector is back, s.
 
     It is back once its distance |p_d − p| stays, to the end of the run, within 2 mm of what it was at the last sample
     before the first contact. NaN without contact, or if it never is.

@@ -1,4 +1,4 @@
-"""When constraints held the hand against what its law asked, and which they were."""
+"""When constraints held the end effector against what its law asked, and which they were."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _HOLDS = 0.1  # share of the largest pressure from which a name counts
 
 
 class Deadlock(NamedTuple):
-    """A time in which the hand was held.
+    """A time in which the end effector was held.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class Deadlock(NamedTuple):
 
 
 def deadlocks(record: Record) -> list[Deadlock]:
-    """Return when the hand was held: it went slower than a tenth of what the law asked, for 0.4 s and longer.
+    """Return when the end effector was held: it went slower than a tenth of what the law asked, for 0.4 s and longer.
 
     At such a point the wish is balanced by the rows that press (their multipliers are positive): a law that looks at
     one sample only can stand there for ever, though a way round may exist.

@@ -38,7 +38,7 @@ class LinearisedLaw:
 
 
 def linearise_law(prepared: Controller, start: Array) -> LinearisedLaw | None:
-    """Return a law near a configuration, with a target that rests where the hand is; None where it is not smooth.
+    """Return a law near a configuration, its target at rest at the end effector; None where it is not smooth.
 
     Parameters
     ----------

@@ -32,7 +32,8 @@ _UNITS = ("1/s²", "1/s³", "1/s", "1/s²", "1/s²", "", "")
 class Certificate:
     """The Lyapunov function V = |ξ̃|² + k̄ |log x̃|² of a run and what belongs to it, at each sample.
 
-    ξ̃ = ξ_b − Ad(x̃*) ξ_d,b, where ξ_b is the body twist that the last command gave the hand, 0 before the first.
+    ξ̃ = ξ_b − Ad(x̃*) ξ_d,b, where ξ_b is the body twist that the last command gave the end effector, 0 before the
+    first.
 
     Attributes
     ----------
@@ -48,7 +49,7 @@ class Certificate:
         How much of the twist ξ_b + T U lies outside the range of J in V's measure |[ω ; ṗ]|, shape (N,), m/s and rad/s;
         see `task_range`.
     smallest_singular_value
-        Of the Jacobian of the hand's [ω ; ṗ], shape (N,).
+        Of the Jacobian of the end effector's [ω ; ṗ], shape (N,).
     """
 
     time: Array
@@ -97,7 +98,7 @@ def certificate(
     law
         Whose k̄ and k_v are meant. Any law's run may be judged by them; only this law's is certain to let V fall.
     threshold
-        Singular values of the hand's Jacobian below it count as none, as in the law's own inverse.
+        Singular values of the end effector's Jacobian below it count as none, as in the law's own inverse.
 
     Examples
     --------

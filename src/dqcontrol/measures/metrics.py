@@ -124,13 +124,13 @@ class Metrics:
         |q(k+1) − q(k)|₂ per sample, rad; "Eff" [P16 5.2]. It is proportional to the sample time T, and its
         integral is T times the joint path length: compare it only between runs of the same T.
     hand_speed
-        |ṗ|, m/s; "L.Vel" [P16 5.1]. Its integral is the length of the hand's path in m.
+        |ṗ|, m/s; "L.Vel" [P16 5.1]. Its integral is the length of the end effector's path in m.
     hand_acceleration
         |p̈|, m/s²; "L.Acc" [P16 5.1].
     position
         |p_d − p|, mm.
     orientation
-        Angle between hand and desired orientation, degrees.
+        Angle between end effector and desired orientation, degrees.
     joint_path_length
         Σ|q(k+1) − q(k)|₂, rad; independent of T.
     effort
@@ -142,10 +142,10 @@ class Metrics:
         The band of |1 − x* x_d|, no unit; NaN if it is a share of the first error and the run starts on its target:
         the first error is less than a tenth of the largest.
     position_overshoot
-        How far the hand passes its target along the direction of the first error, as a fraction of that
+        How far the end effector passes its target along the direction of the first error, as a fraction of that
         error; NaN if the run starts on its target.
     orientation_overshoot
-        The same for the rotation vector of the error in the hand's frame.
+        The same for the rotation vector of the error in the end effector's frame.
     limit_margin
         Least distance of any joint from its nearest limit, rad or m; negative if crossed; NaN without limits.
     limit_joint
@@ -153,21 +153,21 @@ class Metrics:
     peak_contact
         Largest force on a body of the world, N; NaN where links touch nothing.
     recovery_time
-        From the end of the last contact until the hand is back where it was, s; see ``contact.recovery_time``.
+        From the end of the last contact until the end effector is back where it was, s; see ``contact.recovery_time``.
     peak_velocity_share
         Largest command over the velocity limit of its input, 1 at the limit; NaN without limits or commands, and where
         commands count from the measured joints.
     saturation
         Share of the samples at which a command is at its velocity limit or beyond, 0 … 1; NaN as before.
     outside_range
-        How much of the twist that leads to the goal the robot cannot give its hand, ∫ outside dt / ∫ asked dt, 0 … 1;
-        see `task_range`. NaN without differential drives.
+        How much of the twist that leads to the goal the robot cannot give its end effector, ∫ outside dt / ∫ asked dt,
+        0 … 1; see `task_range`. NaN without differential drives.
     tasks
         Of each further task by its name; empty without any.
     verdict
         Whether the run did what was asked and kept what it was to keep, and if not, why, in one line; of `evaluate` no
-        more than whether the hand did what was asked, as ``"reached"`` or ``"not reached: rests 281 mm, 12° off"``; see
-        ``task_result``.
+        more than whether the end effector did what was asked, as ``"reached"`` or ``"not reached: rests 281 mm, 12°
+        off"``; see ``task_result``.
     failure
         In what way it failed: ``"ended"`` early, ``"crossed"``, ``"contact"``, ``"limits"``, ``"grip"`` or ``"task"``;
         empty if it did not.
@@ -257,12 +257,12 @@ def evaluate(
     tolerance
         Band of |1 − x* x_d| for the settling time; 2 % of the first error if omitted.
     law
-        What drove the hand: of one that controls a part of the pose only that part's task is judged.
+        What drove the end effector: of one that controls a part of the pose only that part's task is judged.
     robot
         That of the run, to tell whether a singularity is in the way of its task; see ``task_result``.
     low_pass
-        Cut-off of the filter (``low_passed``) behind joint steps and path, speed and acceleration of the hand, Hz: the
-        noise of encoders is most of the differences of what was measured. Default: none.
+        Cut-off of the filter (``low_passed``) behind joint steps and path, speed and acceleration of the end effector,
+        Hz: the noise of encoders is most of the differences of what was measured. Default: none.
 
     Raises
     ------

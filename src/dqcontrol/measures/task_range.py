@@ -1,4 +1,4 @@
-"""The range condition: how much of the twist asked of the hand the robot cannot give it. [S17 4.20, left open there]"""
+"""The range condition: how much of the twist asked for the robot cannot give. [S17 4.20, left open there]"""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ _HERE = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
 
 @dataclass(frozen=True, eq=False)
 class TaskRange:
-    """Distance of twists from the range of the hand's Jacobian, at each sample of a run.
+    """Distance of twists from the range of the end effector's Jacobian, at each sample of a run.
 
     Attributes
     ----------
     time
         Shape (N,), s.
     asked
-        |[ℓω ; ṗ]| of the hand's twist that is asked for, shape (N,), m/s.
+        |[ℓω ; ṗ]| of the end effector's twist that is asked for, shape (N,), m/s.
     outside
         Norm of its part outside the range: along directions with singular values below the threshold, shape (N,).
     smallest_singular_value
@@ -118,7 +118,7 @@ def task_range(
 def lost_share(
     robot: Robot, q: Array, desired: Array, part: Part = "pose", inverse: Inverse = _DEFAULT
 ) -> float:
-    """Return how much of the error lies where a singularity lets no joint move the hand, 0 … 1.
+    """Return how much of the error lies where a singularity lets no joint move the end effector, 0 … 1.
 
     At 1 every law that only follows its error stands still. A base with wheels, which never moves sideways, and an arm
     of fewer joints than a pose has directions are not meant: 0.
@@ -184,7 +184,7 @@ def with_range(robot: Robot, record: Record, law: Law | None = None) -> Record:
     record
         The run.
     law
-        What drove the hand; its inverse says in which measure.
+        What drove the end effector; its inverse says in which measure.
     """
     if not len(robot.drives):
         return record

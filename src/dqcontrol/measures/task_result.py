@@ -55,9 +55,9 @@ class TaskResult:
     position_tolerance, orientation_tolerance
         Up to which it is good, m and rad.
     speed
-        Of the hand at the end, m/s.
+        Of the end effector at the end, m/s.
     is_singular
-        Whether it rests where no joint can move the hand towards its goal, and every law stands still.
+        Whether it rests where no joint can move the end effector towards its goal, and every law stands still.
     """
 
     outcome: Outcome
@@ -80,7 +80,7 @@ class TaskResult:
 
     @property
     def is_moving(self) -> bool:
-        """Whether the hand still moves at the end, by more than the tolerance in a second."""
+        """Whether the end effector still moves at the end, by more than the tolerance in a second."""
         return self.speed > self.position_tolerance
 
     @property
@@ -219,7 +219,7 @@ def task_result(
     How a supervisor brakes at the end is not judged.
 
     A run whose reference ends at rest has reached its goal if it stays within 2 % of the way that was asked for
-    (position: from the hand's start, or the farthest point of the reference, to the goal; orientation: the same
+    (position: from the end effector's start, or the farthest point of the reference, to the goal; orientation: the same
     angle), the usual criterion of settling. One whose reference ends moving has followed if the RMS error is at most a
     tenth (−20 dB) of the RMS distance of the desired motion from its own mean. Errors below 1 mm and 0.01 rad, which
     inverse kinematics calls reached, are always small.
@@ -229,7 +229,7 @@ def task_result(
     record
         The run.
     law
-        What drove the hand: of one that controls a part of the pose only that part is judged.
+        What drove the end effector: of one that controls a part of the pose only that part is judged.
     skip_initial
         Length of the start that does not count where the reference ends moving, s.
     robot
@@ -253,7 +253,7 @@ def task_result(
     orientation = _orientation_error(record, law)
     if (
         law is not None and law.contact is not None
-    ):  # where the hand gives way it is not where the reference is
+    ):  # where the end effector gives way it is not where the reference is
         distance, orientation = _along_rigid_axes(record, law.contact, orientation)
     found = _judged(record, _asked(record, skip_initial), distance, orientation)
     if record.stopped == "settled" and not found.succeeded:  # what `stop` asked for is reached
@@ -339,7 +339,7 @@ def _judged(record: Record, asked: _Asked, distance: Array | None, orientation: 
 
 
 def _to_the_end(record: Record, asked: _Motion) -> tuple[float, float]:
-    """Return how far the hand had to go, and to turn, from where it started or from the farthest that was desired."""
+    """Return how far the end effector had to go and to turn, from its start or from the farthest that was desired."""
     way = np.linalg.norm(record.position[0] - record.desired_position[-1])
     turn = 2 * np.arccos(min(abs(record.pose[0, :4] @ record.desired[-1, :4]), 1.0))
     return float(np.maximum(way, asked.farthest)), float(np.maximum(turn, asked.widest))
@@ -379,7 +379,7 @@ def _along_rigid_axes(
 
 
 def _speed(record: Record) -> float:
-    """Return the mean speed of the hand over the last twentieth, m/s."""
+    """Return the mean speed of the end effector over the last twentieth, m/s."""
     first = max(0, len(record) - 1 - max(1, len(record) // 20))
     passed = record.time[-1] - record.time[first]
     way = row_norms(np.diff(record.position[first:], axis=0)).sum()

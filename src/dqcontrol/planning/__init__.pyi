@@ -3,6 +3,7 @@ from .certified_edges import (
     CertifiedEdges as CertifiedEdges,
     EdgeCheck as EdgeCheck,
 )
+from .drive_and_plan import drive_and_plan as drive_and_plan
 from .plan import (
     ProvedWay as ProvedWay,
     WayCertificate as WayCertificate,

@@ -19,6 +19,7 @@ SINGULAR = (
     0.02  # least singular value of the hand's Jacobian: 1 mm/s of the hand then takes at most 50 mrad/s
 )
 _JUMP = 0.5  # rad or m between two samples: more is another branch, which no law follows
+_ASIDE = (0.05, 0.1, 0.2, 0.4)  # rad or m: how far joints to spare are moved aside between two samples
 
 
 class Continued(NamedTuple):
@@ -27,7 +28,7 @@ class Continued(NamedTuple):
     Attributes
     ----------
     configurations
-        As far as it can, shape (K, n).
+        As far as it can, shape (K, n); none if the posture itself may not be.
     why
         What stops it there; empty if nothing does.
     pair
@@ -39,29 +40,74 @@ class Continued(NamedTuple):
     pair: str
 
 
-def continued(edges: CertifiedEdges, start: Array, poses: Array) -> Continued:
-    """Return how far poses of the hand, shape (N, 8), can be followed from a configuration at the first, shape (n,)."""
-    robot, q, found = edges.robot, start, [start]
-    rooms, rows = edges.room_at(start[None])
+class _Stop(NamedTuple):
+    """Why a configuration is no next one, and which pair is in the way; empty if it is one."""
+
+    why: str
+    pair: str = ""
+
+
+def continued(edges: CertifiedEdges, start: Array, poses: Array, *, aside: bool = True) -> Continued:
+    """Return how far poses of the hand, shape (N, 8), can be followed from a configuration at the first, shape (n,).
+
+    Each configuration is the nearest to the one before it. Where that may not be, joints to spare are moved aside, as
+    laws with constraints move them.
+    """
+    q, found = start, list[Array]()
+    stop = _at(edges, start)
+    for pose in poses[1:]:
+        if stop.why:
+            break
+        found.append(q)
+        q, stop = _next(edges, q, pose, aside)
+    if not stop.why:
+        found.append(q)
+    return Continued(np.array(found).reshape(-1, len(start)), *stop)
+
+
+def _at(edges: CertifiedEdges, q: Array) -> _Stop:
+    """Return why nobody starts at a configuration."""
+    rooms, rows = edges.room_at(q[None])
     if rooms[0] < 0:
         pair = edges.kept.labels[rows[0]]
-        return Continued(start[None], f"{pair}: {edges.said(start, rows[0])}", pair)
-    for pose in poses[1:]:
-        solution = robot.solve(pose, q, restarts=0)
-        if not solution.success:
-            return Continued(np.array(found), solution.reason, "")
-        if np.abs(solution.q - q).max() > _JUMP:
-            return Continued(np.array(found), f"no posture within {_JUMP:g} rad of the one before", "")
-        smallest = float(np.linalg.svd(robot.hand_jacobian(solution.q), compute_uv=False)[-1])
-        if smallest < SINGULAR:
-            return Continued(np.array(found), f"a singularity (σ = {smallest:.2g})", "")
-        edge = edges.clear(q, solution.q)
-        if not edge.certified:
-            away = f"{-1000 * edge.room:.3g} mm too near" if edge.room < 0 else "too near to be proved"
-            return Continued(np.array(found), f"{edge.label}: {away}", edge.label)
-        q = solution.q
-        found.append(q)
-    return Continued(np.array(found), "", "")
+        return _Stop(f"{pair}: {edges.said(q, rows[0])}", pair)
+    return _singular(edges.robot, q)
+
+
+def _singular(robot: Robot, q: Array) -> _Stop:
+    smallest = float(np.linalg.svd(robot.hand_jacobian(q), compute_uv=False)[-1])
+    return _Stop(f"a singularity (σ = {smallest:.2g})" if smallest < SINGULAR else "")
+
+
+def _next(edges: CertifiedEdges, q: Array, pose: Array, aside: bool) -> tuple[Array, _Stop]:
+    """Return the next configuration, or why there is none."""
+    after, stop = _towards(edges, q, q, pose)
+    if stop.why and aside:
+        jacobian = edges.robot.hand_jacobian(q)
+        spare = np.linalg.svd(jacobian)[2][np.linalg.matrix_rank(jacobian) :]
+        for size in _ASIDE:
+            for along in (*spare, *-spare):
+                other, why = _towards(edges, q, q + size * along, pose)
+                if not why.why:
+                    return other, why
+    return after, stop
+
+
+def _towards(edges: CertifiedEdges, q: Array, guess: Array, pose: Array) -> tuple[Array, _Stop]:
+    """Return the configuration at a pose that is found from a guess, and why it is not the next one."""
+    solution = edges.robot.solve(pose, guess, restarts=0)
+    after = solution.q
+    if not solution.success:
+        return after, _Stop(solution.reason)
+    if np.abs(after - q).max() > _JUMP:
+        return after, _Stop(f"no posture within {_JUMP:g} rad of the one before")
+    if (singular := _singular(edges.robot, after)).why:
+        return after, singular
+    edge = edges.clear(q, after)
+    if edge.certified:
+        return after, _Stop("")
+    away = f"{-1000 * edge.room:.3g} mm too near" if edge.room < 0 else "too near to be proved"
+    return after, _Stop(f"{edge.label}: {away}", edge.label)
 
 
 def branch_along(
@@ -69,8 +115,9 @@ def branch_along(
 ) -> Array:
     """Return configurations that have the hand at poses one after the other, from a start from which all of it goes.
 
-    All postures at the first pose that keep the constraints are continued, the best first (`robots.postures`); the
-    first that goes through limits, singularities and constraints is taken, each edge of it certified.
+    All postures at the first pose are continued, the best first (`robots.postures`); the first that goes through
+    limits, singularities and constraints is taken, each edge of it certified. If none does, joints to spare are moved
+    aside where that helps, as laws with constraints move them.
 
     Parameters
     ----------
@@ -89,7 +136,8 @@ def branch_along(
     Raises
     ------
     PlanError
-        If none goes through: the sample that the last of them stops at, and why (reason ``path``).
+        If none goes through: the sample that the farthest stops at, why, and how many postures there are clear there
+        (reason ``path``).
     ShapeError, ValueRangeError
         If the poses are none.
 
@@ -110,31 +158,48 @@ def branch_along(
         starts = [each.q for each in postures(robot, path[0], seed=seed)]
     except ReachError as error:
         raise PlanError(f"poses[0]: {error}", "unreachable", sample=0) from None
-    return first_through([(start, path) for start in starts], edges)
+    return first_through([(start, path) for start in starts], edges, aside=True)
 
 
-def first_through(starts: list[tuple[Array, Array]], edges: CertifiedEdges) -> Array:
+def first_through(starts: list[tuple[Array, Array]], edges: CertifiedEdges, *, aside: bool) -> Array:
     """Return the configurations of the first start, (n,), from which its poses, (N, 8), can be followed to their end.
+
+    If there is none, of the first from which joints to spare have to be moved aside, if they may be.
 
     Raises
     ------
     PlanError
-        If there is none: how far the best goes, and why no farther.
+        If there is none: how far the best goes, why no farther, and whether anything may be there.
     """
-    best = Continued(np.empty((0, 0)), "", "")
-    for start, poses in starts:
-        found = continued(edges, start, poses)
-        if not found.why:
-            return found.configurations
-        if len(found.configurations) > len(best.configurations):
-            best = found
-    at, count = len(best.configurations), len(starts[0][1])
-    many = f"of {len(starts)} postures none" if len(starts) > 1 else "the posture does not"
-    raise PlanError(
-        f"path: {many} {'goes' if len(starts) > 1 else 'go'} through; the farthest stops at sample {at} of {count}: "
-        f"{best.why}",
-        "path",
-        pair=best.pair,
-        nearest=best.configurations[-1],
-        sample=at,
+    found: list[Continued] = []
+    for moved in (False, True) if aside else (False,):
+        found = [continued(edges, start, poses, aside=moved) for start, poses in starts]
+        if through := [each for each in found if not each.why]:
+            return through[0].configurations
+    reached = [len(each.configurations) for each in found]
+    farthest = int(np.argmax(reached))
+    at, (_, path) = reached[farthest], starts[farthest]
+    many = f"of {len(starts)} postures none goes" if len(starts) > 1 else "the posture does not go"
+    if at == 0:  # nobody may be at the start: the posture there that lacks the least
+        farthest = int(edges.room_at(np.array([start for start, _ in starts]))[0].argmax())
+        text = f"{many} through; the best at sample 0 of {len(path)}: {found[farthest].why}"
+    else:
+        text = (
+            f"{many} through; the farthest stops at sample {at} of {len(path)}: {found[farthest].why}; "
+            f"{_postures_at(edges, path[at])}"
+        )
+    best = found[farthest]
+    nearest = best.configurations[-1] if at else starts[farthest][0]
+    raise PlanError(f"path: {text}", "path", pair=best.pair, nearest=nearest, sample=at)
+
+
+def _postures_at(edges: CertifiedEdges, pose: Array) -> str:
+    """Say how many postures there are at a pose that stops a path, and how many of them nothing speaks against."""
+    try:
+        there = postures(edges.robot, pose)
+    except ReachError:
+        return "no posture is there"
+    may = sum(not _at(edges, each.q).why for each in there)
+    return (
+        f"of {len(there)} postures there {may or 'none'} {'are' if may > 1 else 'is'} clear and not singular"
     )

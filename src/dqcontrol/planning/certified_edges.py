@@ -43,6 +43,7 @@ from dqcontrol.constraints.constraint_rows import (
 )
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+from dqcontrol.planning.standing_base import driven_coordinates
 from dqcontrol.planning.standing_world import standing
 from dqcontrol.robots.robot import Robot
 
@@ -244,7 +245,7 @@ class CertifiedEdges:
     Parameters
     ----------
     robot
-        An arm, two arms, a tree, or one of these on a base that moves sideways.
+        An arm, two arms, a tree, or one of these on a base; one that cannot move sideways stands on all of an edge.
     constraints
         What is kept. What moves as announced counts as the shape that it sweeps. Prepared ones, of a law, are kept
         with what samples keep beyond them so that they hold between samples too.
@@ -263,7 +264,7 @@ class CertifiedEdges:
     Raises
     ------
     ValueRangeError
-        If the robot has a base that cannot move sideways: its ways are arcs.
+        If constraints and robot do not fit.
 
     Examples
     --------
@@ -282,19 +283,15 @@ class CertifiedEdges:
     def __init__(
         self, robot: Robot, constraints: Constraints | PreparedConstraints, extra: float = 0.0
     ) -> None:
-        if len(robot.drives):
-            raise ValueRangeError(
-                f"planning: {robot.name} has a base that cannot move sideways, whose ways are no straight edges; "
-                "drive-to plans them"
-            )
         self.robot = robot
+        self._driven = driven_coordinates(robot)
         self.kept: PreparedConstraints = prepared(robot, constraints)
         allowed = self.kept.allowances if isinstance(constraints, PreparedConstraints) else 0.0
         self._needs: Array = np.ascontiguousarray(self.kept.asked + allowed + extra)
         n, rows = robot.configuration_size, len(self._needs)
-        free = not self.kept.given.joint_limits
-        self.lower: Array = np.full(n, -np.inf) if free else robot.limits.lower
-        self.upper: Array = np.full(n, np.inf) if free else robot.limits.upper
+        limited = self._driven | self.kept.given.joint_limits
+        self.lower: Array = np.where(limited, robot.limits.lower, -np.inf)
+        self.upper: Array = np.where(limited, robot.limits.upper, np.inf)
         self.proof: tuple[Array, Array, Array] = (robot.table, self._needs, self.kept.parameters)
         self.work: tuple[Array, Array] = (np.zeros(proof_work.size(n, rows)), np.zeros(self.kept.scratch))
         self._pair, self._answer = np.empty((1, 3 * n)), np.empty((1, ANSWER))
@@ -396,6 +393,13 @@ class CertifiedEdges:
     def _proved(self, points: Array, tolerance: float, needs: Array | None = None) -> Array:
         if not np.isfinite(points).all():
             raise ValueRangeError("edges: configurations must be finite")
+        if (
+            self._driven.any()
+            and (np.ptp(points.reshape(len(points), 3, -1), axis=1)[:, self._driven] > _ROUNDING).any()
+        ):
+            raise ValueRangeError(
+                f"edges: the base of {self.robot.name} drives on one, which is then not straight; drive-to plans that"
+            )
         curves, answers = np.ascontiguousarray(points), np.empty((len(points), ANSWER))
         chain, own, parameters = self.proof
         asked = own if needs is None else needs
@@ -415,4 +419,4 @@ def prepared(
     if still is constraints.given:
         return constraints
     mode, lag = constraints.command_mode, constraints.lag
-    return PreparedConstraints(still, robot, constraints.period, mode, lag)
+    return PreparedConstraints(still, constraints.robot, constraints.period, mode, lag)

@@ -20,6 +20,7 @@ from dqcontrol.planning.certified_edges import PERIOD, CertifiedEdges
 from dqcontrol.planning.extra import from_extra
 from dqcontrol.planning.shortcuts import shorten_way, shortened
 from dqcontrol.planning.smooth_way import SmoothWay, smooth_way
+from dqcontrol.planning.standing_base import driven_coordinates, standing_at
 from dqcontrol.planning.standing_world import standing
 from dqcontrol.planning.ways_between import WaySearch, search
 from dqcontrol.references.sample import as_pose
@@ -122,7 +123,7 @@ def plan(
         As of `CertifiedEdges`. What laws with a period of 10 ms keep beyond what is asked, so that it holds between
         their samples too, is kept as well; prepared constraints say for what period and lag.
     start
-        Configuration, shape (n,), rad or m.
+        Configuration, shape (n,), rad or m. A base that cannot move sideways stays there; see `drive_and_plan`.
     goal
         Configuration, shape (n,), or pose of the hand: a `DualQuaternion`, or shape (8,) if n is not 8. Of a pose all
         configurations count that inverse kinematics finds from 60 seeded starts.
@@ -141,7 +142,7 @@ def plan(
     MissingExtraError
         If OMPL is needed and not installed.
     ShapeError, ValueRangeError
-        If a size or number is wrong, or the robot's ways are no straight edges.
+        If a size or number is wrong.
 
     Examples
     --------
@@ -155,18 +156,30 @@ def plan(
     """
     seed, effort = as_count("seed", seed), as_count("effort", effort)
     beyond = as_positive("clearance", clearance, zero_allowed=True)
-    kept = constraints
-    if isinstance(kept, Constraints):  # laws keep more than is asked, for what happens between samples
-        kept = kept.prepare(robot, PERIOD, "measured")
-    exact = CertifiedEdges(robot, kept, beyond)
-    first = _start(exact, as_array("start", start, (robot.configuration_size,)))
+    given = as_array("start", start, (robot.configuration_size,))
+    exact = CertifiedEdges(standing_at(robot, given), as_law_keeps(robot, constraints), beyond)
+    first, target = checked_start(exact, given), as_goal(robot, goal)
+    if isinstance(target, np.ndarray):
+        driven = driven_coordinates(robot)
+        if np.abs(target - first)[driven].max(initial=0.0) > _ROUNDING:
+            raise PlanError(f"goal: {robot.name} has to drive there; drive_and_plan does that", "unreachable")
+    return way_from(exact, first, target, seed, effort, beyond)
+
+
+def as_law_keeps(robot: Robot, constraints: Constraints | PreparedConstraints) -> PreparedConstraints:
+    """Return constraints as laws keep them: by more than is asked, for what happens between samples."""
+    if isinstance(constraints, PreparedConstraints):
+        return constraints
+    return constraints.prepare(robot, PERIOD, "measured")
+
+
+def as_goal(robot: Robot, goal: ArrayLike | DualQuaternion) -> Array | DualQuaternion:
+    """Return a goal as a configuration, (n,), or as a pose, which is never an array."""
     n = robot.configuration_size
     target = goal if isinstance(goal, DualQuaternion) else as_array("goal", goal)
     if isinstance(target, DualQuaternion) or (target.shape == (8,) and n != 8):
-        target = DualQuaternion(as_pose("goal", target))
-    else:
-        target = as_array("goal", target, (n,))
-    return way_from(exact, first, target, seed, effort, beyond)
+        return DualQuaternion(as_pose("goal", target))
+    return as_array("goal", target, (n,))
 
 
 def way_now(
@@ -187,7 +200,7 @@ def way_now(
     still = PreparedConstraints(standing(kept.given, when), robot, kept.period, kept.command_mode, kept.lag)
     for name, pose in seen.items():
         still.place(still.parameters, name, pose)
-    edges = CertifiedEdges(robot, still, clearance)
+    edges = CertifiedEdges(standing_at(robot, q), still, clearance)
     first = np.clip(q, edges.lower, edges.upper)
     return way_from(edges.eased_at(first), first, goal, seed, effort, clearance)
 
@@ -206,11 +219,12 @@ def way_from(
     """
     _first_use(exact, first)
     begin = time.perf_counter()
-    robot = exact.robot
     exact = exact.eased_at(first)
     edges = exact.with_more(_SPARE).eased_at(first)
     goals = _goals(edges, first, goal, seed)
     corners, looked = _way(edges, first, goals, seed, effort)
+    driven = driven_coordinates(exact.robot)
+    corners[:, driven] = first[driven]
     ends = exact.clear(corners[:-1], corners[1:])
     if not ends.certified.all() or np.abs(corners[0] - first).max() > 0:
         raise PlanError("plan: a way was found that is not clear", "effort")
@@ -219,7 +233,7 @@ def way_from(
         raise PlanError("plan: a way was found whose blends are not clear", "effort")
     certificate = WayCertificate(*exact.least_room(way.curves), looked, seed)
     took = time.perf_counter() - begin
-    return ProvedWay(robot, exact.kept, corners, way, certificate, took, goal, clearance, effort)
+    return ProvedWay(exact.kept.robot, exact.kept, corners, way, certificate, took, goal, clearance, effort)
 
 
 def _first_use(edges: CertifiedEdges, q: Array) -> None:
@@ -233,7 +247,7 @@ def _first_use(edges: CertifiedEdges, q: Array) -> None:
         from_extra("ompl.geometric", "ways around")
 
 
-def _start(edges: CertifiedEdges, given: Array) -> Array:
+def checked_start(edges: CertifiedEdges, given: Array) -> Array:
     """Return the start within the limits, or raise with what it violates."""
     q = np.clip(given, edges.lower, edges.upper)
     if (off := np.abs(q - given)).max() > _ROUNDING:

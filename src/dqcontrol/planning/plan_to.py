@@ -12,12 +12,14 @@ from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol import algebra
+from dqcontrol.algebra import DualQuaternion
 from dqcontrol.arrays import Array
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import NoteWarning, ShapeError, ValueRangeError, as_array, as_positive, unknown_name
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.planning.constraint_timing import WayTiming, constraint_timing
 from dqcontrol.planning.plan import EFFORT, ProvedWay, plan, way_now
+from dqcontrol.planning.standing_base import driven_coordinates
 from dqcontrol.references.drive_to import PlannedWay
 from dqcontrol.references.reference import NO_CORNERS, Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE
@@ -68,16 +70,16 @@ class Goal(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
             turn = algebra.as_unit_quaternion("goal.quaternion", self.quaternion)
         return algebra.pose(turn, algebra.translation(left) if self.position is None else self.position)
 
-    def target(self, pose: Array, world: World | None) -> Array:
+    def target(self, pose: Array, world: World | None) -> Array | DualQuaternion:
         """Return the configuration, or the pose in the inertial frame, that a plan leads to."""
         if self.configuration is not None:
             return np.array(self.configuration, dtype=np.float64)
         if self.body is None:
-            return pose
+            return DualQuaternion(pose)
         bodies = world.bodies if world else {}
         if self.body not in bodies:
             raise unknown_name("goal.body", self.body, bodies)
-        return algebra.multiply(bodies[self.body].pose, pose)
+        return DualQuaternion(algebra.multiply(bodies[self.body].pose, pose))
 
 
 class Again(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -160,16 +162,18 @@ class PlanTo(PlannedWay):
     def __post_init__(self) -> None:
         robot, kept = self.plan.robot, self.plan.kept
         fraction, approach = _share("speed_fraction", self.speed_fraction), _share("approach", self.approach)
-        velocity = robot.limits.velocity
-        if np.isinf(velocity).any():
-            name = robot.input_names[int(np.isinf(velocity).argmax())]
+        velocity, driven = robot.limits.velocity, driven_coordinates(robot)
+        unknown = np.isinf(velocity) & ~driven[robot.input_coordinates]
+        if unknown.any():
+            name = robot.input_names[int(unknown.argmax())]
             raise ValueRangeError(f"robot: {name} of {robot.name} has no velocity limit to plan with")
         asked = robot.acceleration_limits("constraints.acceleration", kept.given.acceleration)
         acceleration = np.where(np.isfinite(asked), asked, velocity / _RAMP)
-        place = np.empty(robot.configuration_size, dtype=int)
-        place[robot.input_coordinates] = np.arange(robot.input_size)
-        limits = (fraction * velocity[place], fraction * acceleration[place], asked[place])
-        timing = constraint_timing(self.plan.way, kept, *limits, approach)
+        limits = np.ones((3, robot.configuration_size))  # of a base that stands any
+        limits[:, robot.input_coordinates] = fraction * velocity, fraction * acceleration, asked
+        limits[:, driven] = 1.0
+        fastest, hardest, brake = limits
+        timing = constraint_timing(self.plan.way, kept, fastest, hardest, brake, approach)
         values = {
             "robot": robot,
             "duration": float(timing.times[-1]),
@@ -219,14 +223,38 @@ class PlanTo(PlannedWay):
         speed_fraction: float = 0.9,
         approach: float = 0.9,
         again: Again | None = None,
-    ) -> PlanTo:
+    ) -> PlannedWay:
         """Return the way from the start configuration to the goal; see `Reference.of_robot`."""
         if kept is None:
             raise ValueRangeError("plan-to: is the reference of a law, and no further task's")
         target = goal.target(reference.at(0.0).pose, world)
-        found = plan(robot, kept, start, target, seed, effort, clearance=clearance)
-        warnings.warn(f"plan: {found}", NoteWarning, stacklevel=2)
-        return cls(found, speed_fraction, approach, again)
+        if not len(robot.drives):
+            found = plan(robot, kept, start, target, seed, effort, clearance=clearance)
+            warnings.warn(f"plan: {found}", NoteWarning, stacklevel=2)
+            return cls(found, speed_fraction, approach, again)
+        from dqcontrol.planning.drive_and_plan import drive_and_plan  # which makes one of these
+
+        if again is not None:
+            raise ValueRangeError(
+                f"again: the base of {robot.name} cannot go all ways that are planned; leave it out"
+            )
+        way = drive_and_plan(
+            robot,
+            kept,
+            start,
+            target,
+            seed,
+            effort,
+            clearance=clearance,
+            speed_fraction=speed_fraction,
+            approach=approach,
+        )
+        warnings.warn(f"plan: {way}", NoteWarning, stacklevel=2)
+        return way
+
+    def __str__(self) -> str:
+        """Return how long it takes, what is proved of it, and what planning it took, in a line."""
+        return f"{self.duration:.3g} s; {self.plan}"
 
     def is_there(self, q: Array, within: float) -> bool:
         """Return whether all coordinates (n,) are within so much of where the way ends, rad or m."""
@@ -283,6 +311,8 @@ class ResumedWay(PlannedWay):
         The way from then on.
     """
 
+    plans_around = True
+
     before: PlannedWay | None
     time: float
     after: PlanTo
@@ -299,6 +329,10 @@ class ResumedWay(PlannedWay):
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
+
+    def __str__(self) -> str:
+        """Return what becomes of it, in a line."""
+        return f"{self.time:.3g} s of driving, then {self.after}"
 
     def configurations(self, times: ArrayLike) -> Array:
         """Return the robot's configurations at times (N,), s: shape (N, n)."""

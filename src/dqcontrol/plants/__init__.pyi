@@ -24,6 +24,7 @@ from .drivers import (
     FrankaArm as FrankaArm,
     LeRobotArm as LeRobotArm,
     UniversalRobot as UniversalRobot,
+    XArm as XArm,
 )
 from .integrator import Integrator as Integrator
 from .mobile import MobilePlant as MobilePlant

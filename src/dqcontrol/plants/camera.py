@@ -72,7 +72,7 @@ class Camera(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True)
 
     When no frame has arrived for longer than ``timeout``, all commands are scaled down, to nothing within
     ``stopping_time``; with the next frame they count again. The arm stops with its base: where that is believed to be,
-    it no longer is, and the hand would go on towards a goal that it never comes nearer to.
+    it no longer is, and the end effector would go on towards a goal that it never comes nearer to.
 
     Parameters
     ----------

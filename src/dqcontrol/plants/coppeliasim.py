@@ -31,7 +31,7 @@ class CoppeliaPlant(Plant, frozen=True, kw_only=True, tag="coppeliasim"):
     Parameters
     ----------
     joints
-        Paths of the joints in the scene, from base to hand, as ``/LBRiiwa7R800/joint``.
+        Paths of the joints in the scene, from base to end effector, as ``/LBRiiwa7R800/joint``.
     host, port
         Where CoppeliaSim listens.
     command_mode

@@ -1,4 +1,4 @@
-"""Disturbances of the hand: twists that nobody commanded. [P16 3.15–3.17]"""
+"""Disturbances of the end effector: twists that nobody commanded. [P16 3.15–3.17]"""
 
 from __future__ import annotations
 
@@ -177,17 +177,17 @@ class WorstCase(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 class Disturbance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What moves the hand beside the command: ẋ = ½(J_w q̇ + v_w + v_c) x, v_c = Ad(x)(2 c*ċ). [P16 3.15–3.17]
+    """What moves the end effector beside the command: ẋ = ½(J_w q̇ + v_w + v_c) x, v_c = Ad(x)(2 c*ċ). [P16 3.15–3.17]
 
-    ``twist`` is v_w, a twist of all that carries the hand. ``pose`` is a real hand x = x_E c(t) that wanders from where
-    the joints say it is, given as the twist 2 c*ċ of c in the hand's axes.
+    ``twist`` is v_w, a twist of all that carries the end effector. ``pose`` is a real end effector x = x_E c(t) that
+    wanders from where the joints say it is, given as the twist 2 c*ċ of c in the end effector's axes.
 
     Both are realised through the joints: before the plant steps, q moves by T J_h⁺[ω ; ṗ], the smallest move that gives
-    the hand this twist (to first order in T), so that laws and metrics see it as any other motion. With ideal joints
-    the hand drifts with the sum of command and disturbance. A servo pulls its joints back to their targets: with
-    integrated commands it gives way by about its time constant times the disturbance, with measured ones, whose target
-    follows, it drifts with e^(−T/τ) of it. Near singularities, and for arms of fewer than six joints, the hand gets the
-    part that the joints can make, the nearest in |[ω ; ṗ]|; the record holds what it got.
+    the end effector this twist (to first order in T), so that laws and metrics see it as any other motion. With ideal
+    joints the end effector drifts with the sum of command and disturbance. A servo pulls its joints back to their
+    targets: with integrated commands it gives way by about its time constant times the disturbance, with measured ones,
+    whose target follows, it drifts with e^(−T/τ) of it. Near singularities, and for arms of fewer than six joints, the
+    end effector gets the part that the joints can make, the nearest in |[ω ; ṗ]|; the record holds what it got.
 
     Each value is held from its sample to the next.
 
@@ -195,9 +195,10 @@ class Disturbance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     ----------
     twist
         v_w = ω + ε(ṗ + p × ω), inertial axes: the last three numbers are the velocity (m/s) of the point at the
-        inertial *origin*. Without rotation that is the hand's; with it, the hand's is v − p × ω.
+        inertial *origin*. Without rotation that is the end effector's; with it, the end effector's is v − p × ω.
     pose
-        [ω ; v], rad/s and m/s: rotation about the hand's own point and velocity of that point, both in the hand's axes.
+        [ω ; v], rad/s and m/s: rotation about the end effector's own point and velocity of that point, both in the
+        hand's axes.
     worst_case
         Both sources at once, in place of the two above.
 
@@ -226,7 +227,7 @@ class Disturbance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
             raise ShapeError("disturbance: 'worst_case' holds both sources; give it alone")
 
     def samples(self, times: ArrayLike, seed: int = 0) -> Array:
-        """Return what acts at each time, shape (N, 12): inertial twist, then twist in the hand's axes.
+        """Return what acts at each time, shape (N, 12): inertial twist, then twist in the end effector's axes.
 
         Parameters
         ----------

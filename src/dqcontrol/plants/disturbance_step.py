@@ -101,7 +101,7 @@ class RunningDisturbance:
         self.work: Array = np.zeros(disturbance_work.size(input_size))
 
     def step(self, robot: Robot, k: int, q: Array, realised: Array) -> None:
-        """Move q, shape (n,), by what acts in period k; write the inertial twist that it gives the hand, shape (6,).
+        """Move q, shape (n,), by what acts in period k; write the inertial twist that this gives, shape (6,).
 
         Raises
         ------

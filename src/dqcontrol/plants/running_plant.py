@@ -70,8 +70,8 @@ class RunningPlant:
     effort
         Measured effort of each input, shape (m,), N·m or N; empty if it measures none.
     wrench
-        Measured force and torque that payload and environment exert on the hand, its axes and about its origin, shape
-        (6,), N and N·m; empty if it measures none.
+        Measured force and torque that payload and environment exert on the end effector, its axes and about its origin,
+        shape (6,), N and N·m; empty if it measures none.
     channels, readings
         What it senses beside these, recorded at every sample: the quantities, and their present values one after the
         other, shape (sum of sizes,), updated in place.

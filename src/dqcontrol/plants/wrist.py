@@ -1,4 +1,4 @@
-"""A force sensor at a hand, and what hangs on it."""
+"""A force sensor at an end effector, and what hangs on it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.named_fields import NamedFields, Three
 from dqcontrol.plants.channels import WRENCH_READINGS, Channel
 
-TOUCH_FORCE = "touch_force"  # of the environment on the hand, base axes
+TOUCH_FORCE = "touch_force"  # of the environment on the end effector, base axes
 AXES = ("x", "y", "z")
 CHANNELS = (
     Channel(WRENCH_READINGS[0], AXES, "N"),
@@ -22,7 +22,7 @@ CHANNELS = (
 
 
 class Wrist(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A force sensor at the hand, along its axes and about its origin, and what hangs on it.
+    """A force sensor at the end effector, along its axes and about its origin, and what hangs on it.
 
     Parameters
     ----------
@@ -35,7 +35,8 @@ class Wrist(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     mass, center
         Of the tool beyond it, kg and m.
     length, radius
-        Of the tool in physics: a rod along z of the hand that ends at its origin, m; none where the length is 0.
+        Of the tool in physics: a rod along z of the end effector that ends at its origin, m; none where the length is
+        0.
     flat
         True: it ends flat, as a peg; else round, as a pen.
     """

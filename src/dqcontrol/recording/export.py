@@ -9,7 +9,7 @@ column                                holds
 ``JOINT``                             true configuration, rad or m; one column for each joint
 ``measured.JOINT``                    configuration as the law saw it
 ``command.INPUT``                     inputs after all limits, rad/s or m/s
-``pose.pw`` … ``pose.dz``             pose of the hand, primary part, then dual part (m), inertial frame
+``pose.pw`` … ``pose.dz``             pose of the end effector, primary part, then dual part (m), inertial frame
 ``desired.pw`` … ``desired.dz``       desired pose
 ``desired_twist.wx`` … ``.vz``        ω + ε(ṗ + p × ω), rad/s and m/s, inertial frame
 ``desired_twist_rate.wx`` … ``.vz``   its derivative, rad/s² and m/s²

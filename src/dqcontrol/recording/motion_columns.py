@@ -43,10 +43,11 @@ def motion_columns(
 ) -> dict[str, tuple[Feature, Array]]:
     """Return the columns of a motion of N samples, by their names in a dataset.
 
-    ``observation.state`` are measured positions, ``observation.pose`` the hand's pose there (unit dual quaternion),
-    ``observation.NAME`` what else was sensed (a wrench), ``action`` the commanded positions: ``target``, or the first
-    measured position and what the commanded velocities add up to, q₀ + Σ T u; of robots whose inputs are no rates of
-    their coordinates, the inputs. ``command`` are the commanded velocities, ``reference.pose`` the desired pose.
+    ``observation.state`` are measured positions, ``observation.pose`` the end effector's pose there (unit dual
+    quaternion), ``observation.NAME`` what else was sensed (a wrench), ``action`` the commanded positions: ``target``,
+    or the first measured position and what the commanded velocities add up to, q₀ + Σ T u; of robots whose inputs are
+    no rates of their coordinates, the inputs. ``command`` are the commanded velocities, ``reference.pose`` the desired
+    pose.
 
     Parameters
     ----------

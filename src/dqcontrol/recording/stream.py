@@ -46,7 +46,7 @@ class RecordStream:
     path
         A file that does not exist yet; missing folders are made.
     robot
-        For the poses of the hand, and names.
+        For the poses of the end effector, and names.
     spec
         Text of the experiment, kept with the data.
 

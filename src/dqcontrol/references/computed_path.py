@@ -43,7 +43,7 @@ class PathHead(NamedTuple):
     start, axes, advance
         Of the sheet of paper: its origin at time 0, as a pose, its axes, and how it moves, m/s.
     follow, follow_from
-        Whether the hand turns with its path, 1 or 0, and its yaw at the start, rad.
+        Whether the end effector turns with its path, 1 or 0, and its yaw at the start, rad.
     displacement
         Of all of it.
     """

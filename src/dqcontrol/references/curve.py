@@ -32,8 +32,8 @@ class Curve(Reference):
     Parameters
     ----------
     function
-        Takes a time in [0, duration], s, and returns where the hand should be: a position (3,), inertial frame, m, or
-        a pose, `DualQuaternion` or shape (8,). The sign of a pose may change from time to time.
+        Takes a time in [0, duration], s, and returns where the end effector should be: a position (3,), inertial frame,
+        m, or a pose, `DualQuaternion` or shape (8,). The sign of a pose may change from time to time.
     duration
         s.
     start

@@ -56,7 +56,7 @@ _Acceleration = (
 )
 ClearOf = Literal["all"] | list[str] | None  # bodies of the world
 _TURN_DRIVE_TURN = 3  # motions
-_TRIES, _AROUND_TRIES = (
+_TRIES, AROUND_TRIES = (
     64,
     256,
 )  # starts of the search for a goal configuration, and where there are obstacles
@@ -67,7 +67,7 @@ _LEAST_SHARE = 0.5  # of the clearance: grids and straight links are coarse
 
 
 class PlannedWay(Reference):
-    """The hand's motion while its robot goes a way of configurations that it can go.
+    """The end effector's motion while its robot goes a way of configurations that it can go.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class PlannedWay(Reference):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DriveTo(PlannedWay):
-    """The hand's motion while its robot goes from one configuration to another, as it can.
+    """The end effector's motion while its robot goes from one configuration to another, as it can.
 
     Each differential drive turns towards its goal, forwards or backwards, whichever turns less, drives there straight,
     and turns to its heading there; a base that steers takes the shortest way of three arcs and lines, forwards and
@@ -252,12 +252,12 @@ class DriveTo(PlannedWay):
         floor: FloorMap | None = None,
         clearance: float = CLEARANCE,
     ) -> DriveTo:
-        """Return the way to a pose of the hand.
+        """Return the way to a pose of the end effector.
 
         Of the configurations that reach it (64 starts of inverse kinematics), those count whose smallest singular value
         is at least half of the largest found; the one that is reached soonest is taken. Ways on which the robot's
-        shapes stay 20 mm apart from each other go first; only where there is none is another one taken. The hand of a
-        robot with a base never goes through the floor, z = 0.
+        shapes stay 20 mm apart from each other go first; only where there is none is another one taken. The end
+        effector of a robot with a base never goes through the floor, z = 0.
 
         On a floor with obstacles the base drives from straight to straight around them. Where its room is needed, the
         arm folds itself before and unfolds at the goal, while the base drives if there is room for that. The whole way
@@ -280,8 +280,8 @@ class DriveTo(PlannedWay):
         Raises
         ------
         UnreachableGoalError
-            If no configuration within the limits has the hand there: which limits hold it back, and how near it comes;
-            or if something stands in its place, or in the way.
+            If no configuration within the limits has the end effector there: which limits hold it back, and how near it
+            comes; or if something stands in its place, or in the way.
         ShapeError, ValueRangeError
             As above, or if the pose is none.
         """
@@ -297,7 +297,7 @@ class DriveTo(PlannedWay):
         ways = [way for way in ways if _above_floor(way)]
         if not ways:
             raise UnreachableGoalError(
-                f"pose: every way of {robot.name} there takes its hand through the floor"
+                f"pose: every way of {robot.name} there takes its end effector through the floor"
             )
         ways.sort(key=lambda way: way.duration)
         return next((way for way in ways if _itself_apart(way)), ways[0])
@@ -360,10 +360,31 @@ def _way_around(
     floor: FloorMap,
     clearance: float,
 ) -> DriveTo:
-    """Return the first way to a pose that keeps out of everything, nearest places of the base first.
+    """Return the first way to a pose that keeps out of everything; see `ways_around`."""
+    check_around(robot, start, floor)
+    x, y, z = algebra.translation(pose)
+    if z < floor.height and floor.holds([[x, y]])[0]:
+        raise UnreachableGoalError(
+            f"pose: the goal ({x:.3g}, {y:.3g}, {z:.3g}) m is inside what stands there"
+        )
+    goals = goal_configurations(robot, start, pose, AROUND_TRIES)
+    free = clear_of_floor(floor, robot, goals, clearance)
+    if not len(free):
+        raise UnreachableGoalError(
+            f"pose: of {len(goals)} configurations that {robot.name} reaches it with, none is {1e3 * clearance:g} mm "
+            "clear of what stands there"
+        )
+    for way in ways_around(kind, robot, start, free, limits, floor, clearance):
+        return way
+    width = across(robot, folded_posture(robot, start))
+    raise UnreachableGoalError(
+        f"pose: {robot.name} finds no way to any of {len(free)} configurations that reach it and are clear of the "
+        f"what stands there by {1e3 * clearance:g} mm; folded it takes {2e3 * width:.0f} mm"
+    )
 
-    Those on which the robot's shapes stay apart from each other go first.
-    """
+
+def check_around(robot: Robot, start: Array, floor: FloorMap) -> None:
+    """Raise if a robot cannot go around things, or starts in them."""
     if not isinstance(robot, WholeBody) or len(robot.bases) != 1:
         raise ShapeError(f"floor: expected a robot with one base, got {robot.name}")
     if body_points(robot, start).carried.all():
@@ -372,23 +393,32 @@ def _way_around(
             "chassis or a holonomic base a size, in a robot file with parts; or plant.base of its physics a radius; or "
             "the links of a mobile robot's own file collision shapes"
         )
-    x, y, z = algebra.translation(pose)
-    if z < floor.height and floor.holds([[x, y]])[0]:
-        raise UnreachableGoalError(
-            f"pose: the goal ({x:.3g}, {y:.3g}, {z:.3g}) m is inside what stands there"
-        )
     if (room := room_of(floor, robot, start[None])) < 0:
         raise ValueRangeError(f"start: {robot.name} is {-1e3 * room:.3g} mm inside what stands there")
+
+
+def clear_of_floor(floor: FloorMap, robot: Robot, found: Array, clearance: float) -> Array:
+    """Return the configurations, of (N, n), that are clear of what stands on a floor."""
+    clear = [q for q in found if room_of(floor, robot, q[None]) >= clearance]
+    return np.array(clear).reshape(-1, robot.configuration_size)
+
+
+def ways_around(
+    kind: type[DriveTo],
+    robot: Robot,
+    start: Array,
+    goals: Array,
+    limits: tuple[float, ArrayLike | None],
+    floor: FloorMap,
+    clearance: float,
+) -> Iterator[DriveTo]:
+    """Yield ways to configurations, (G, n), that keep out of everything, nearest places of the base first.
+
+    Those on which the robot's shapes stay apart from each other go first.
+    """
     first = robot.bases[0][0]
-    found = goal_configurations(robot, start, pose, _AROUND_TRIES)
-    nearest = np.argsort(np.linalg.norm(found[:, first : first + 2] - start[first : first + 2], axis=1))
-    free = np.array([q for q in found[nearest] if room_of(floor, robot, q[None]) >= clearance])
-    if not len(free):
-        raise UnreachableGoalError(
-            f"pose: of {len(found)} configurations that {robot.name} reaches it with, none is {1e3 * clearance:g} mm "
-            "clear of what stands there"
-        )
     here = start[first : first + 2]
+    free = goals[np.argsort(np.linalg.norm(goals[:, first : first + 2] - here, axis=1), kind="stable")]
     folded = folded_posture(robot, start)
     width = across(robot, folded)
 
@@ -413,19 +443,15 @@ def _way_around(
         return next((each for each in sooner if keeps_out(each) and (_itself_apart(each) or not apart)), way)
 
     def keeps_out(way: DriveTo) -> bool:
-        return _above_floor(way) and room_of(floor, robot, _instants(way)) >= _LEAST_SHARE * clearance
+        return _above_floor(way) and room_of(floor, robot, instants_of(way)) >= _LEAST_SHARE * clearance
 
     for apart, goals in ((True, free[itself_apart(robot, free)]), (False, free)):
         for way in ways_to(goals):
             if (not apart or _itself_apart(way)) and keeps_out(way):
-                return without_rests(way, apart=apart)
-    raise UnreachableGoalError(
-        f"pose: {robot.name} finds no way to any of {len(free)} configurations that reach it and are clear of the "
-        f"what stands there by {1e3 * clearance:g} mm; folded it takes {2e3 * width:.0f} mm"
-    )
+                yield without_rests(way, apart=apart)
 
 
-def _instants(way: DriveTo) -> Array:
+def instants_of(way: DriveTo) -> Array:
     """Return the configurations of a way that are looked at."""
     return way.configurations(np.linspace(0, way.duration, max(2, math.ceil(way.duration / _LOOK))))
 
@@ -434,17 +460,17 @@ def _above_floor(way: DriveTo) -> bool:
     """Return whether a hand on a mobile base stays above the floor, or goes no deeper than where it starts and ends."""
     if not len(way.robot.bases):
         return True
-    heights = algebra.translation(way.robot.fkm(_instants(way)))[:, 2]
+    heights = algebra.translation(way.robot.fkm(instants_of(way)))[:, 2]
     return bool(heights.min() >= min(0.0, heights[0], heights[-1]))
 
 
 def _itself_apart(way: DriveTo) -> bool:
     """Return whether a robot's shapes stay apart from each other on a way."""
-    return bool(itself_apart(way.robot, _instants(way)).all())
+    return bool(itself_apart(way.robot, instants_of(way)).all())
 
 
 def goal_configurations(robot: Robot, start: Array, pose: Array, tries: int = _TRIES) -> Array:
-    """Return configurations within the limits that have the hand at a pose (8,), not near singularities, shape (N, n).
+    """Return configurations within limits with the end effector at a pose (8,), not near singularities, shape (N, n).
 
     They are found from the start and from random configurations near it; with more than 64 tries near the goal.
 

@@ -31,7 +31,8 @@ class Follow(Reference):
     taught
         y₀, unit dual quaternion, shape (8,), inertial frame.
     until
-        From then on the last measurement counts, s, as of a body that the hand has gripped; to the end if omitted.
+        From then on the last measurement counts, s, as of a body that the end effector has gripped; to the end if
+        omitted.
 
     Examples
     --------

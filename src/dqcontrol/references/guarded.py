@@ -24,8 +24,8 @@ _REST = 0.3  # s after a touch, and above a point: for the lag of servos and fil
 class Guard(NamedTuple):
     """A guarded move: begin and planned end, s, what ends it, and the pose of its planned end, (8,).
 
-    That is a force, N, or how far the hand has gone since its begin where the wanted force pushes it, m. From then on
-    it stays until the planned end.
+    That is a force, N, or how far the end effector has gone since its begin where the wanted force pushes it, m. From
+    then on it stays until the planned end.
     """
 
     begin: float
@@ -63,7 +63,7 @@ class Guards(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Guarded(Reference):
-    """A motion that ends where a force is felt, or where the hand drops: it stays, and what follows goes on from there.
+    """A motion that ends where a force is felt, or the end effector drops: it stays; what follows begins there.
 
     The time until its planned end passes all the same. It needs a law with ``contact``, whose sensor tells the force.
 
@@ -74,7 +74,8 @@ class Guarded(Reference):
     force
         N, of two samples one after the other.
     drop
-        How far the hand has gone since the begin where the wanted force pushes it, m: a peg that has found its hole.
+        How far the end effector has gone since the begin where the wanted force pushes it, m: a peg that has found its
+        hole.
 
     Raises
     ------
@@ -122,9 +123,9 @@ class Guarded(Reference):
 class OnTouchedPlane(Reference):
     """A reference on a plane that stands not quite where it was planned: three touches before it find it.
 
-    From above each of three points the hand goes down until it feels a force, and up again; then the whole reference is
-    displaced so that its plane lies in the one touched, and the hand goes to its start. The law needs ``contact``; what
-    that gives way to, it does from the reference's start on.
+    From above each of three points the end effector goes down until it feels a force, and up again; then the whole
+    reference is displaced so that its plane lies in the one touched, and the end effector goes to its start. The law
+    needs ``contact``; what that gives way to, it does from the reference's start on.
 
     Parameters
     ----------

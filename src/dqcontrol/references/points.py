@@ -77,7 +77,7 @@ class Points(Reference):
     ) -> Points:
         """Run from pose to pose of a file; see `dqcontrol.references.load_points`.
 
-        ``streamed``: the poses came one by one, as from a hand; twists are zero.
+        ``streamed``: the poses came one by one, as from an end effector; twists are zero.
         """
         from dqcontrol.references.points_file import load_points
 

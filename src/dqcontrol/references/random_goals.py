@@ -26,11 +26,11 @@ def random_goals(
     lowest: float = 0.05,
     seed: int = 0,
 ) -> NDArray[np.float64]:
-    """Return configurations with whose hand poses a robot may be tried: uniform around a start, within its limits.
+    """Return configurations whose poses a robot may be tried with: uniform around a start, within its limits.
 
     Each base is moved by up to ± reach in x and in y and turned by up to ± heading, each joint by up to ± arm, as far
-    as its limits go. A configuration with the hand lower than ``lowest`` is drawn again. So each goal can be reached;
-    that a law finds its way there from the start is not said.
+    as its limits go. A configuration with the end effector lower than ``lowest`` is drawn again. So each goal can be
+    reached; that a law finds its way there from the start is not said.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def random_goals(
     arm
         rad or m; the whole range of each joint if infinite. A joint without limits needs a finite one.
     lowest
-        Least height of the hand, z in the inertial frame, m; −inf for any.
+        Least height of the end effector, z in the inertial frame, m; −inf for any.
     seed
         Of the random numbers.
 
@@ -59,7 +59,7 @@ def random_goals(
     Raises
     ------
     ShapeError, ValueRangeError
-        If a size or number is wrong, or hardly a configuration has the hand high enough.
+        If a size or number is wrong, or hardly a configuration has the end effector high enough.
 
     Examples
     --------
@@ -91,4 +91,6 @@ def random_goals(
         found = np.vstack([found, drawn[high]])
         if len(found) >= count:
             return found[:count]
-    raise ValueRangeError(f"lowest: {lowest:g} m is higher than the hand comes in almost any configuration")
+    raise ValueRangeError(
+        f"lowest: {lowest:g} m is higher than the end effector comes in almost any configuration"
+    )

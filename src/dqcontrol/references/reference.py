@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.algebra import translation
+from dqcontrol.algebra.batch import UNIT_TOLERANCE, first_not_unit
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ, WRITE, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
@@ -231,8 +232,10 @@ def _in_short(value: object) -> str:
     except ValueError:
         return f"{len(value)} parts"  # type: ignore[arg-type]
     if shape == (8,):
-        x, y, z = translation(np.asarray(getattr(value, "vec8", value), dtype=np.float64))
-        return f"pose at ({x:.4g}, {y:.4g}, {z:.4g})"
+        numbers = np.ascontiguousarray(getattr(value, "vec8", value), dtype=np.float64)
+        if first_not_unit(numbers[None], UNIT_TOLERANCE) < 0:
+            x, y, z = translation(numbers)
+            return f"pose at ({x:.4g}, {y:.4g}, {z:.4g})"
     return f"array {shape}" if math.prod(shape) > 6 else str(np.asarray(value).tolist())
 
 

@@ -126,7 +126,7 @@ class PenPath:
     speed, turn_rate
         Constant in each piece, shape (n,), m/s, rad/s; counterclockwise is positive.
     yaw, yaw_rate
-        Where a hand that follows the path points when each piece starts, and how fast it turns, shape (n,),
+        Where an end effector that follows the path points when each piece starts, and how fast it turns, shape (n,),
         rad, rad/s. It is the heading, but never jumps.
     times
         Start of each piece and end of the last, shape (n + 1,), s.

@@ -126,7 +126,7 @@ def head(facts: Sequence[tuple[str, Cell]], picture: Figure | None, moving: str 
         for (name, cell), before in zip(facts, ["", *(name for name, _ in facts)], strict=False)
     )
     drawn = (
-        f"<div>{_image(picture, 'The robot at its start, with the path of its hand')}</div>"
+        f"<div>{_image(picture, 'The robot at its start, with the path of its end effector')}</div>"
         if picture
         else ""
     )

@@ -16,7 +16,7 @@ __all__ = ["path_picture", "write_learning", "write_run", "write_study", "write_
 
 
 def path_picture(record: Record) -> bytes:
-    """Return the path of the hand as a PNG file."""
+    """Return the path of the end effector as a PNG file."""
     picture = io.BytesIO()
     path_3d(record).savefig(picture, format="png", dpi=100)
     return picture.getvalue()

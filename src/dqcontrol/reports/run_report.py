@@ -108,7 +108,7 @@ def _figures(run: Run, certificate: Certificate | None) -> dict[str, Figure]:
 
 
 def _command(run: Run, data: dict[str, Any], outside: str) -> str:
-    """Return the line that gives the run again; none of one that somebody's hand or another process drove."""
+    """Return the line that gives the run again; none of one that somebody's end effector or another process drove."""
     if "evaluation" in data:
         return evaluation_command(data["evaluation"])
     if run.expected is None:

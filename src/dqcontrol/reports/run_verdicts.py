@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 _ROUND_OFF = 1e-9  # as a share of a velocity limit
 _STUCK = 0.9  # share of the twist asked for, in the measure of the law's inverse, that the robot cannot give
 _CROSSED = 1e-9  # m or rad
-_CLOSING = 0.1  # s in which hands close on what they carry
+_CLOSING = 0.1  # s in which end effectors close on what they carry
 _ENDED = 0.1  # s before the end of a run
 _RISE = 1e-3  # of V in a sample, as a share of its first value
 
@@ -129,7 +129,7 @@ def _velocity_limits(run: Run) -> Iterator[Row]:
 
 
 def _kept(record: Record) -> Iterator[Row]:
-    """Yield whether constraints were crossed, what gave way, and what held the hand."""
+    """Yield whether constraints were crossed, what gave way, and what held the end effector."""
     if ROOM not in record.readings:
         return
     room, distance = record.readings[ROOM], record.readings[DISTANCE]
@@ -164,7 +164,7 @@ def _plans(record: Record) -> Iterator[Row]:
 
 
 def _held_box(record: Record) -> Iterator[Row]:
-    """Yield whether both hands pressed a box since they closed, and their least internal force."""
+    """Yield whether both end effectors pressed a box since they closed, and their least internal force."""
     if GRIP_FORCE not in record.readings:
         return
     internal = record.readings[GRIP_FORCE].values.min(axis=1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,7 +44,7 @@ class LinkShape:
         link, _, part = self.name.rpartition(".")
         return link if link and part.isdecimal() else self.name
 
-    @property
+    @cached_property
     def extent(self) -> float:
         """Largest distance of a point of it from the origin of its frame, m."""
         shape = self.shape

@@ -106,7 +106,8 @@ class Robot(InverseKinematics):
     def columns_outwards(self) -> list[int]:
         """Columns of the twist Jacobian in the order in which joints carry each other: each is moved by those before.
 
-        Empty where columns are no single screws, as of what lies between two hands, or of joints that move together.
+        Empty where columns are no single screws, as of what lies between two end effectors, or of joints that move
+        together.
         """
         return list(range(self.input_size))
 
@@ -182,7 +183,7 @@ class Robot(InverseKinematics):
 
     @property
     def ends(self) -> tuple[int, ...]:
-        """Rows of ``chain`` and `frames` that are hands."""
+        """Rows of ``chain`` and `frames` that are end effectors."""
         return (len(self.chain) - 1,)
 
     @property

@@ -257,8 +257,9 @@ class SerialArm(Robot):
     def mirrored(self) -> SerialArm:
         """Return the mirror image in the plane y = 0 of the base frame: a left arm of a right one.
 
-        At the same q, hand and axes are mirror images: p = (x, y, z) becomes (x, −y, z), a turn about n = (a, b, c)
-        one about (−a, b, −c). Limits and inertias are those of this arm; left and right change in the names of joints.
+        At the same q, end effector and axes are mirror images: p = (x, y, z) becomes (x, −y, z), a turn about n = (a,
+        b, c) one about (−a, b, −c). Limits and inertias are those of this arm; left and right change in the names of
+        joints.
 
         Examples
         --------

@@ -316,7 +316,7 @@ class TreeRobot(Robot):
 
     @property
     def ends(self) -> tuple[int, ...]:
-        """Rows of ``chain`` and `frames` that are hands: frames of the task, and of joints that carry no other."""
+        """Rows of ``chain`` and `frames` that are end effectors: frames of the task, and joints that carry no other."""
         count, names = len(self.joints.kind), list(self.named_frames)
         driven = {self.named_frames[name].joint for name in self.task.frames}
         last = {frame.joint: count + k for k, frame in enumerate(self.named_frames.values())}

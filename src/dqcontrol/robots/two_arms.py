@@ -1,4 +1,4 @@
-"""Two arms as one robot: what their hands do relative to each other, and together."""
+"""Two arms as one robot: what their end effectors do relative to each other, and together."""
 
 from __future__ import annotations
 
@@ -30,8 +30,9 @@ class TwoArms(TreeRobot):
     """Two arms in one frame, side by side or on a common base: the cooperative dual task space. [Adorno 2011]
 
     q holds the coordinates of the left arm, then those of the right one; of a common base before both. So do inputs and
-    columns of Jacobians. A law drives one of four poses: each hand's, the relative one x_r = x₂*x₁, which is the left
-    hand seen from the right, and the absolute one x_a = x₂ x_r^½, which lies between both hands.
+    columns of Jacobians. A law drives one of four poses: each end effector's, the relative one x_r = x₂*x₁, which is
+    the left end effector seen from the right, and the absolute one x_a = x₂ x_r^½, which lies between both end
+    effectors.
 
     Parameters
     ----------
@@ -172,8 +173,8 @@ class TwoArms(TreeRobot):
         q
             Configurations, shape (…, n), rad or m.
         root
-            ``"midpoint"``: the position is midway between the hands, the orientation half the relative rotation away
-            from both. [Adorno 2011] ``"screw"``: x_a is half a screw motion away from both.
+            ``"midpoint"``: the position is midway between the end effectors, the orientation half the relative rotation
+            away from both. [Adorno 2011] ``"screw"``: x_a is half a screw motion away from both.
         sign
             h = ±1 of h x_r, whose root is taken, shape (…): see `hands_sign`. The short way round if omitted, which
             turns x_a by half a turn where the relative angle passes π.
@@ -181,7 +182,7 @@ class TwoArms(TreeRobot):
         Raises
         ------
         ShapeError, ValueRangeError, UnknownNameError
-            If a size, value or name is wrong, or the hands are a full turn apart with the sign given.
+            If a size, value or name is wrong, or the end effectors are a full turn apart with the sign given.
         """
         if sign is None and root in self._short:
             return self._map(self.kernels.forward, q, self.configuration_size, 8, self._short[root])

@@ -79,7 +79,7 @@ class Following:
     ready
         Called with each joint states while inactive, once they have come steadily for half a second.
     tracker
-        Topic of what sees the hand; None if its poses are not to be kept.
+        Topic of what sees the end effector; None if its poses are not to be kept.
 
     Attributes
     ----------
@@ -357,17 +357,17 @@ class Following:
             self._step(stamp - self._origin, measured, now)
 
     def hear_pose(self, message: PoseStamped) -> None:
-        """Take the hand to a pose, if poses are followed."""
+        """Take the end effector to a pose, if poses are followed."""
         if not isinstance(self.target, PoseTarget):
             return
         try:
             self.target.ask(self.control.time, pose_of(message, self._base))
-        except Error:  # it is none: the hand stays where it is
+        except Error:  # it is none: the end effector stays where it is
             self.target.ask(self.control.time, np.full(8, np.nan))
             raise
 
     def hear_twist(self, message: TwistStamped) -> None:
-        """Move the hand on with a twist, if twists are followed."""
+        """Move the end effector on with a twist, if twists are followed."""
         if not isinstance(self.target, TwistTarget):
             return
         try:

@@ -45,7 +45,7 @@ class ControllerNode(Node):
     out, force
         A new folder that its motions are recorded to; with force it may hold an earlier run. None are if omitted.
     tracker
-        Topic of what sees the hand, whose poses are kept beside the recording; None if there is nothing.
+        Topic of what sees the end effector, whose poses are kept beside the recording; None if there is nothing.
 
     Attributes
     ----------

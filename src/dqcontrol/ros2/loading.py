@@ -100,7 +100,7 @@ class Loaded:
 
     @property
     def payload(self) -> Tool:
-        """What the hand carries, as the supervisor has it."""
+        """What the end effector carries, as the supervisor has it."""
         return self.supervisor.payload or Tool()
 
     @cached_property

@@ -152,7 +152,7 @@ def pose_of(message: Any, frame: str) -> Array:
 
 
 def twist_of(message: Any, frames: Sequence[str]) -> tuple[Array, Array, str]:
-    """Return linear and angular velocity of the hand, (3,), m/s and rad/s, of a ``geometry_msgs/TwistStamped``.
+    """Return linear and angular velocity of the end effector, (3,), m/s and rad/s, of a ``geometry_msgs/TwistStamped``.
 
     The third is the frame whose axes they are in.
 

@@ -84,7 +84,7 @@ class RobotNode(Node):
     wrench_node
         Name of a node of its own that publishes the wrench; this node if omitted.
     tracker
-        Topic that says where the hand truly is, as a tracker would; None if nothing does.
+        Topic that says where the end effector truly is, as a tracker would; None if nothing does.
 
     Attributes
     ----------

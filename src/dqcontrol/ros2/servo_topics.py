@@ -75,7 +75,7 @@ class ServoTopics:
         steady_timer(node, _STATUS_PERIOD, self._tell)
 
     def hear_twist(self, message: TwistStamped) -> None:
-        """Move the hand on with a twist."""
+        """Move the end effector on with a twist."""
         if self._is_for("twist"):
             target = self._following.aimed(TwistTarget, lambda speeds: TwistTarget(speeds, self._timeout))
             if self._is_unitless:
@@ -86,7 +86,7 @@ class ServoTopics:
             self._following.hear_twist(message)
 
     def hear_pose(self, message: PoseStamped) -> None:
-        """Take the hand to a pose."""
+        """Take the end effector to a pose."""
         if self._is_for("pose"):
             patience = number(self._node, "pose_timeout") or np.inf
             self._following.aimed(PoseTarget, lambda speeds: PoseTarget(speeds, patience))
@@ -118,7 +118,7 @@ class ServoTopics:
         return not self.is_paused and self._chosen in ("", kind)
 
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        """Let the hand come to rest where it is, and hear nothing until told otherwise."""
+        """Let the end effector come to rest where it is, and hear nothing until told otherwise."""
         self.is_paused = request.data
         if self.is_paused:
             target = self._following.aimed(TwistTarget, lambda speeds: TwistTarget(speeds, self._timeout))

@@ -1,4 +1,4 @@
-"""Where a tracker sees the hand, beside a motion: heard by controllers, said by simulated robots."""
+"""Where a tracker sees the end effector, beside a motion: heard by controllers, said by simulated robots."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from dqcontrol.ros2.messages import NANOSECONDS, nanoseconds, pose_of, stamp_of
 TRACKED = "tracked.csv"
 _HEARD = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)  # none may be lost to a busy loop
 _APART = 0.5  # s that the clocks of tracker and robot may differ
-_GAP = 0.2  # s without a pose, over which what the hand did is not known
+_GAP = 0.2  # s without a pose, over which what the end effector did is not known
 
 
 class TrackedHand:
-    """Keeps what a tracker says where the hand is while a motion goes on.
+    """Keeps what a tracker says where the end effector is while a motion goes on.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class TrackedHand:
             If there are none, or their clock is another one.
         """
         if time.monotonic() - self._heard > _APART:
-            raise Error(f"activate: no poses of the hand on {self.topic}")
+            raise Error(f"activate: no poses of the end effector on {self.topic}")
         apart = self._times[-1] - stamp
         if abs(apart) > _APART:
             raise Error(
@@ -92,7 +92,7 @@ class TrackedHand:
 
 
 def read_tracked(path: Path, time: Array) -> Array:
-    """Return where the tracker saw the hand at times since the start of the motion (N,), s; shape (N, 8).
+    """Return where the tracker saw the end effector at times since the start of the motion (N,), s; shape (N, 8).
 
     Raises
     ------
@@ -109,7 +109,7 @@ def read_tracked(path: Path, time: Array) -> Array:
 
 
 def pose_publisher(node: Node, topic: str, frame: str) -> Callable[[int, Array], None]:
-    """Return what publishes a pose of the hand, (8,), at a time in ns."""
+    """Return what publishes a pose of the end effector, (8,), at a time in ns."""
     publisher = node.create_publisher(PoseStamped, topic, SENT)
     message = PoseStamped()
     message.header.frame_id = frame

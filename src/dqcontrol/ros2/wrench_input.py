@@ -24,7 +24,7 @@ _HELD = 3.0  # periods that a wrench counts for a law with contact, as its stage
 
 
 class WrenchInput:
-    """Efforts of the joints and the wrench at the hand, as last heard.
+    """Efforts of the joints and the wrench at the end effector, as last heard.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class WrenchInput:
     joints
         Their names in messages, in the order of the robot's joints.
     frame
-        Of the hand.
+        Of the end effector.
     guarded
         Wraps what hears a message, and may refuse it.
 

@@ -20,7 +20,7 @@ _NOTHING: Array = np.zeros(0)
 
 
 def tree_of(robot: Robot) -> Array:
-    """Return the rows of a tree's joints and of the frames of its task, its hands; none of a chain."""
+    """Return the rows of a tree's joints and of the frames of its task, its end effectors; none of a chain."""
     return robot.table_with_hands if isinstance(robot, TreeRobot) else np.zeros((0, COLUMNS))
 
 
@@ -89,12 +89,12 @@ class PreparedSupervisor:
 
     @property
     def watches_wrench(self) -> bool:
-        """Whether it bounds the wrench measured at the hand."""
+        """Whether it bounds the wrench measured at the end effector."""
         return bool(np.isfinite(self.bounds.head[[layout.CONTACT_FORCE, layout.CONTACT_TORQUE]]).any())
 
     @property
     def carries_payload(self) -> bool:
-        """Whether it takes the weight of a payload, or a bias, off the wrench measured at the hand."""
+        """Whether it takes the weight of a payload, or a bias, off the wrench measured at the end effector."""
         bias = self.bounds.head[layout.SENSOR_BIAS : layout.SENSOR_BIAS + 6]
         return bool(self.bounds.head[layout.PAYLOAD_WEIGHT] or bias.any())
 
@@ -106,8 +106,8 @@ class PreparedSupervisor:
         Raises
         ------
         ValueRangeError
-            If a joint is outside its limits, the hand outside the box, or the base in a zone that it keeps out of: move
-            it by other means first.
+            If a joint is outside its limits, the end effector outside the box, or the base in a zone that it keeps out
+            of: move it by other means first.
         """
         n, m, bounds = self.robot.configuration_size, self.robot.input_size, self.bounds
         measured = as_array("q", q, (n,))
@@ -133,7 +133,7 @@ class PreparedSupervisor:
 
     @property
     def looks_at_start(self) -> bool:
-        """Whether a start is judged by more than the joints: a box for hands and points, or zones for the base."""
+        """Whether a start is judged by more than joints: a box for end effectors and points, or zones for the base."""
         return bool(self.bounds.head[layout.BOXED] or len(self.bounds.zones))
 
     def _why_not_there(self, refused: int, measured: Array) -> str:
@@ -151,7 +151,7 @@ class PreparedSupervisor:
         hand = layout.scratch_layout(self._parts.scratch, *sizes).ahead
         places = " and ".join(str(each) for each in hand.reshape(-1, 3)[:hands].round(4))
         return (
-            f"supervisor.workspace: the hand starts at {places}, or a point of its links, outside "
+            f"supervisor.workspace: the end effector starts at {places}, or a point of its links, outside "
             f"{box[:3]} … {box[3:]} m"
         )
 
@@ -189,8 +189,8 @@ class PreparedSupervisor:
         effort
             Measured, shape (m,), N·m or N; empty if it is not.
         wrench
-            Force and torque that payload and environment exert on the hand, its axes and about its origin, shape
-            (6,), N and N·m; empty if it is not measured.
+            Force and torque that payload and environment exert on the end effector, its axes and about its origin,
+            shape (6,), N and N·m; empty if it is not measured.
         out
             Written in place and returned, if given, shape (m,).
 

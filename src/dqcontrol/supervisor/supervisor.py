@@ -39,7 +39,7 @@ class LinkPoint(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 class WorkspaceBox(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Where the hand may be: a box with sides along the inertial axes, m; and other points that are to stay in it."""
+    """Where the end effector may be: a box along the inertial axes, m; and other points that are to stay in it."""
 
     spec_key: ClassVar[str] = "supervisor.workspace"
     lower: tuple[float, float, float]
@@ -50,22 +50,22 @@ class WorkspaceBox(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
 class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Bounds on what leaves for the robot, whatever the law says, and when to stop.
 
-    The hand is the end of a chain; of a tree, and of two arms, it is each frame of what the law drives: both are to be
-    in the box and below the speed. The singular values are those of what the law drives.
+    The end effector is the end of a chain; of a tree, and of two arms, it is each frame of what the law drives: both
+    are to be in the box and below the speed. The singular values are those of what the law drives.
 
     The supervisor keeps a position command p and moves it; all bounds are on p and its rates, not on the law's u (where
     u is counted from the measured joints, it also holds the arm against gravity: 14 rad/s on average in [P16]). Each
-    period p moves by T v with |v| ≤ velocity (the whole command scaled, so that the hand keeps its direction),
+    period p moves by T v with |v| ≤ velocity (the whole command scaled, so that the end effector keeps its direction),
     |v − v_before| ≤ T acceleration, and such that braking at that acceleration ends within the position limits and in
     the box. Jerk is bounded by the mean of the last rates, which keeps the other bounds. Where limits that change, or a
     start outside them, cannot be kept at once, p brakes and comes back within its acceleration, and that is said.
 
     It stops, at the acceleration limit, on two bad samples in a row (measurement too old, not finite or out of reach
     of the last one, command not finite; the first of them brakes already), and at once on a gap in time, on joints or a
-    hand measured outside, too fast or frozen, on too large efforts and forces, on a tracking error |q − p| beyond its
-    bound and on request; it then stays so until it is reset, and brings p back to the measured joints before it follows
-    the law again. This is software in a loop that is not hard real time: it stands beside the robot's own safety, not
-    in its place.
+    end effector measured outside, too fast or frozen, on too large efforts and forces, on a tracking error |q − p|
+    beyond its bound and on request; it then stays so until it is reset, and brings p back to the measured joints before
+    it follows the law again. This is software in a loop that is not hard real time: it stands beside the robot's own
+    safety, not in its place.
 
     Parameters
     ----------
@@ -83,18 +83,21 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         Age of a measurement at which it no longer counts, and time between two steps that stops, s; for steps 1.5
         periods at least. If omitted 1.5 periods, and for steps 50 ms if that is more.
     slow_below, hold_below
-        Smallest singular value of the hand's Jacobian [ω ; ṗ] (rad and m) below which motions towards a singularity
-        are slowed, and below which they are held until it exceeds the mean of both. Motions away are free. 0: off.
+        Smallest singular value of the end effector's Jacobian [ω ; ṗ] (rad and m) below which motions towards a
+        singularity are slowed, and below which they are held until it exceeds the mean of both. Motions away are free.
+        0: off.
     workspace
-        Box that the hand, and other points of links, stay in; anywhere if omitted.
+        Box that the end effector, and other points of links, stay in; anywhere if omitted.
     ramp
         Time in which speed comes up after a start and goes down at a soft stop, s.
     hand_speed
-        Of the commanded hand, m/s; not bounded if omitted. While joints brake, up to a tenth more.
+        Of the commanded end effector, m/s; not bounded if omitted. While joints brake, up to a tenth more.
     hand_acceleration
-        Of the commanded hand while it follows the law, m/s²; not bounded if omitted. Stops brake as hard as joints may.
+        Of the commanded end effector while it follows the law, m/s²; not bounded if omitted. Stops brake as hard as
+        joints may.
     measured_tolerance
-        How far measured joints may be beyond the robot's limits, and the measured hand outside the box, rad or m.
+        How far measured joints may be beyond the robot's limits, and the measured end effector outside the box, rad or
+        m.
     overspeed
         Measured speed of a joint, smoothed over 20 ms, that stops: in velocity limits, and 0.1 rad/s or m/s more.
     jump
@@ -108,12 +111,12 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
     effort
         Measured effort that stops, N·m or N: one number, or one an input; not bounded if omitted.
     contact_force, contact_torque
-        Of the wrench measured at the hand, less the weight of the payload, that stop, N and N·m; not bounded if
-        omitted. The wrench is what payload and environment exert on the hand, along the axes of the hand's frame and
-        about its origin.
+        Of the wrench measured at the end effector, less the weight of the payload, that stop, N and N·m; not bounded if
+        omitted. The wrench is what payload and environment exert on the end effector, along the axes of the end
+        effector's frame and about its origin.
     payload
-        Whose weight and bias are in the measured wrench, its centre in the hand's frame; none if omitted. Its inertia
-        is not taken off.
+        Whose weight and bias are in the measured wrench, its centre in the end effector's frame; none if omitted. Its
+        inertia is not taken off.
     contact_effort
         Change of a measured effort against its mean over 0.2 s that stops, N·m or N; not bounded if omitted.
     keep_out
@@ -206,8 +209,9 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             for field in ("contact_force", "contact_torque"):
                 if getattr(self, field) is not None:
                     raise ValueRangeError(
-                        f"supervisor.{field}: is of one hand, and {robot.task.label} of {robot.name} has two; bound "
-                        "'effort' or 'contact_effort', or drive one hand"
+                        f"supervisor.{field}: is of one end effector, and {robot.task.label} of {robot.name} has two; "
+                        "bound "
+                        "'effort' or 'contact_effort', or drive one end effector"
                     )
         period, m = as_positive("period", period), robot.input_size
         velocity = robot.limits.velocity if self.velocity is None else _each("velocity", self.velocity, m)

@@ -1,4 +1,4 @@
-"""What a supervisor keeps of the hand: its distance from singularities, its box, its speed and acceleration.
+"""What a supervisor keeps of the end effector: its distance from singularities, its box, its speed and acceleration.
 
 What only some supervisors do, or only near a limit, is a function `apart`, which takes the two arrays as they are.
 """
@@ -50,12 +50,12 @@ _FAR = 1.1  # share of the singular value that slows: further away it is not com
 _BRAKING_STEPS = 2000
 _ROUNDING = 1e-9  # share of a limit
 _LEAST_SHARE = 0.2  # of what is wanted beyond full braking
-_BRAKING_HAND = 1.1  # share of the hand's speed limit while braking: joints stop at different times
+_BRAKING_HAND = 1.1  # share of the end effector's speed limit while braking: joints stop at different times
 
 
 @inline
 def _write_hand_jacobian(scratch):
-    """Write the Jacobian of the hand's [ω ; ṗ], from what kinematics wrote."""
+    """Write the Jacobian of the end effector's [ω ; ṗ], from what kinematics wrote."""
     buffer, hand, m = scratch.buffer, scratch.hand, scratch.rates.shape[0]
     translation(buffer[0:8], hand)
     twist_jacobian = as_matrix(buffer[8 + 8 * m : 8 + 14 * m], 6, m)
@@ -120,7 +120,7 @@ def _slow_down(kinematics, memory, state):
 
 @apart
 def place_robot(table, tree, config, frames):
-    """Write the poses of all joints, then of the hands."""
+    """Write the poses of all joints, then of the end effectors."""
     if tree.shape[0] > 0:
         return place_tree(tree, config, frames)
     return joint_frames(table, config, frames)
@@ -128,7 +128,7 @@ def place_robot(table, tree, config, frames):
 
 @inline
 def is_inside(robot, config, bounds, tolerance, frames, hand):
-    """Write where each hand is, m; return whether all of them, and all points to be kept inside, are in the box."""
+    """Write where each end effector is, m; return whether all of them, and all points to be kept, are in the box."""
     if place_robot(robot.table, robot.tree, config, frames) != OK:
         return False
     head, points = bounds.head, bounds.points
@@ -156,7 +156,7 @@ def is_inside(robot, config, bounds, tolerance, frames, hand):
 
 @apart
 def measured_outside(memory, state):
-    """Return whether a hand or a point of a link is measured outside the box, by more than is tolerated."""
+    """Return whether an end effector or a point of a link is measured outside the box, by more than is tolerated."""
     parts = taken_apart(memory, state)
     bounds, kept, scratch = parts.bounds, parts.memory, parts.scratch
     tolerance = bounds.head[HAND_TOLERANCE]
@@ -165,9 +165,10 @@ def measured_outside(memory, state):
 
 @apart
 def take_off_payload(memory, state):
-    """Take off a wrench at the hand, in its axes, what gravity exerts there on the payload; the column holds it.
+    """Take off a wrench at the end effector, in its axes, what gravity exerts there on the payload.
 
-    With R the hand's rotation, W the payload's weight and c its centre the force −W Rᵀe_z and the torque c × that.
+    With R the end effector's rotation, W the payload's weight and c its centre the force −W Rᵀe_z and the torque c ×
+    that.
     """
     table, tree, bounds, kept, scratch = taken_apart(memory, state)
     frames, contact = scratch.frames, scratch.column
@@ -188,7 +189,7 @@ def take_off_payload(memory, state):
 
 @apart
 def _commanded_hand(memory, state, ahead, hand):
-    """Write where each hand is commanded, m, ``ahead`` s later at the rates."""
+    """Write where each end effector is commanded, m, ``ahead`` s later at the rates."""
     parts = taken_apart(memory, state)
     bounds, kept, scratch = parts.bounds, parts.memory, parts.scratch
     config = scratch.config
@@ -202,7 +203,7 @@ def _commanded_hand(memory, state, ahead, hand):
 
 @inline
 def _distance(head, a, b):
-    """Return how far the hand is from where it was, of several the farthest."""
+    """Return how far the end effector is from where it was, of several the farthest."""
     farthest = 0.0
     for k in range(0, 3 * int(head[HANDS]), 3):
         away = math.sqrt((a[k] - b[k]) ** 2 + (a[k + 1] - b[k + 1]) ** 2 + (a[k + 2] - b[k + 2]) ** 2)
@@ -212,7 +213,7 @@ def _distance(head, a, b):
 
 @apart
 def limit_hand_speed(memory, state, is_bounded):
-    """Write where the hands are commanded; if they are ``is_bounded``, scale the rates so that they keep their speed.
+    """Write where end effectors are commanded; if ``is_bounded``, scale the rates so that they keep their speed.
 
     Return what was done.
     """
@@ -236,11 +237,12 @@ def limit_hand_speed(memory, state, is_bounded):
 
 @apart
 def limit_hand_acceleration(memory, state):
-    """Take as much of the change of the rates as keeps the commanded hand's acceleration; return what was done.
+    """Take as much of the change of the rates as keeps the commanded end effector's acceleration; return what was done.
 
-    With the share s of the change the hand's acceleration is c + s d to first order in T: the largest s in 0 … 1 with
+    With the share s of the change the end effector's acceleration is c + s d to first order in T: the largest s in 0 …
+    1 with
     |c + s d| ≤ limit, or the s of the smallest acceleration if none keeps it (a bend that is run through too fast). Of
-    several hands the least share.
+    several end effectors the least share.
     """
     _, _, bounds, kept, scratch = taken_apart(memory, state)
     m, period, limit = scratch.rates.shape[0], bounds.head[DT], bounds.head[HAND_ACCELERATION_LIMIT]
@@ -279,7 +281,7 @@ def _decayed(rate, change):
 
 @inline
 def _stays_safe(parts, share):
-    """Return whether the commanded hands keep box and speed after these rates, and in each period of braking from them.
+    """Return whether commanded end effectors keep box and speed after these rates, and in each period of braking.
 
     The rates are those of full braking, and a share of what is wanted beyond. What is looked at is what is sent, after
     smoothing: rates from before still come out of its window when all joints brake.
@@ -333,7 +335,7 @@ def _stays_safe(parts, share):
 
 @apart
 def keep_safe(memory, state):
-    """Mix the rates with full braking until the hands keep box and speed; return what was done."""
+    """Mix the rates with full braking until the end effectors keep box and speed; return what was done."""
     parts = taken_apart(memory, state)
     bounds, kept, scratch = parts.bounds, parts.memory, parts.scratch
     share, is_safe = largest_share(_stays_safe, parts, _LEAST_SHARE)

@@ -49,7 +49,7 @@ RUNNING, STOPPED, RETURNING = 0.0, 1.0, 2.0  # modes
 PAYLOAD_CENTER = BOX + 6  # (3)
 SENSOR_BIAS = PAYLOAD_CENTER + 3  # (6): force and torque that are measured without load
 # sizes: of the robot, of drives, wheels with rollers, points and rows of zones; rows and columns of what its kinematics
-# read, rows of its tree (none of a chain) and of all its frames, and how many of these, the last, are hands
+# read, rows of its tree (none of a chain) and of all its frames, and how many of these, the last, are end effectors
 (
     COORDINATES,
     INPUTS,
@@ -68,7 +68,7 @@ HEAD = SENSOR_BIAS + 17
 ZONE_COLUMNS = 6
 MOST_HANDS = 2  # as many frames as a task has
 
-# memory: single numbers of the state; the last are the commanded hands one period ago
+# memory: single numbers of the state; the last are the commanded end effectors one period ago
 MODE, FAULT, SCALE, HOLDING, ENDING, BAD, NOW, INDEX, SILENT, LATENESS, STARTED, HAND_BEFORE = range(12)
 MEMORY = HAND_BEFORE + 3 * MOST_HANDS
 
@@ -191,8 +191,8 @@ scratch_layout: MemoryLayout[Scratch] = MemoryLayout(Scratch, "coordinates", "in
 class SupervisorMemory(NamedTuple):
     """What a supervisor was prepared with, and scratch: `Bounds`, the robot's table and its tree, `Scratch`.
 
-    The table is what its kinematics read. The tree has the rows of all joints, then those of the hands; a chain has
-    none: its frames are found from its table.
+    The table is what its kinematics read. The tree has the rows of all joints, then those of the end effectors; a chain
+    has none: its frames are found from its table.
     """
 
     bounds: Annotated[Array, bounds_layout.sized("inputs", "drives", "rollers", "points", "zones")]

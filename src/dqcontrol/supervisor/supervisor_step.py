@@ -223,7 +223,7 @@ def _commit(bounds, memory, rates):
 
 @kernel(START)
 def check_start(memory, state):
-    """Return OK if a robot may start where its state has it: hands and points in their box, its base in no zone."""
+    """Return OK if a robot may start as its state says: end effectors and points in their box, its base in no zone."""
     parts = taken_apart(memory, state)
     bounds, kept, scratch = parts.bounds, parts.memory, parts.scratch
     if not is_inside(parts, kept.good, bounds, 0.0, scratch.frames, scratch.ahead):

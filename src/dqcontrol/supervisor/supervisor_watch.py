@@ -147,7 +147,7 @@ def _watch_joints(measured, age, passed, bounds, memory):
 
 @apart
 def _watch_efforts(memory, state, effort, wrench, passed):
-    """Return what is wrong with measured efforts and the wrench at the hand, where they are measured."""
+    """Return what is wrong with measured efforts and the wrench at the end effector, where they are measured."""
     _, _, bounds, kept, scratch = taken_apart(memory, state)
     head, fault = bounds.head, 0
     share = min(passed / _EFFORT_TIME, 1.0)

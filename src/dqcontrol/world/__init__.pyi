@@ -10,5 +10,6 @@ from .footprint import (
     Footprint as Footprint,
     floor_around as floor_around,
     footprint as footprint,
+    stands as stands,
 )
 from .world import World as World

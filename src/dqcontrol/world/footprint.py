@@ -79,11 +79,11 @@ def floor_around(world: World | None, names: Literal["all"] | Sequence[str], fie
     """
     bodies = {} if world is None else world.bodies
     if names == "all":
-        names = [name for name, body in bodies.items() if _stands(body) and body.plane is None]
+        names = [name for name, body in bodies.items() if stands(body) and body.plane is None]
     for name in names:
         if name not in bodies:
             raise unknown_name(field, name, tuple(bodies))
-        if not _stands(bodies[name]):
+        if not stands(bodies[name]):
             raise ValueRangeError(f"{field}: '{name}' does not stand still; plans keep clear of what does")
     if not names:
         raise ShapeError(f"{field}: there is nothing in the world that stands on the floor; give 'world'")
@@ -96,7 +96,8 @@ def floor_around(world: World | None, names: Literal["all"] | Sequence[str], fie
     return FloorMap(tuple(polygons), max(tops))
 
 
-def _stands(body: Body) -> bool:
+def stands(body: Body) -> bool:
+    """Return whether a body stays where it is, or gives way and comes back."""
     return body.role in ("fixed", "springy") and body.moves is None
 
 

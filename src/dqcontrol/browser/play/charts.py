@@ -13,26 +13,32 @@ from dqcontrol.figures.style import COLOURS
 _HEIGHT = 112  # px: one is seen whole in a window of 720
 _WIDTH = 1.5  # px
 _LEAST_ERROR, _LEAST_FORCE = 1.0, 10.0  # mm, N: less fills no chart
-_STROKES = {"robot": COLOURS[0], "ghost": COLOURS[1]}
+_STROKES = {"robot": COLOURS[0], "ghost": COLOURS[1], "further": COLOURS[2]}
+_ERROR = "Error [mm]"
 
 
 class Charts:
     """Error, share of the limits, clearance and force over time."""
 
     def __init__(self, gui: Any) -> None:
-        self._error = self._chart(gui, "Error [mm]", ("ghost", "robot"))
+        self._error = self._chart(gui, _ERROR, ("ghost", "further", "robot"))
         self._share = self._chart(gui, "Speed, share of the limit [%]", ("robot",), 100.0)
         self._clearance = self._chart(gui, "Clearance beyond what is asked [mm]", ("robot",))
         self._force = self._chart(gui, "Force [N]", ("robot",))
 
-    def show(self, history: Sequence[ChartPoint]) -> None:
-        """Show what happened."""
+    def show(self, history: Sequence[ChartPoint], labels: tuple[str, str] = ("", "")) -> None:
+        """Show what happened; ``labels`` name what the law drives, and what further tasks do, where there are any."""
+        title = f"{_ERROR}: {labels[0]} (blue), {labels[1]} (green)" if labels[1] else _ERROR
+        if self._error.title != title:
+            self._error.title = title
         rows = np.array([[*moment] for moment in history] or [[0.0] * len(ChartPoint._fields)])
         time = rows[:, 0] - rows[-1, 0]
-        error, share, clearance, ghost, force = rows[:, 1:6].T * np.array([[1e3], [100], [1e3], [1e3], [1]])
-        ghost = np.where(np.isnan(ghost), error, ghost)  # beneath the robot's own: NaN would leave no scale
-        self._error.data, self._share.data = (time, ghost, error), (time, share)
-        _reach_up_to(self._error, max(float(np.nanmax([error, ghost])), _LEAST_ERROR))
+        scales = np.array([[1e3], [100], [1e3], [1e3], [1e3], [1]])
+        error, share, clearance, further, ghost, force = rows[:, 1:7].T * scales
+        # What there is not lies beneath the robot's own: NaN would leave no scale.
+        others = [np.where(np.isnan(other), error, other) for other in (ghost, further)]
+        self._error.data, self._share.data = (time, *others, error), (time, share)
+        _reach_up_to(self._error, max(float(np.nanmax([error, *others])), _LEAST_ERROR))
         for chart, values in ((self._clearance, clearance), (self._force, force)):
             chart.data = (time, values)
             chart.visible = bool(np.isfinite(values).any())

@@ -57,6 +57,29 @@ class EndEffectors:
         return tuple(self._tasks) if self.frames else ()
 
     @property
+    def labels(self) -> tuple[str, str]:
+        """What the law drives, and what further tasks do; empty where what the law drives is dragged alone."""
+        if not self.frames or self._law is None:
+            return "", ""
+        further = dict.fromkeys(_label(task) for task in self._tasks.values())
+        return _label(self._law), ", ".join(further)
+
+    @property
+    def further_error(self) -> float:
+        """How far the further task that is farthest off is from its moving target, m; NaN without one."""
+        here = {name: self._frame(name) for name in self.frames}
+        away = [
+            float(
+                np.linalg.norm(
+                    algebra.translation(self._live.aimed(i))
+                    - algebra.translation(self._tasks[i].of_frames(here))
+                )
+            )
+            for i in self.aimed
+        ]
+        return max(away, default=np.nan)
+
+    @property
     def handles(self) -> dict[str, Array]:
         """Where each of them is to be, or is where nothing is said, shape (8,), inertial frame."""
         live = self._live
@@ -123,3 +146,7 @@ class EndEffectors:
         robot = self._live.robot
         assert isinstance(robot, TreeRobot)
         return robot.fkm(self._live.plant.q, name)
+
+
+def _label(task: PoseTask) -> str:
+    return " to ".join(task.frames)

@@ -140,7 +140,7 @@ class PlayPage(ServedPage):
         self._look_after(now)
         if now - self._charted > _CHARTS_EVERY:
             self._charted = now
-            self._charts.show(list(session.history))
+            self._charts.show(list(session.history), session.ends.labels)
             self._words.content = self._told()
 
     # The scene

@@ -61,6 +61,8 @@ class ChartPoint(NamedTuple):
     error, share, clearance
         Of the hand to its target, m; largest speed of a joint as a share of its limit; least distance beyond what is
         asked, m, NaN without anything around.
+    further_error
+        Of the further task that is farthest off, as the second of two arms, m; NaN without one.
     ghost_error
         Of the second robot, m; NaN without one.
     force
@@ -73,6 +75,7 @@ class ChartPoint(NamedTuple):
     error: float
     share: float
     clearance: float
+    further_error: float
     ghost_error: float
     force: float
     missed: int
@@ -430,7 +433,8 @@ class PlaySession:
         ghost = self.ghost.state.position_error if self.ghost else np.nan
         now = self.history[-1].time + _CHARTED if self.history else 0.0
         missed, self._noted = self.missed - self._noted, self.missed
-        point = ChartPoint(now, state.position_error, state.share, clearance, ghost, self._force(), missed)
+        error, further = state.position_error, self.ends.further_error
+        point = ChartPoint(now, error, state.share, clearance, further, ghost, self._force(), missed)
         self.history.append(point)
 
     def _force(self) -> float:

@@ -33,7 +33,7 @@ class Part(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True, r
 
 
 class StartPose(Part, frozen=True, kw_only=True):
-    """Where the reference starts, base frame; what is left out is the hand's at the start configuration."""
+    """Where the reference starts, base frame; what is left out is the end effector's at the start configuration."""
 
     position: Annotated[Vector | None, Meta(description="m")] = None
     quaternion: Annotated[Quaternion | None, Meta(description="scalar first")] = None
@@ -41,7 +41,7 @@ class StartPose(Part, frozen=True, kw_only=True):
 
 
 class Offset(Part, frozen=True, kw_only=True):
-    """A displacement of the start pose, base axes: so far is the hand from its target when the run starts."""
+    """A displacement of the start pose, base axes: so far is the end effector from its target when the run starts."""
 
     translation: Annotated[Vector, Meta(description="m")] = (0.0, 0.0, 0.0)
     rotation: Annotated[Vector, Meta(description="rotation vector, rad")] = (0.0, 0.0, 0.0)
@@ -118,7 +118,7 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
         Parameters
         ----------
         hand
-            Pose of the hand at the start configuration, shape (8,), inertial frame.
+            Pose of the end effector at the start configuration, shape (8,), inertial frame.
         folder
             Where relative file names start.
         where

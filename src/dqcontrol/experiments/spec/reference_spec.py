@@ -53,8 +53,8 @@ _Time = Annotated[float, Meta(ge=0, description="s; the last measurement counts 
 class FollowSpec(ReferenceSpec, frozen=True, kw_only=True, tag="follow"):
     """A motion for where a body of the world stands, carried along to where that is measured; see `references.Follow`.
 
-    Without ``reference`` the hand stays at ``start`` with its ``offset``, relative to the body. ``taught`` is where the
-    body was to be, its place in the world if omitted.
+    Without ``reference`` the end effector stays at ``start`` with its ``offset``, relative to the body. ``taught`` is
+    where the body was to be, its place in the world if omitted.
     """
 
     body: Annotated[str, Meta(min_length=1, description="of the world, with 'watch'")]

@@ -136,7 +136,7 @@ class RobotSpec(Part, frozen=True, kw_only=True):
             return robot
         if not isinstance(robot, TreeRobot):
             raise ShapeError(
-                f"robot.task: {robot.name} is one chain and has one hand; tasks are for two arms and trees"
+                f"robot.task: {robot.name} is one chain and has one end effector; tasks are for two arms and trees"
             )
         with error_prefix("robot.task"):
             return robot.with_task(self.task.task() if isinstance(self.task, TaskSpec) else self.task)
@@ -179,7 +179,7 @@ class FurtherTaskSpec(Part, frozen=True, kw_only=True):
 
 
 class HandStart(Part, frozen=True, kw_only=True):
-    """Where the hand starts, inertial frame: inverse kinematics finds the configuration.
+    """Where the end effector starts, inertial frame: inverse kinematics finds the configuration.
 
     Without ``quaternion`` and ``rpy`` the orientation does not matter.
     """
@@ -189,7 +189,7 @@ class HandStart(Part, frozen=True, kw_only=True):
     rpy: Annotated[Vector | None, Meta(description="roll, pitch, yaw: Rz(y) Ry(p) Rx(r), rad")] = None
 
     def postures(self, robot: Robot) -> list[ReachingPosture]:
-        """Return configurations that bring the hand there, the best to start from first; see `robots.postures`.
+        """Return configurations that bring the end effector there, the best to start from first; see `robots.postures`.
 
         Raises
         ------
@@ -209,16 +209,16 @@ def start_configuration(
     field: str = "start",
     chosen: Callable[[list[ReachingPosture]], ReachingPosture] = itemgetter(0),
 ) -> Array:
-    """Return a start configuration, shape (n,): as given, or one for a pose of the hand, with a `NoteWarning`.
+    """Return a start configuration, shape (n,): as given, or one for a pose of the end effector, with a `NoteWarning`.
 
-    ``chosen`` takes it from those that bring the hand there; else it is the best.
+    ``chosen`` takes it from those that bring the end effector there; else it is the best.
     """
     if not isinstance(given, HandStart):
         return as_array(field, given, (robot.configuration_size,))
     best = chosen(given.postures(robot))
     numbers = ", ".join(
         f"{value:.4g}" if kind == "prismatic" else f"{math.degrees(value):.4g}°"
-        for value, kind in zip(best.q, robot.joint_types, strict=True)
+        for value, kind in zip(np.round(best.q, 9) + 0.0, robot.joint_types, strict=True)  # of rounding, nothing
     )
     warnings.warn(f"{field}: [{numbers}], {best.room}", NoteWarning, stacklevel=2)
     return best.q
@@ -253,7 +253,7 @@ class Spec(Part, frozen=True, kw_only=True):
         Names the folder of results.
     robot, start
         Name, file, or source with base and tip link; start configuration, one number a joint, rad or m, or the pose of
-        the hand, for which inverse kinematics finds one.
+        the end effector, for which inverse kinematics finds one.
     robots
         In their place several by label, each with its ``start``.
     period
@@ -277,7 +277,7 @@ class Spec(Part, frozen=True, kw_only=True):
         What stands between law and plant; ``true``: with default parameters. If omitted, that before plants that move
         more than our own arrays, and nothing before the others.
     disturbance
-        What moves the hand beside the commands; not for physics.
+        What moves the end effector beside the commands; not for physics.
     repeats
         How often each combination runs; the seed of repeat k is ``seed`` + k for all laws, so differences are paired.
     seed

@@ -1,4 +1,4 @@
-"""The geometry of an arm, found from measured poses of its hand."""
+"""The geometry of an arm, found from measured poses of its end effector."""
 
 import lazy_loader
 

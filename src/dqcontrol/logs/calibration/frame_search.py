@@ -19,7 +19,8 @@ def searched_frames(arm: SerialArm, measured: MeasuredPoses) -> tuple[Array, Arr
     """Return the poses (7,) of the arm's base in the measuring frame and of the target in the hand, M = Y F X.
 
     With orientations the rotations come from the singular vectors of Σ R_F ⊗ R_M and the positions from a linear system
-    (Shah 2013); with positions alone the target is taken to be at the hand, and the base from an orthogonal fit.
+    (Shah 2013); with positions alone the target is taken to be at the end effector, and the base from an orthogonal
+    fit.
     """
     hand = arm.fkm(measured.q)
     turned, points = matrix_from_rotation(hand[:, :4]), positions(hand)

@@ -1,4 +1,4 @@
-"""From measured poses of the hand to corrections of the arm's geometry, and to what they are worth elsewhere."""
+"""From measured poses of the end effector to corrections of an arm's geometry, and their worth elsewhere."""
 
 from __future__ import annotations
 
@@ -109,11 +109,12 @@ class Calibration:
     corrections
         All that were asked for, fitted or tied.
     base, tool
-        Poses (8,) of the arm's base in the measuring frame, and of the target in the arm's hand.
+        Poses (8,) of the arm's base in the measuring frame, and of the target in the arm's end effector.
     base_is_known, tool_is_known
         Whether the arm's own frames were near those, so that ``arm`` has them.
     before, after
-        Errors of the hand with frames alone fitted and with all corrections, each on poses that were not fitted.
+        Errors of the end effector with frames alone fitted and with all corrections, each on poses that were not
+        fitted.
     poses
         How many were used.
     noise
@@ -181,7 +182,7 @@ class Calibration:
 
     @property
     def improves(self) -> bool:
-        """Whether the corrections make the hand's error smaller on poses that were not fitted."""
+        """Whether the corrections make the end effector's error smaller on poses that were not fitted."""
         return self.after.position_rms < self.before.position_rms
 
     @property
@@ -285,7 +286,7 @@ def calibrate(
     joint_topic: str | None = None,
     pose_topic: str | None = None,
 ) -> Calibration:
-    """Find small corrections of an arm's geometry from poses of its hand that a camera or tracker measured.
+    """Find small corrections of an arm's geometry from poses of its end effector that a camera or tracker measured.
 
     Corrected are the frames of base and tool (three shifts ``x``, ``y``, ``z`` and three turns ``rz``, ``ry``, ``rx``
     each) and of each joint ``theta`` (zero of the joint) and ``d`` about and along its axis, ``a`` and ``alpha`` along

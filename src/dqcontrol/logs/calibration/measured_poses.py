@@ -1,4 +1,4 @@
-"""Poses of a hand as a camera or tracker measured them, with the joint angles at which it did."""
+"""Poses of an end effector as a camera or tracker measured them, with the joint angles at which it did."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MOST = 2000  # poses of a recording that are used
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPoses:
-    """N measured poses of what is fixed to the hand of a robot with n joints.
+    """N measured poses of what is fixed to the end effector of a robot with n joints.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ def read_measured_poses(
     joint_topic: str | None = None,
     pose_topic: str | None = None,
 ) -> MeasuredPoses:
-    r"""Read joint positions and measured poses of the hand: a table, an MCAP file, a ROS 1 or ROS 2 bag.
+    r"""Read joint positions and measured poses of the end effector: a table, an MCAP file, a ROS 1 or ROS 2 bag.
 
     A table is a text file with a line of column names and one line a pose. Its columns, in any order: one for each
     joint, by the robot's joint names or ``q1`` … ``qn``; ``x``, ``y``, ``z``; and, if orientations were measured, the

@@ -151,7 +151,8 @@ class Excitation:
         """Write the motion and a spec that runs it.
 
         ``motion.csv`` has the wanted joint positions over time, for law ``joint-motion`` and any other program;
-        ``hand.csv`` the poses that the hand has then, a points file; ``excite.yaml`` runs both, on servos as assumed.
+        ``hand.csv`` the poses that the end effector has then, a points file; ``excite.yaml`` runs both, on servos as
+        assumed.
 
         Raises
         ------
@@ -212,7 +213,7 @@ def excite(
     speed, acceleration
         Largest of a joint, rad/s and rad/s² or m/s and m/s², each; no more than 0.9 of the robot's velocity limits.
     workspace
-        Box ``x0, x1, y0, y1, z0, z1`` that the hand does not leave, m, base frame; no box if omitted.
+        Box ``x0, x1, y0, y1, z0, z1`` that the end effector does not leave, m, base frame; no box if omitted.
     lag, delay, noise, resolution
         Of the servos and encoders to expect, s, rad or m: what the expected precision is for.
     seed
@@ -370,7 +371,7 @@ _SIGNALS: dict[Signal, Callable[[np.random.Generator, int, float, Array, int, in
 
 
 def _share_in(arm: SerialArm, middle: Array, moves: Array, workspace: Sequence[float] | None) -> float:
-    """Return the largest share of the moves, 1 at most, with which the hand stays in its box."""
+    """Return the largest share of the moves, 1 at most, with which the end effector stays in its box."""
     if workspace is None:
         return 1.0
     box = np.asarray(workspace, dtype=np.float64)
@@ -386,7 +387,9 @@ def _share_in(arm: SerialArm, middle: Array, moves: Array, workspace: Sequence[f
 
     if not is_inside(0.0):
         point = translation(arm.fkm(middle))
-        raise ValueRangeError(f"workspace: the hand starts outside of it, at {np.round(point, 4).tolist()} m")
+        raise ValueRangeError(
+            f"workspace: the end effector starts outside of it, at {np.round(point, 4).tolist()} m"
+        )
     if is_inside(1.0):
         return 1.0
     inside, outside = 0.0, 1.0
@@ -394,7 +397,9 @@ def _share_in(arm: SerialArm, middle: Array, moves: Array, workspace: Sequence[f
         trial = (inside + outside) / 2
         inside, outside = (trial, outside) if is_inside(trial) else (inside, trial)
     if inside < _LEAST_SHARE:
-        raise ValueRangeError("workspace: the hand starts at its side and cannot move; start elsewhere")
+        raise ValueRangeError(
+            "workspace: the end effector starts at its side and cannot move; start elsewhere"
+        )
     return inside
 
 

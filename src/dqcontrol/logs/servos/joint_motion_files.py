@@ -1,4 +1,4 @@
-"""A motion of the joints as files that run: for law ``joint-motion``, and the hand's poses beside it."""
+"""A motion of the joints as files that run: for law ``joint-motion``, and the end effector's poses beside it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from dqcontrol.robots import Robot
 
 MOTION, HAND = "motion.csv", "hand.csv"
 
-_HAND_STEP = 0.02  # s between the poses of the hand's reference
+_HAND_STEP = 0.02  # s between the poses of the end effector's reference
 
 
 def write_joint_motion(
@@ -30,7 +30,7 @@ def write_joint_motion(
     gain: float = 0.0,
     more: Mapping[str, Any] | None = None,
 ) -> None:
-    """Write a spec, and beside it the joint positions and the poses of the hand that it names.
+    """Write a spec, and beside it the joint positions and the poses of the end effector that it names.
 
     Parameters
     ----------

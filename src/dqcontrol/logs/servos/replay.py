@@ -30,11 +30,11 @@ class Replay:
     Attributes
     ----------
     log, simulated
-        Runs: of the log, against where its commands put the hand, and of the replay.
+        Runs: of the log, against where its commands put the end effector, and of the replay.
     hand_rms
-        Distance of the two hands, m.
+        Distance of the two end effectors, m.
     motion_rms
-        How far the robot's hand was from where its commands put it, m.
+        How far the robot's end effector was from where its commands put it, m.
     """
 
     log: Run
@@ -44,7 +44,7 @@ class Replay:
 
     def __str__(self) -> str:
         return (
-            f"replay: its hand is {1e3 * self.hand_rms:.3g} mm RMS from the log's, which is "
+            f"replay: its end effector is {1e3 * self.hand_rms:.3g} mm RMS from the log's, which is "
             f"{1e3 * self.motion_rms:.3g} mm from where the commands put it"
         )
 

@@ -234,12 +234,8 @@ class RunningDriver(RunningPlant):
         raise Error(f"plant: {self._driver.address} does not get to the start: {off:.3g} rad or m are left")
 
 
-def check_fit(plant: Driver, robot: Robot, period: float, joints: int, arm: str) -> None:
-    """Raise if a robot has not as many joints as a maker's arm, or a period (s) is none that its client bears."""
-    if robot.input_size != joints:
-        raise ShapeError(
-            f"plant: {plant.address} has {joints} joints, the robot of the spec {robot.input_size}"
-        )
+def check_period(period: float, arm: str) -> None:
+    """Raise if a period (s) is none that a maker's client bears."""
     if not _FASTEST <= period <= _SLOWEST:
         raise ValueRangeError(
             f"period: must be {_FASTEST:g} … {_SLOWEST:g} s for a {arm} arm, got {period:g}"

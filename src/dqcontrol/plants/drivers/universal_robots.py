@@ -9,10 +9,9 @@ from typing import Annotated, Any, Literal
 from msgspec import Meta
 
 from dqcontrol.arrays import Array
-from dqcontrol.plants.drivers.driver import Driver, Link, check_fit, client
+from dqcontrol.plants.drivers.driver import Driver, Link, check_period, client
 from dqcontrol.robots.robot import Robot
 
-_JOINTS = 6
 _CYCLE = 0.002  # s: of the e-Series
 _RECEIVED = ["timestamp", "actual_q", "robot_status_bits", "safety_status_bits", "runtime_state"]
 _PLAYING = 2  # of RTDE's runtime_state
@@ -62,7 +61,7 @@ class UniversalRobot(Driver, frozen=True, kw_only=True, tag="ur"):
 
     def open(self, robot: Robot, period: float) -> Link:
         """Connect to the robot so that its state can be read; see `Driver.open`."""
-        check_fit(self, robot, period, _JOINTS, "UR")
+        check_period(period, "UR")
         return _Rtde(self, period)
 
 

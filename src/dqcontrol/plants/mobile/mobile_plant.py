@@ -76,7 +76,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
     armature
         As of `MujocoPlant`.
     gripper
-        At the hand of one arm; none if omitted.
+        At the end effector of one arm; none if omitted.
     world
         What chassis, links and fingers touch; the floor is there anyway. A spec gives its own.
 
@@ -209,7 +209,9 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         if not isinstance(robot, TwoArms):
             return gear, self._with_inertias(torso)[0] if torso else None
         if self.gripper is not None:
-            raise ValueRangeError(f"plant.gripper: is at the hand of one arm, and {robot.name} has two")
+            raise ValueRangeError(
+                f"plant.gripper: is at the end effector of one arm, and {robot.name} has two"
+            )
         if len(robot.drives) and robot.input_size == robot.configuration_size:
             raise ValueRangeError(
                 f"plant: mobile drives two arms by v and ω, and {robot.name} is unconstrained; "

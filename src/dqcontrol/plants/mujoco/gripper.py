@@ -23,7 +23,7 @@ _AXES: dict[str, tuple[int, int, int]] = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (
 _METAL = (0.35, 0.37, 0.40, 1.0)
 _PAD = (0.95, 0.45, 0.10, 1.0)
 BODIES = 2  # bit of MuJoCo's contacts of bodies of the world: what moves the robot has it as affinity alone
-_PAST = 0.012  # m; the fingers reach so far beyond the hand's point
+_PAST = 0.012  # m; the fingers reach so far beyond the end effector's point
 
 
 class GripperEvent(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -43,10 +43,10 @@ class GripperEvent(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
 
 
 class Gripper(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Two fingers that slide towards each other, geared together, open at the start; one at each hand of a robot.
+    """Two fingers that slide towards each other, geared together, open at the start; one at each end effector.
 
-    The hand's point lies between the finger tips. A motor pushes with a constant force, to close or to open; without an
-    object the fingers move at ``speed``. What they grip is held by friction alone.
+    The end effector's point lies between the finger tips. A motor pushes with a constant force, to close or to open;
+    without an object the fingers move at ``speed``. What they grip is held by friction alone.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Gripper(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True
     mass
         Of both fingers, kg.
     points, closes
-        Axis of the hand along which the fingers point, and the one along which they close.
+        Axis of the end effector along which the fingers point, and the one along which they close.
     schedule
         When it opens and closes, in order of time.
 
@@ -96,7 +96,7 @@ class Gripper(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True
         Parameters
         ----------
         shape
-            In the frame of the link that carries the hand.
+            In the frame of the link that carries the end effector.
         tool
             Orientation and position of the hand in it, shape (7,) or longer, as in a robot's chain.
         """
@@ -123,12 +123,12 @@ class Gripper(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True
 
 
 def fingers(hand: int = 0) -> tuple[str, str]:
-    """Return what both fingers of a hand are called in MuJoCo: bodies, joints, shapes and motors."""
+    """Return what both fingers of an end effector are called in MuJoCo: bodies, joints, shapes and motors."""
     return (f"finger_{2 * hand + 1}", f"finger_{2 * hand + 2}")
 
 
 def add_gripper(spec: Any, gripper: Gripper, link: Any, tool: Any, timestep: float, hand: int = 0) -> None:
-    """Add palm, fingers and their motors to the body that carries the hand.
+    """Add palm, fingers and their motors to the body that carries the end effector.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def add_gripper(spec: Any, gripper: Gripper, link: Any, tool: Any, timestep: flo
     timestep
         s; the gear between the fingers is as stiff as it allows.
     hand
-        Number of the hand.
+        Number of the end effector.
     """
     mujoco = import_mujoco()
     points, closes = np.array(_AXES[gripper.points], float), np.array(_AXES[gripper.closes], float)
@@ -188,7 +188,7 @@ class LiveGripper:
     Attributes
     ----------
     channel
-        How far the fingers are open, of each hand.
+        How far the fingers are open, of each end effector.
     told
         Whether they are to close, whatever the schedule says; None: as that says.
     """
@@ -211,5 +211,5 @@ class LiveGripper:
         self._data.ctrl[self._motors] = 1.0 if closed else -1.0
 
     def read(self, out: Array) -> None:
-        """Write how far the fingers of each hand are apart, m."""
+        """Write how far the fingers of each end effector are apart, m."""
         out[:] = self.gripper.opening - self._data.qpos[self._at].sum(axis=1)

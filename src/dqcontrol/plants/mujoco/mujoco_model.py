@@ -27,7 +27,7 @@ _TRIAD = ((0.85, 0.15, 0.15, 1.0), (0.15, 0.65, 0.20, 1.0), (0.15, 0.30, 0.85, 1
 
 
 def skeleton(robot: Robot) -> Any:
-    """Return an ``mjSpec`` with a robot's bodies, joints, hand and shapes, without its inertias.
+    """Return an ``mjSpec`` with a robot's bodies, joints, end effector and shapes, without its inertias.
 
     Body ``link_i`` is the frame of joint i after its screw; the joint carries its name in the robot and,
     where both position limits are finite, its range, of one that follows another what that one's leave; the
@@ -61,7 +61,7 @@ def skeleton(robot: Robot) -> Any:
 
 
 def add_arm(parent: Any, robot: Robot) -> None:
-    """Add the bodies, joints, hand and shapes of a `skeleton` to a body."""
+    """Add the bodies, joints, end effector and shapes of a `skeleton` to a body."""
     mujoco = import_mujoco()
     draw = _Shapes(mujoco, robot)
     bodies = {-1: parent}
@@ -158,7 +158,7 @@ def _principal(where: str, tensor: NDArray[np.float64]) -> tuple[NDArray[np.floa
 
 
 class _Shapes:
-    """Draws the parts of an arm, thinner towards the hand."""
+    """Draws the parts of an arm, thinner towards the end effector."""
 
     def __init__(self, mujoco: Any, robot: Robot) -> None:
         self.mujoco, self.robot = mujoco, robot
@@ -175,14 +175,16 @@ class _Shapes:
         geom.group = group
 
     def link(self, body: Any, i: int) -> None:
-        """Draw what leads from joint i − 1 to joint i (or to the hand)."""
+        """Draw what leads from joint i − 1 to joint i (or to the end effector)."""
         end, radius, start = self.robot.chain[i, 4:7], 0.85 * self.radii[i], np.zeros(3)
         if self.robot.parents[i] < 0 and i not in self.robot.ends:
             start = foot_below(self.robot, i)
             self.add(body, "CYLINDER", [1.7 * self.radii[i], 0.1 * self.radii[i]], _BASE, pos=start)
         length = np.linalg.norm(end - start)
         if length > 0.5 * radius:
-            kind = "CYLINDER" if i in self.robot.ends else "CAPSULE"  # the hand's point lies on the end
+            kind = (
+                "CYLINDER" if i in self.robot.ends else "CAPSULE"
+            )  # the end effector's point lies on the end
             self.add(
                 body, kind, [radius], _BASE if self.robot.parents[i] < 0 else _SHELL, fromto=[*start, *end]
             )
@@ -205,7 +207,7 @@ class _Shapes:
         self.add(body, "CAPSULE", [0.4 * self.radii[i]], _BASE, fromto=ends)
 
     def triad(self, body: Any, tool: NDArray[np.float64]) -> None:
-        """Draw the axes of a hand: x red, y green, z blue."""
+        """Draw the axes of an end effector: x red, y green, z blue."""
         length, axis = 0.06 * self.reach, np.empty(3)
         for unit, colour in zip(np.eye(3), _TRIAD, strict=True):
             self.mujoco.mju_rotVecQuat(axis, unit, np.ascontiguousarray(tool[:4]))

@@ -68,11 +68,11 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
     viscous_friction, dry_friction
         N·m·s/rad and N·m (N·s/m and N): one number, or one a joint.
     gripper
-        At each hand; none if omitted.
+        At each end effector; none if omitted.
     pads
-        On both of two hands, to carry something between them; none if omitted.
+        On both of two end effectors, to carry something between them; none if omitted.
     wrist
-        A force sensor at the hand with a tool; nothing if omitted.
+        A force sensor at the end effector with a tool; nothing if omitted.
     impedance
         See `dqcontrol.contact.Impedance`; position servos if omitted. Its sensor is the wrist's, without noise.
     world

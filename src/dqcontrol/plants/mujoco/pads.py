@@ -21,38 +21,38 @@ if TYPE_CHECKING:
 
 GRIP_FORCE = "grip_force"
 PADS = ("pad_1", "pad_2")
-_PAD = 0.01, 0.05, 0.05  # half sizes of the hands' pads, m
+_PAD = 0.01, 0.05, 0.05  # half sizes of the end effectors' pads, m
 _RUBBER = (0.15, 0.15, 0.17, 1.0)
 
 
 class Pads(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A square pad of 10 cm on each of two hands, facing the other one at the start: between them they carry a body.
+    """A square pad of 10 cm on each of two end effectors, facing each other: they carry a body between them.
 
     What they press is held by friction, of that body.
 
     Parameters
     ----------
     squeeze
-        How much nearer to each other the servos' targets start than the hands do, m: their stiffness makes a force of
-        it.
+        How much nearer to each other the servos' targets start than the end effectors do, m: their stiffness makes a
+        force of it.
     """
 
     spec_key: ClassVar[str] = "plant.pads"
     squeeze: Annotated[float, Meta(ge=0, description="m")] = 0.006
 
     def add(self, spec: Any, robot: Robot, start: Array, timestep: float) -> None:
-        """Add pads to both hands of a robot's model, parallel to each other at a start configuration.
+        """Add pads to both end effectors of a robot's model, parallel to each other at a start configuration.
 
         Raises
         ------
         ValueRangeError
-            If the robot has not two hands, or they are at one place.
+            If the robot has not two end effectors, or they are at one place.
         """
         first, second = (positions(hand) for hand in _hands(robot, start))
         apart = float(np.linalg.norm(first - second))
         if apart < 2 * _PAD[0]:
             raise ValueRangeError(
-                f"plant.pads: both hands start {apart:.3g} m apart, too near for anything between; change 'start'"
+                f"plant.pads: both end effectors start {apart:.3g} m apart, too near for a body; change 'start'"
             )
         mujoco = import_mujoco()
         along = (first - second) / apart
@@ -72,7 +72,7 @@ class Pads(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
             pad.solref[:2] = 4 * timestep, 1.0
 
     def squeezed(self, robot: Robot, start: Array) -> Array:
-        """Return by how much the servos' targets differ at the start: both hands move half the squeeze to the other."""
+        """Return by how much the servos' targets differ at the start: each moves half the squeeze inward."""
         frames, count = robot.frames(start), robot.configuration_size
         first, second = (positions(hand) for hand in _hands(robot, start))
         along = (first - second) / np.linalg.norm(first - second)
@@ -84,17 +84,17 @@ class Pads(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 def _hands(robot: Robot, start: Array) -> list[Array]:
-    """Return the poses of both hands, or say that a robot has not two."""
+    """Return the poses of both end effectors, or say that a robot has not two."""
     if len(robot.ends) != 2:
         raise ValueRangeError(
-            f"plant.pads: are on two hands, and {robot.name} has {len(robot.ends)}; take them away"
+            f"plant.pads: are on two end effectors, and {robot.name} has {len(robot.ends)}; take them away"
         )
     frames = robot.frames(start)
     return [frames[row] for row in robot.ends]
 
 
 def _hand_jacobian(robot: Robot, frames: Array, row: int, count: int) -> Array:
-    """Return the Jacobian of [ω ; ṗ] of a hand, from the frames of the joints that carry it."""
+    """Return the Jacobian of [ω ; ṗ] of an end effector, from the frames of the joints that carry it."""
     jacobian, end = np.zeros((6, count)), positions(frames[row])
     while (row := int(robot.parents[row])) >= 0:
         axis, origin = matrix_from_pose(frames[row])[:3, 2], positions(frames[row])

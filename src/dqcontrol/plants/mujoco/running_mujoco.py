@@ -150,10 +150,12 @@ class RunningMujoco(RunningPlant):
         self._gripper.told = closed
 
     def push(self, row: int, point: Array, force: Array) -> None:
-        """Push a link; see `RunningPlant.push`. A wrist's sensor feels what pushes the link at its hand."""
+        """Push a link; see `RunningPlant.push`. A wrist's sensor feels what pushes the link at its end effector."""
         applied = self.data.xfrc_applied
         applied[:] = 0.0
-        joint = int(self._parents[row]) if row >= len(self.q) else row  # rows behind the joints' are hands
+        joint = (
+            int(self._parents[row]) if row >= len(self.q) else row
+        )  # rows behind the joints' are end effectors
         if joint >= 0:
             body = self._body_of(joint)
             applied[body, :3] = force

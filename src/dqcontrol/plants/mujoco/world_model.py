@@ -68,9 +68,9 @@ def add_links(
     hand
         Body at the tool's pose that has the last link's shapes in the link's place; none if empty.
     padded
-        Whether hands touch bodies with their pads instead of the shapes of their links.
+        Whether end effectors touch bodies with their pads instead of the shapes of their links.
     gripper
-        Of each hand, whose links' shapes end where its fingers begin.
+        Of each end effector, whose links' shapes end where its fingers begin.
     base
         Coordinates of the base that carries the skeleton, whose chassis is there already.
 
@@ -373,7 +373,7 @@ class WorldContacts:
             link = _link_name(each.name)
             links[names.index(link if link in names else CHASSIS)] = i
         self._pads = [names.index(name) for name in PADS if name in names]
-        for k, row in enumerate(robot.ends):  # what a hand has counts as the link that carries it
+        for k, row in enumerate(robot.ends):  # what an end effector has counts as the link that carries it
             carrier = int(robot.parents[row]) + 1
             last = max((i for i, each in enumerate(shapes) if each.frame == carrier), default=0)
             held = {

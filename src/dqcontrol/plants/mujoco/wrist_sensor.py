@@ -22,7 +22,7 @@ _STREAM = 6  # of the sensor's noise, beside that of the encoders
 
 
 def add_wrist(spec: Any, wrist: Wrist, robot: Robot, timestep: float, compensated: float) -> None:
-    """Add a tool, welded to the last link at the hand, and sensors of what it exerts there.
+    """Add a tool, welded to the last link at the end effector, and sensors of what it exerts there.
 
     Parameters
     ----------
@@ -38,11 +38,11 @@ def add_wrist(spec: Any, wrist: Wrist, robot: Robot, timestep: float, compensate
     Raises
     ------
     ValueRangeError
-        If the robot has several hands.
+        If the robot has several end effectors.
     """
     mujoco = import_mujoco()
     if len(robot.ends) != 1:
-        raise ValueRangeError(f"plant.wrist: is at one hand, and {robot.name} has {len(robot.ends)}")
+        raise ValueRangeError(f"plant.wrist: is at one end effector, and {robot.name} has {len(robot.ends)}")
     end = robot.chain[robot.ends[0]]
     body = spec.body(f"link_{int(robot.parents[robot.ends[0]]) + 1}").add_body(
         name=TOOL, pos=end[4:7], quat=end[:4]
@@ -87,7 +87,7 @@ class MujocoWrist:
     Attributes
     ----------
     wrench
-        What it shows: force and torque of tool and environment on the hand, its axes, shape (6,).
+        What it shows: force and torque of tool and environment on the end effector, its axes, shape (6,).
     readings
         That, and the force of what is touched, base axes, the mean of a period: contacts of hard things come and go
         from one time step to the next.
@@ -109,7 +109,7 @@ class MujocoWrist:
         self._touch, self._steps = np.zeros(3), 0
 
     def _felt(self) -> Array:
-        """Return force and torque that the tool exerts, and the bias; MuJoCo shows what the hand exerts on it."""
+        """Return force and torque that the tool exerts, and the bias; MuJoCo shows what acts on the tool."""
         return self._bias - np.concatenate(self._shown)
 
     def advance(self, model: Any, data: Any, count: int) -> None:

@@ -88,7 +88,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
     camera
         What measures where mobile bases are; without one that is known exactly.
     wrist
-        A force sensor at the hand, which then touches the springy boxes of the world; nothing if omitted.
+        A force sensor at the end effector, which then touches the springy boxes of the world; nothing if omitted.
     world
         What it touches. A spec gives its own.
     """
@@ -114,7 +114,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
     world: World | None = None
 
     def in_world(self, world: World) -> Self:
-        """Return it with what its hand touches, if it can feel that."""
+        """Return it with what its end effector touches, if it can feel that."""
         return self if self.wrist is None else replace(self, world=world)
 
     @classmethod
@@ -151,7 +151,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         if base_coordinates(robot).any():
             if self.wrist is not None:
                 raise ValueRangeError(
-                    f"plant.wrist: is at the hand of an arm, and {robot.name} has a mobile base"
+                    f"plant.wrist: is at the end effector of an arm, and {robot.name} has a mobile base"
                 )
             return start_on_base(self, robot, start, period, steps, seed)
         for field in ("base_time_constant", "camera"):

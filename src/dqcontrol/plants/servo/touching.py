@@ -1,8 +1,8 @@
-"""Servos whose hand touches springy boxes of the world, and a force sensor at the hand.
+"""Servos whose end effector touches springy boxes of the world, and a force sensor at the end effector.
 
-The hand, a point at its frame's origin, is where the servos hold it, however hard it presses: joints that follow
-positions give way to nothing. So contact is a spring, exactly as stiff as the body says, along the face that is pressed
-in least, with Coulomb's friction along it, which speeds below 1 mm/s build up.
+The end effector, a point at its frame's origin, is where the servos hold it, however hard it presses: joints that
+follow positions give way to nothing. So contact is a spring, exactly as stiff as the body says, along the face that is
+pressed in least, with Coulomb's friction along it, which speeds below 1 mm/s build up.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Touching(NamedTuple):
 
 
 class TouchState(NamedTuple):
-    """What the sensor shows; force and depth of the contact, base axes; the wrench around its filter; the hand.
+    """What the sensor shows; force and depth of the contact, base axes; the wrench around its filter; the end effector.
 
     The first two are the plant's readings.
     """
@@ -118,7 +118,7 @@ def press(box, x, y, z, vx, vy, vz, out):
 
 @inline
 def feel(given, boxes, q, own):
-    """Write force on the hand and its depth, and the wrench before the filter."""
+    """Write force on the end effector and its depth, and the wrench before the filter."""
     pose = own.pose
     status = joint_frames(given.chain, q, pose)
     w, x, y, z = pose[0], pose[1], pose[2], pose[3]
@@ -160,7 +160,7 @@ def feel(given, boxes, q, own):
 
 @kernel(PLANT)
 def touching_servo(command, parameters, noise, state, q, measured):
-    """Move the servos, then feel what the hand touches."""
+    """Move the servos, then feel what the end effector touches."""
     n = q.shape[0]
     boxes = int(parameters[0])
     given, own = _touching(parameters[1:], n, boxes), _state(state)
@@ -186,15 +186,17 @@ def touching(
     period: float,
     seed: int,
 ) -> CompiledPlant:
-    """Return servos with a sensor at the hand, among the springy boxes of a world.
+    """Return servos with a sensor at the end effector, among the springy boxes of a world.
 
     Raises
     ------
     ValueRangeError
-        If the robot is no chain, something springy is no box, or the hand is in it at the start.
+        If the robot is no chain, something springy is no box, or the end effector is in it at the start.
     """
     if robot.table.shape[1] != 8:
-        raise ValueRangeError(f"plant.wrist: is at the hand of an arm, and {robot.name} has several branches")
+        raise ValueRangeError(
+            f"plant.wrist: is at the end effector of an arm, and {robot.name} has several branches"
+        )
     rows = []
     for name, body in ({} if world is None else world.bodies).items():
         if body.role == "springy":
@@ -229,7 +231,7 @@ def touching(
     feel(_touching(parameters[1:], len(q), len(rows)), len(rows), q, own)
     if own.contact[3] > 0:
         raise ValueRangeError(
-            f"start: the hand is {1e3 * own.contact[3]:.3g} mm inside of what it is to touch"
+            f"start: the end effector is {1e3 * own.contact[3]:.3g} mm inside of what it is to touch"
         )
     own.filtered[:] = own.wrench[:] = own.true
     noise = np.random.default_rng([seed, 6]).standard_normal((len(servos.noise), 6))

@@ -38,10 +38,10 @@ class Drawing(PlanarReference):
         ``"xy"``, ``"xz"`` or ``"yz"``, or two perpendicular vectors (2, 3), inertial frame: the paper's
         axes to the right and up.
     orientation
-        ``"fixed"``: that of the start; ``"path"``: the hand turns about the paper's normal with the
+        ``"fixed"``: that of the start; ``"path"``: the end effector turns about the paper's normal with the
         tangent, from the start's orientation on.
     turn_speed
-        rad/s; how fast a hand that follows the path turns on the spot where the tangent jumps.
+        rad/s; how fast an end effector that follows the path turns on the spot where the tangent jumps.
     repeat
         How often the strokes are drawn; to repeat, they must end at the origin.
 

@@ -33,9 +33,9 @@ class DrawingFile:
     strokes, plane, orientation, turn_speed, repeat
         As for `Drawing`.
     position
-        Of the paper's origin in the inertial frame, shape (3,), m; None for the hand's.
+        Of the paper's origin in the inertial frame, shape (3,), m; None for the end effector's.
     rotation
-        Unit quaternion of the start, shape (4,); None for the hand's.
+        Unit quaternion of the start, shape (4,); None for the end effector's.
     trace
         The strokes over time, drawn once with fixed orientation.
     """
@@ -56,20 +56,20 @@ class DrawingFile:
         Parameters
         ----------
         start
-            Pose of the hand, `DualQuaternion` or shape (8,), inertial frame, m. It gives the position, if the
+            Pose of the end effector, `DualQuaternion` or shape (8,), inertial frame, m. It gives the position, if the
             file says ``start hand`` or nothing about it, and the orientation, if the file gives none.
 
         Raises
         ------
         ValueRangeError
-            If the hand's pose is needed and not given.
+            If the end effector's pose is needed and not given.
         """
         position, rotation = self.position, self.rotation
         if position is None or rotation is None:
             if start is None:
                 lacks = "position" if position is None else "orientation"
                 raise ValueRangeError(
-                    f"start: {self.path} gives no {lacks} to start at: give the hand's pose"
+                    f"start: {self.path} gives no {lacks} to start at: give the end effector's pose"
                 )
             hand = as_pose("start", start)
             origin = hand if position is None else pose(hand[:4], position)
@@ -93,7 +93,7 @@ def load_drawing(path: str | os.PathLike[str], start: ArrayLike | None = None) -
     path
         The file; ``docs/drawing-files.md`` describes the format.
     start
-        Pose of the hand, `DualQuaternion` or shape (8,), inertial frame, m. It gives the position, if the
+        Pose of the end effector, `DualQuaternion` or shape (8,), inertial frame, m. It gives the position, if the
         file says ``start hand`` or nothing about it, and the orientation, if the file gives none.
 
     Raises
@@ -101,7 +101,7 @@ def load_drawing(path: str | os.PathLike[str], start: ArrayLike | None = None) -
     FileFormatError
         If the file cannot be read; the message begins with the file and the line.
     ValueRangeError
-        If the hand's pose is needed and not given.
+        If the end effector's pose is needed and not given.
 
     Examples
     --------

@@ -127,7 +127,7 @@ def joint_range(robot: Robot, row: int) -> Array:
 
 
 def rod_radii(robot: Robot) -> Array:
-    """Return the radius, m, of what is drawn at each row of `Robot.chain`: less towards the hands."""
+    """Return the radius, m, of what is drawn at each row of `Robot.chain`: less towards the end effectors."""
     depth = _lengths_and_depths(robot)[1]
     return drawn_reach(robot) * np.linspace(0.048, 0.026, depth.max() + 1)[depth]
 

@@ -147,7 +147,7 @@ def load_mobile(
     source
         A ``.urdf``, ``.xacro`` or ``.xml`` (MJCF) file, or ``example-robot-data:PATH.urdf``.
     tip_link
-        Link whose frame is the hand; if omitted, the one that carries the fingers of the longest chain.
+        Link whose frame is the end effector; if omitted, the one that carries the fingers of the longest chain.
     drive
         ``"differential"``, ``"mecanum"``, ``"omni"``, ``"car-like"`` or ``"tricycle"``, where the wheels do not tell.
     wheel_radius, track

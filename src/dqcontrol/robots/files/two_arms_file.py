@@ -27,8 +27,8 @@ LoadRobot = Callable[[str | Path, str | None, str | None], Robot]
 class ArmOfTwo(FilePart):
     """An arm, as `load_robot` takes it; files relative to this one.
 
-    ``base`` is the pose of its base frame where both arms stand, ``tool`` that of its hand at its end. ``mirrored``
-    gives the mirror image in the plane y = 0 of where it stands: a left arm of a right one.
+    ``base`` is the pose of its base frame where both arms stand, ``tool`` that of its end effector at its end.
+    ``mirrored`` gives the mirror image in the plane y = 0 of where it stands: a left arm of a right one.
     """
 
     robot: Annotated[str, Meta(min_length=1)]

@@ -21,7 +21,7 @@ def most_dexterous(robot: Robot, lowest: float = -math.inf) -> Array:
     robot
         Whose.
     lowest
-        Least height of the hand above the base frame's origin, m, with which no joint is below that. Where no
+        Least height of the end effector above the base frame's origin, m, with which no joint is below that. Where no
         configuration is so high, as of arms that hang, it does not count.
 
     Returns

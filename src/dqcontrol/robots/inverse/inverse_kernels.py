@@ -1,6 +1,7 @@
 """Inverse kinematics, compiled: damped Newton steps inside the joint limits, from several starts.
 
-The residual is what the hand still has to turn (rotation vector, rad) and to move (m), inertial axes. A step minimises
+The residual is what the end effector still has to turn (rotation vector, rad) and to move (m), inertial axes. A step
+minimises
 |e − J Δq|² + λ|Δq|²; joints that would leave their limits are set on them and the rest is solved again, so that every
 iterate lies inside. [Levenberg 1944; Marquardt 1963; Sugihara 2011]
 """
@@ -42,7 +43,7 @@ def work_size(joints: int) -> int:
 
 @inline
 def _residual(chain, q, target, position, turns, moves, jacobian, out, turn):
-    """Write the residual (6) and the hand's Jacobian (n × 6, a row a joint) at q; return the residual's square."""
+    """Write the residual (6) and the Jacobian (n × 6, a row a joint) at q; return the residual's square."""
     n = chain.shape[0] - 1
     w, x, y, z, px, py, pz = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(n):

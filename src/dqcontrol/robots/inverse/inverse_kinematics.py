@@ -1,4 +1,4 @@
-"""Inverse kinematics: configurations that give the hand a pose, and why there is none."""
+"""Inverse kinematics: configurations that give the end effector a pose, and why there is none."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
@@ -22,7 +22,7 @@ _ITERATIONS = 60  # a start; most need fewer than 15
 _TRIALS = 64  # starts without limits, of which the solution nearest to the limits is reported
 _ROUNDING = 1e-9  # m: no distance
 _NEARLY = 1e-3  # m and rad: a failure so near the pose is a matter of convergence
-_NEARLY_SINGULAR = 1e-2  # smallest singular value of the hand's Jacobian
+_NEARLY_SINGULAR = 1e-2  # smallest singular value of the end effector's Jacobian
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class Solution:
     success
         Whether both errors are within their tolerances.
     position_error, orientation_error
-        Distance (m) and angle (rad) between the hand and the desired pose.
+        Distance (m) and angle (rad) between the end effector and the desired pose.
     iterations
         Damped Newton steps, over all starts.
     starts
@@ -95,7 +95,7 @@ class InverseKinematics(Dexterity):
         restarts: int = 400,
         seed: int = 0,
     ) -> Solution:
-        """Find a configuration within the joint limits that gives the hand a pose.
+        """Find a configuration within the joint limits that gives the end effector a pose.
 
         Damped Newton steps start from ``start``, then from random configurations, until one reaches the pose. The
         result is the same each time; with ``start`` near a solution it is that solution.
@@ -178,6 +178,35 @@ class InverseKinematics(Dexterity):
         return reports
 
 
+def solutions(
+    arm: InverseKinematics, pose: Array, starts: Array, orientation_tolerance: float, restarts: int
+) -> Array:
+    """Return the configurations, (K, n), that starts, (N, n), lead to and that have the hand at a pose, (8,).
+
+    What limits hold back goes on without them, and counts if it ends whole turns away from where they allow.
+    """
+    problem = prepare_inverse(arm.limits, arm.joint_types, 1e-6, orientation_tolerance, restarts, 0)
+    q = starts.copy()
+    reached = _reach(arm, problem, pose, q)
+    held = q[~reached]
+    free = _into_ranges(arm, held[_reach(arm, _without_limits(problem), pose, held)])
+    inside = ((arm.limits.lower <= free) & (free <= arm.limits.upper)).all(axis=1)
+    return np.vstack([q[reached], free[inside]])
+
+
+def _reach(arm: InverseKinematics, problem: Problem, pose: Array, q: Array) -> NDArray[np.bool_]:
+    """Overwrite starts, (N, n), by what they lead to, and return which of it has the hand at a pose, (8,)."""
+    reports = arm._newton(problem, np.tile(pose, (len(q), 1)), q)
+    return np.all(reports[:, :2] <= problem.options[:2], axis=1)
+
+
+def _without_limits(problem: Problem) -> Problem:
+    n = len(problem.middle)
+    return problem._replace(
+        limits=np.array([np.full(n, -np.inf), np.full(n, np.inf)]), starts=problem.starts[:0]
+    )
+
+
 class Problem(NamedTuple):
     """What does not depend on the pose: limits (2, n), random starts (K, n), the kernel's options, the first start."""
 
@@ -218,9 +247,7 @@ def _explain(
     """Return why a pose was not reached; or overwrite q and its report by a solution found on the way."""
     n, tolerances = arm.configuration_size, problem.options[:2]
     starts = problem.starts[: _TRIALS - 1]
-    unlimited = problem._replace(
-        limits=np.array([np.full(n, -np.inf), np.full(n, np.inf)]), starts=starts[:0]
-    )
+    unlimited = _without_limits(problem)
     free = np.vstack([q, starts])
     found = arm._newton(unlimited, np.repeat(pose, len(free), axis=0), free)
     reached = (found[:, :2] <= tolerances).all(axis=1)
@@ -247,7 +274,7 @@ def _explain(
         if smallest < _NEARLY_SINGULAR:
             return (
                 False,
-                f"singular: {near}, where the hand's Jacobian has a singular value of {smallest:.2g}",
+                f"singular: {near}, where the end effector's Jacobian has a singular value of {smallest:.2g}",
             )
         return False, f"tolerance: {near}; rounding allows no less than about 1e-15"
     few = f" (an arm of {n} joints has few orientations anywhere)" if n < 6 else ""

@@ -1,4 +1,4 @@
-"""How near a robot's hand comes to a pose within its joint limits, and which of them hold it back."""
+"""How near a robot's end effector comes to a pose within its joint limits, and which of them hold it back."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class NearestPose:
     position_error, orientation_error
         Distance (m) and angle (rad) that are left.
     held_by
-        Limits that the hand would have to pass to come nearer, those that hold it most first: joint and side.
+        Limits that the end effector would have to pass to come nearer, those that hold it most first: joint and side.
     """
 
     q: Array
@@ -50,7 +50,7 @@ class NearestPose:
 
 
 def nearest_pose(robot: Robot, pose: ArrayLike, start: ArrayLike, seed: int = 0) -> NearestPose:
-    """Return how near the hand comes to a pose, within limits of joints and with bases anywhere.
+    """Return how near the end effector comes to a pose, within limits of joints and with bases anywhere.
 
     Minimises |Δp|² + (0.3 m)² θ² by projected Levenberg–Marquardt steps, from the best of 64 configurations. At a
     minimum the bounds that its gradient presses against are those that hold the hand back. So it is a local

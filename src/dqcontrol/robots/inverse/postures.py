@@ -1,4 +1,4 @@
-"""The configurations that give the hand a pose, and which of them to start from."""
+"""The configurations that give the end effector a pose, and which of them to start from."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ReachError, ShapeError
-from dqcontrol.robots.inverse.inverse_kinematics import ranges
+from dqcontrol.robots.inverse.inverse_kinematics import ranges, solutions
 from dqcontrol.robots.poses import unit_poses
 from dqcontrol.robots.robot import base_coordinates
 
@@ -25,7 +25,7 @@ _SAME = 1e-3  # rad or m between two configurations: one solution
 
 @dataclass(frozen=True)
 class ReachingPosture:
-    """A configuration that gives the hand a pose.
+    """A configuration that gives the end effector a pose.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class ReachingPosture:
     nearest
         The joint that comes so near; empty without limits.
     manipulability
-        Product of the singular values of the hand's Jacobian: 0 where it is singular.
+        Product of the singular values of the end effector's Jacobian: 0 where it is singular.
     unit
         Of the margin, ``"rad"`` or ``"m"``.
     """
@@ -59,7 +59,7 @@ class ReachingPosture:
 def postures(
     robot: Robot, pose: ArrayLike, *, orientation: bool = True, starts: int = _STARTS, seed: int = 0
 ) -> list[ReachingPosture]:
-    """Return configurations within the joint limits that give the hand a pose, the best to start from first.
+    """Return configurations within the joint limits that give the end effector a pose, the best to start from first.
 
     The best has the largest product of manipulability and of the least share of a joint's half range that is left to
     its limits. An arm with more joints than the pose needs has infinitely many: those returned are a sample.
@@ -103,8 +103,7 @@ def postures(
     first = robot.solve(target, guesses[0], orientation_tolerance=tolerance)
     if not first.success:
         raise ReachError(first.reason)
-    found = robot.solve(target, guesses, orientation_tolerance=tolerance, restarts=2)
-    q = _distinct(np.vstack([first.q, found.q[found.success]]))
+    q = _distinct(np.vstack([first.q, solutions(robot, target, guesses, tolerance, restarts=2)]))
     share, margin, nearest = _room(robot, q)
     dexterity = robot.manipulability(q)
     order = np.argsort(-share * dexterity, kind="stable")
@@ -120,11 +119,8 @@ def _posture(robot: Robot, q: Array, margin: float, nearest: int, dexterity: flo
 
 def _distinct(q: Array) -> Array:
     """Return configurations without those that are the same as an earlier one."""
-    kept: list[Array] = []
-    for each in q:
-        if all(np.abs(each - other).max() > _SAME for other in kept):
-            kept.append(each)
-    return np.array(kept)
+    same = np.abs(q[:, None] - q).max(axis=2) <= _SAME
+    return q[~np.tril(same, -1).any(axis=1)]
 
 
 def _room(robot: Robot, q: Array) -> tuple[Array, Array, NDArray[np.intp]]:

@@ -1,7 +1,7 @@
 """Inverse kinematics of one or several tasks of a tree at once, compiled.
 
 The same damped Newton steps inside the joint limits as those of chains (`inverse_kernels`, whose 6 × 6 system is
-written for one hand), with six rows a task.
+written for one end effector), with six rows a task.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How freely a hand can move: manipulability, condition and singular directions of a configuration."""
+"""How freely an end effector can move: manipulability, condition and singular directions of a configuration."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dqcontrol.robots.chain_robot import ChainRobot
 
 
 class Dexterity(ChainRobot):
-    """Measures of the hand's Jacobian [ω ; ṗ], in rad and m: they change with the unit of length."""
+    """Measures of the end effector's Jacobian [ω ; ṗ], in rad and m: they change with the unit of length."""
 
     def manipulability(self, q: ArrayLike) -> Array:
         """Return m = √det(J Jᵀ), or √det(JᵀJ) with fewer than six joints, shape (…). [Yoshikawa 1985].
@@ -34,14 +34,14 @@ class Dexterity(ChainRobot):
             return values[..., 0] / values[..., -1]
 
     def singular_directions(self, q: ArrayLike, threshold: float = 0.02) -> tuple[Array, Array]:
-        """Return the directions in which the hand can hardly move.
+        """Return the directions in which the end effector can hardly move.
 
         Parameters
         ----------
         q
             One configuration, shape (n,), rad or m.
         threshold
-            Singular values below it count, in units of the hand's Jacobian (rad and m).
+            Singular values below it count, in units of the end effector's Jacobian (rad and m).
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""How freely a hand can move, compiled."""
+"""How freely an end effector can move, compiled."""
 
 from __future__ import annotations
 

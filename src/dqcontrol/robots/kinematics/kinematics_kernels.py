@@ -268,7 +268,7 @@ def kinematics_apart(chain, q, pose, pose_jacobian, twist_jacobian):
 
 @inline
 def hand_jacobian(position, twist_jacobian, out):
-    """Write the Jacobian (6 × m) of the hand's [ω ; ṗ]: the twist Jacobian moved to the hand's position."""
+    """Write the Jacobian (6 × m) of [ω ; ṗ]: the twist Jacobian moved to the end effector's position."""
     px, py, pz = position
     for c in range(twist_jacobian.shape[1]):
         x, y, z = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]
@@ -280,7 +280,7 @@ def hand_jacobian(position, twist_jacobian, out):
 
 @kernel(CHAIN)
 def hand_kinematics(chain, q, out):
-    """Write the end pose (8), the pose Jacobian (8 × m) and the Jacobian (6 × m) of the hand's [ω ; ṗ]."""
+    """Write the end pose (8), the pose Jacobian (8 × m) and the Jacobian (6 × m) of the end effector's [ω ; ṗ]."""
     pose, pose_jacobian, jacobian = split(out)
     status = all_kinematics(chain, q, pose, pose_jacobian, jacobian)
     hand_jacobian(position(pose), jacobian, jacobian)

@@ -1,4 +1,4 @@
-"""Learning from repetition: the reference is shifted from repeat to repeat until the hand goes where it should."""
+"""Learning from repetition: the reference is shifted until the end effector goes where it should."""
 
 import lazy_loader
 

@@ -26,10 +26,10 @@ _STEP = 1.05  # between cut-offs that are tried
 class Convergence:
     """The learning operator of a loop, and how errors change from repeat to repeat.
 
-    w⁺ = w + Q L Q e with L = T̄*/(|T̄|² + ρ mean|T̄|²), T̄ from a shift of the reference to the hand, the mean over the
-    joints, and the low pass Q = 1/(1 + (f/f_c)⁴). With another plant's T the error of a frequency is multiplied by
-    I − Q²LT: it shrinks where all eigenvalues lie inside the unit circle. The mean over frequencies is that without
-    preview, with which all of them pass, and learning would be slower for nothing.
+    w⁺ = w + Q L Q e with L = T̄*/(|T̄|² + ρ mean|T̄|²), T̄ from a shift of the reference to the end effector, the mean
+    over the joints, and the low pass Q = 1/(1 + (f/f_c)⁴). With another plant's T the error of a frequency is
+    multiplied by I − Q²LT: it shrinks where all eigenvalues lie inside the unit circle. The mean over frequencies is
+    that without preview, with which all of them pass, and learning would be slower for nothing.
 
     Attributes
     ----------

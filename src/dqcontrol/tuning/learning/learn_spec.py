@@ -19,7 +19,7 @@ from dqcontrol.tuning.spec_with_block import SpecWithBlock
 
 
 class Tracker(Part, frozen=True, kw_only=True):
-    """What measures the pose of the hand from outside.
+    """What measures the pose of the end effector from outside.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class LearnBlock(Part, frozen=True, kw_only=True):
     repeats
         Most repeats after the first run.
     measured_by
-        ``"encoders"``: the hand's pose follows from the measured joints; ``"tracker"``: it is measured itself.
+        ``"encoders"``: the end effector's pose follows from the measured joints; ``"tracker"``: it is measured itself.
     tracker
         Its noise.
     sensor_delay
@@ -60,7 +60,7 @@ class LearnBlock(Part, frozen=True, kw_only=True):
         Start of each repeat from which nothing is learnt, s, twice as long until all counts: for motions that begin
         with a jump.
     return_time
-        In which the hand goes back where a motion ends elsewhere than it starts, s.
+        In which the end effector goes back where a motion ends elsewhere than it starts, s.
     """
 
     repeats: Annotated[int, Meta(ge=1, le=1000)] = 5

@@ -18,7 +18,7 @@ from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.tuning.learning.convergence import Convergence
 
 _TAPER = 1.0  # s, in which errors fade beyond both ends of a record
-TRACKED_POSE = "tracked_pose"  # among the readings of a record: where a tracker saw the hand, (N, 8)
+TRACKED_POSE = "tracked_pose"  # among the readings of a record: where a tracker saw the end effector, (N, 8)
 LEVER = 0.3  # m: so far from its axis a turn counts as a way
 
 

@@ -1,4 +1,4 @@
-"""How the hand answers a shift of the reference, by frequency: law and plant as linear models."""
+"""How the end effector answers a shift of the reference, by frequency: law and plant as linear models."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _LEAST_ANGLE = 1e-9  # where the loop is at rest, z = 1
 
 @dataclass(frozen=True)
 class LoopShape:
-    """A law as one loop of a direction of the hand: u = C(z) (w − y) + κ F(z) (z − 1) w/T.
+    """A law as one loop of a direction of the end effector: u = C(z) (w − y) + κ F(z) (z − 1) w/T.
 
     Attributes
     ----------

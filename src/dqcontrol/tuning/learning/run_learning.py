@@ -21,7 +21,7 @@ from dqcontrol.experiments.check import driven_model
 from dqcontrol.experiments.feasibility import path_demand
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare_spec
 from dqcontrol.experiments.result_pages import result_pages
-from dqcontrol.experiments.results_folder import SPEC_FILE, check_new, new_folder
+from dqcontrol.experiments.results_folder import SPEC_FILE, check_new, new_folder, told_first
 from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec.spec_files import copy_inputs
 from dqcontrol.experiments.working_folder import WorkingFolder
@@ -84,7 +84,7 @@ class LearningRun:
     number
         0 is the first, with nothing learnt.
     position, orientation
-        Root mean square of the hand's true errors, mm and degrees, without the start that is skipped.
+        Root mean square of the end effector's true errors, mm and degrees, without the start that is skipped.
     peak
         Largest true error of the position, mm.
     seen
@@ -262,7 +262,7 @@ def learn(
     journal: str | Path | None = None,
     **block: Any,
 ) -> Learning:
-    """Run a motion, and shift its reference from repeat to repeat until the hand goes where it should.
+    """Run a motion, and shift its reference from repeat to repeat until the end effector goes where it should.
 
     Parameters
     ----------
@@ -329,9 +329,8 @@ def learn_to(
     """
     check_new(folder, force=force)
     found = learn(source, repeats, real_time=real_time, runner=runner, progress=progress)
-    if computed:
-        computed(found)
-    found.save(folder, force=force)
+    with told_first(computed, found):
+        found.save(folder, force=force)
     return found
 
 
@@ -367,7 +366,7 @@ class _Session:
         if (way > _CLOSED[0] or angle > _CLOSED[1]) and block.return_time is None:
             raise ValueRangeError(
                 f"{where}: reference: ends {1e3 * way:.3g} mm and {math.degrees(angle):.2f}° from where it starts, so "
-                "it cannot be repeated; give learn.return_time, in which the hand goes back"
+                "it cannot be repeated; give learn.return_time, in which the end effector goes back"
             )
         twist = samples[0, TWIST]
         px = algebra.translation(samples[0, POSE])
@@ -571,7 +570,7 @@ class _Session:
         )
 
     def _tracked(self, record: Record, rows: NDArray[np.intp], seen: Array, time: Array) -> Array:
-        """Return where a robot's tracker saw the hand at some times, from rows of a record seen at increasing times."""
+        """Return where a tracker saw the end effector at some times, from rows of a record seen at increasing times."""
         if TRACKED_POSE not in record.readings:
             raise ShapeError(
                 f"{self.problem.where}: learn.measured_by: the robot's record has no reading '{TRACKED_POSE}'; give "
@@ -581,7 +580,7 @@ class _Session:
         return path.samples(np.clip(time - seen[0], 0.0, path.duration))[:, POSE]
 
     def _seen(self, record: Record, number: int) -> Array:
-        """Return the error of the hand as the sensors see it, shape (N, 6), against the motion that was asked for."""
+        """Return the error as the sensors see it, shape (N, 6), against the motion that was asked for."""
         block, count = self.problem.block, len(self.time)
         if block.measured_by == "tracker":
             poses = record.pose[:count]
