@@ -235,7 +235,7 @@ def test_bad_input():
         with pytest.raises(Error, match=words):
             live(**changes)
     soft = Impedance(stiffness=800.0, turn_stiffness=20.0)
-    for more in ({"command_mode": "measured"}, {"stiffness": 5e3}):
+    for more in ({"command_mode": "measured"}, {"stiffness": 5e3}, {"bandwidth": 30.0}):
         with pytest.raises(ValueRangeError, match=r"plant\.impedance: "):
             MujocoPlant(impedance=soft, **more).start(ARM, START, 0.004, 0, 0)
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
 
 _STEP = 1e-5  # rad, m and their rates, for slopes
+_OF_SERVOS = ("bandwidth", "damping_ratio", "stiffness", "damping", "pads")
 
 
 class TorqueDrive:
@@ -29,9 +30,10 @@ class TorqueDrive:
 
     def __init__(self, plant: MujocoPlant, robot: Robot, model: Any, data: Any) -> None:
         assert plant.impedance is not None
-        if plant.stiffness is not None or plant.damping is not None or plant.pads is not None:
+        of_servos = [name for name in _OF_SERVOS if getattr(plant, name) != getattr(type(plant)(), name)]
+        if of_servos:
             raise ValueRangeError(
-                "plant.impedance: stands in place of the joints' servos; leave out 'stiffness', 'damping' and 'pads'"
+                f"plant.impedance: stands in place of the joints' servos; leave out {', '.join(of_servos)}"
             )
         if plant.command_mode != "integrated":
             raise ValueRangeError(
