@@ -135,11 +135,6 @@ def test_what_moves_counts_as_what_it_sweeps():
     assert standing(still) is still
 
 
-def test_bases_that_steer_are_left_to_drive_to():
-    with pytest.raises(ValueRangeError, match="drive-to"):
-        CertifiedEdges(load("little-john"), dqc.constraints.Constraints(self_collision=False))
-
-
 def test_configurations_have_the_robots_size():
     edges = CertifiedEdges(load("panda"), dqc.constraints.Constraints())
     with pytest.raises(ShapeError, match="b: expected shape"):
