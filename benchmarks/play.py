@@ -62,6 +62,19 @@ def playing(source: str, port: int) -> Iterator[tuple[subprocess.Popen[str], str
             process.wait()
 
 
+DRAWN = """() => new Promise(done => {
+    let left = 10; const next = () => left-- ? requestAnimationFrame(next) : done(true);
+    requestAnimationFrame(next);
+})"""  # some pictures later
+COUNTED = """(() => {
+    window.drawn = 0; let isDrawn = false;
+    for (const kind of ["drawElements", "drawArrays", "drawElementsInstanced"]) {
+        const own = WebGL2RenderingContext.prototype[kind];
+        WebGL2RenderingContext.prototype[kind] = function (...each) { isDrawn = true; return own.apply(this, each); };
+    }
+    const next = () => { window.drawn += isDrawn; isDrawn = false; requestAnimationFrame(next); };
+    requestAnimationFrame(next);
+})()"""
 COMPUTED = """
 import os, sys, time
 from dqcontrol.browser import served_page
@@ -146,16 +159,17 @@ class Playing:
         while not self._closed.wait(1 / 30):
             self.page.tick()
 
-    def drags(self, tab: Page, count: int) -> Any:
-        """Return the times from a pointer's move to the first step that moves there, s."""
-        return drags(tab, self.page.server, self.page._gizmos[""], lambda: self.moves, count)
+    def drags(self, tab: Page, count: int, number: int = 0) -> Any:
+        """Return the times from a pointer's move in a tab, by its number, to the first step that moves there, s."""
+        viewer = list(self.page.server.get_clients().values())[number]
+        return drags(tab, viewer, self.page._gizmos[""], lambda: self.moves, count)
 
 
-def arrow(server: Any, gizmo: Any, tab: Page) -> tuple[Any, Any]:
-    """Return where an arrow of a gizmo is seen, px, and which way it points."""
+def arrow(viewer: Any, gizmo: Any, tab: Page) -> tuple[Any, Any]:
+    """Return where a viewer sees an arrow of a gizmo in its tab, px, and which way it points."""
     from dqcontrol import algebra
 
-    camera = list(server.get_clients().values())[-1].camera
+    camera = viewer.camera
     turn = algebra.matrix_from_rotation(np.asarray(camera.wxyz))
     focal = 0.5 * camera.image_height / np.tan(camera.fov / 2)
     box = tab.locator("canvas").first.bounding_box()
@@ -178,6 +192,7 @@ def opened(browser: Browser, url: str, complaints: list[str]) -> Page:
     tab.set_default_timeout(120_000)
     tab.on("pageerror", lambda error: complaints.append(str(error)))
     tab.on("console", lambda line: line.type == "error" and complaints.append(line.text))
+    tab.add_init_script(COUNTED)
     tab.goto(f"{url}/?fixedDpr=0.5")
     while (np.ptp(picture(tab), axis=2) > 100).mean() < 1e-3:
         tab.wait_for_timeout(100)
@@ -185,16 +200,11 @@ def opened(browser: Browser, url: str, complaints: list[str]) -> Page:
 
 
 def frames(tab: Page, seconds: float = 5.0) -> float:
-    """Return how many pictures a page draws a second."""
-    count = tab.evaluate(
-        """ms => new Promise(done => {
-            let count = 0; const begin = performance.now();
-            const next = now => now - begin > ms ? done(count) : (count++, requestAnimationFrame(next));
-            requestAnimationFrame(next);
-        })""",
-        1e3 * seconds,
-    )
-    return float(count) / seconds
+    """Return how many pictures of its scene a page draws a second; it draws none where nothing moves."""
+    count = "window.drawn"
+    begin, then = tab.evaluate(count), time.monotonic()
+    tab.wait_for_timeout(1e3 * seconds)
+    return float(tab.evaluate(count) - begin) / (time.monotonic() - then)
 
 
 def empty_scene(browser: Browser, port: int, count: int) -> tuple[float, Any]:
@@ -213,22 +223,49 @@ def empty_scene(browser: Browser, port: int, count: int) -> tuple[float, Any]:
 
     gizmo.on_update(moved)
     tab = browser.new_page(viewport=WINDOW, device_scale_factor=0.5)
+    tab.add_init_script(COUNTED)
     tab.goto(f"{address(server)}/?fixedDpr=0.5")
+    while not server.get_clients():
+        tab.wait_for_timeout(100)
     tab.wait_for_timeout(4000)
-    drawn, late = frames(tab), drags(tab, server, gizmo, lambda: seen, count)
+    (viewer,) = server.get_clients().values()
+    late = drags(tab, viewer, gizmo, lambda: seen, count)
+    with moving(gizmo):
+        drawn = frames(tab)
     tab.close()
     server.stop()
     return drawn, late
 
 
-def drags(tab: Page, server: Any, gizmo: Any, moves: Callable[[], list[float]], count: int) -> Any:
+@contextmanager
+def moving(node: Any) -> Iterator[None]:
+    """Move a node of the scene 30 times a second, as play moves a robot."""
+    ended = threading.Event()
+
+    def move() -> None:
+        k = 0
+        while not ended.wait(1 / 30):
+            k += 1
+            node.position = (0.4, 0.1 * np.sin(k / 10), 0.5)
+
+    thread = threading.Thread(target=move)
+    thread.start()
+    yield
+    ended.set()
+    thread.join()
+
+
+def drags(tab: Page, viewer: Any, gizmo: Any, moves: Callable[[], list[float]], count: int) -> Any:
     """Return the times from a pointer's move to the first motion that comes of it, s; ``moves`` are their moments."""
-    tab.bring_to_front()  # one behind others draws nothing, and hears no pointer
     mouse, found = tab.mouse, []
-    at, along = arrow(server, gizmo, tab)
-    for _ in range(10):  # a machine that is busy may not have drawn the arrow beneath the pointer yet
+    for _ in range(
+        5
+    ):  # a tab that was behind others has drawn nothing, and a press beside the arrow turns the view
+        tab.bring_to_front()
+        tab.evaluate(DRAWN)
+        at, along = arrow(viewer, gizmo, tab)
         mouse.move(*at)
-        tab.wait_for_timeout(300)
+        tab.evaluate(DRAWN)
         mouse.down()
         begin = time.monotonic()
         mouse.move(*(at + 8 * along))
@@ -305,21 +342,22 @@ def main() -> None:
         with Playing(driven_spec("panda")[0], 18620, folder) as playing:
             session = playing.session
             tab = opened(browser, playing.page.url, complaints)
+            session.follow({"kind": "circle", "radius": 0.1, "duration": 600, "turns": 200, "plane": "yz"})
             alone = frames(tab)
             session.set_ghost({"kind": "proportional", "gain": 5.0})
             tab.wait_for_timeout(2000)
-            print(f"{alone:.1f} of a Panda with its charts, {frames(tab):.1f} of two", flush=True)
+            print(f"{alone:.1f} of a Panda that moves, with its charts, {frames(tab):.1f} of two", flush=True)
             session.set_ghost(None)
+            session.reset()
             tab.wait_for_timeout(1000)
             late = playing.drags(tab, chosen.drags)
             for what, times in (("drag to motion", late), ("to a message of an empty scene", floor)):
-                print(
-                    f"{what}: median {1e3 * np.median(times):.0f} ms, p95 {1e3 * np.quantile(times, 0.95):.0f} ms "
-                    f"({len(times)} of {chosen.drags} moves, load {os.getloadavg()[0]:.1f})",
-                    flush=True,
-                )
+                middle, most = 1e3 * np.quantile(times, [0.5, 0.95])
+                load = f"load {os.getloadavg()[0]:.1f}"
+                print(f"{what}: median {middle:.0f} ms, 95 % below {most:.0f} ms", end=" ")
+                print(f"({len(times)} of {chosen.drags} moves, {load})", flush=True)
             second = opened(browser, playing.page.url, complaints)
-            pairs = [playing.drags(each, 4) for each in (tab, second)]
+            pairs = [playing.drags(each, 4, k) for k, each in enumerate((tab, second))]
             kept = session.live.target
             tab.reload()
             tab.wait_for_timeout(5000)

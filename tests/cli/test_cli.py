@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 from dqcontrol import cli, load_robot
+from dqcontrol.cli import screen
 from dqcontrol.errors import LimitWarning
 from dqcontrol.plants.linear_model import LinearModel
 
@@ -55,6 +56,28 @@ def test_run_writes_a_folder_and_prints_the_table(here, capsys):
     names = {path.name for path in (here / "results/tiny").iterdir()}
     assert {"spec.yaml", "record.mcap", "metrics.json", "report.html"} <= names
     assert '<figure id="path">' in (here / "results/tiny/report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("repeats", [1, 2])
+def test_results_are_kept_though_nobody_reads_what_is_printed(here, capsys, monkeypatch, repeats):
+    """As by `dqcontrol run spec.yaml | head -1`, or with a name of a column that there is not."""
+    (here / "spec.yaml").write_text(yaml.safe_dump(SPEC | {"repeats": repeats}))
+
+    monkeypatch.setenv(screen.COLUMNS, "")  # the command line sets it, here for this test alone
+
+    def closed(*words, **options):
+        raise BrokenPipeError
+
+    with monkeypatch.context() as patch:
+        patch.setattr("builtins.print", closed)
+        call("run", "spec.yaml", "--no-figures", "--out", "piped", capsys=capsys)
+    code, _, err = call(
+        "run", "spec.yaml", "--no-figures", "--columns", "nonsense", "--out", "named", capsys=capsys
+    )
+    assert code == 2
+    assert err.splitlines()[-1].startswith("dqcontrol: columns: unknown name 'nonsense'")
+    for name in ("piped", "named"):
+        assert (here / name / "report.html").exists() or (here / name / "metrics.json").exists()
 
 
 def test_results_are_never_overwritten_unasked(here, capsys):

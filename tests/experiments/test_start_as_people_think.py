@@ -42,6 +42,11 @@ def test_a_pose_of_the_hand_is_a_start(turn):
     )  # a saved run starts where it did, whatever the solver finds later
 
 
+def test_rounding_is_not_said():
+    with pytest.warns(NoteWarning, match=r"start: \[-?0\.\d+, 0, 0°, [^e]*\], nearest"):
+        prepare({**SPEC, "robot": "little-john", "start": {"position": [0.3, 0, 0.35]}})
+
+
 def test_without_an_orientation_only_the_position_counts():
     with pytest.warns(NoteWarning):
         setting = prepare({**SPEC, "start": {"position": [0.4, 0.2, 0.4]}})

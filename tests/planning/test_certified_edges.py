@@ -135,6 +135,15 @@ def test_what_moves_counts_as_what_it_sweeps():
     assert standing(still) is still
 
 
+def test_bases_that_steer_are_left_to_drive_to():
+    edges = CertifiedEdges(load("little-john"), dqc.constraints.Constraints(self_collision=False))
+    start = np.array([0.0, 0.0, 0.0, *[0.2] * 5])
+    assert edges.clear(start, start + [0, 0, 0, 0.1, 0, 0, 0, 0]).certified  # its base stands
+    for k in range(3):
+        with pytest.raises(ValueRangeError, match="base of little-john drives on one.*drive-to"):
+            edges.clear(start, start + 0.1 * np.eye(8)[k])
+
+
 def test_configurations_have_the_robots_size():
     edges = CertifiedEdges(load("panda"), dqc.constraints.Constraints())
     with pytest.raises(ShapeError, match="b: expected shape"):

@@ -150,6 +150,7 @@ def test_a_run_is_one_goal_that_the_arm_follows(arm_at, run_folder, node, start)
     np.testing.assert_array_equal(arm.q, q[-1])
 
 
+@pytest.mark.slow
 def test_an_arm_that_stands_elsewhere_gets_no_goal(arm_at, run_folder, node, start):
     arm = arm_at(np.add(START, [0, 0, 0, 0.02, 0, 0, 0]))
     code, said = ended(node, sent(start, run_folder))
@@ -157,6 +158,7 @@ def test_an_arm_that_stands_elsewhere_gets_no_goal(arm_at, run_folder, node, sta
     assert "A4 is at 1.62, 0.02 rad or m from where the run starts; at most 0.01 is allowed" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("accepts", "fails", "words"),
     [(False, 0, "/arm/follow refused the goal"), (True, -4, "path tolerance violated: joint A2 is held")],
@@ -168,6 +170,7 @@ def test_what_an_arm_says_is_said(arm_at, run_folder, node, start, accepts, fail
     assert (code, words in said) == (2, True), said
 
 
+@pytest.mark.slow
 def test_an_interrupt_cancels_the_motion(arm_at, run_folder, node, start):
     arm = arm_at(START, pace=0.2)
     process = sent(start, run_folder)
@@ -178,6 +181,7 @@ def test_an_interrupt_cancels_the_motion(arm_at, run_folder, node, start):
     assert len(arm.goals) == 1
 
 
+@pytest.mark.slow
 def test_nobody_there_is_said(control_msgs, run_folder, start):
     process = sent(start, run_folder)
     assert "nobody offers action /arm/follow" in process.communicate(timeout=120)[0]

@@ -44,12 +44,8 @@ def use_loop_events() -> None:
         If this viser keeps its messages in another way.
     """
     infra: Any = importlib.import_module("viser.infra._infra")
-    try:
-        buffer: Any = infra.AsyncMessageBuffer
-        is_known = "message_event" in buffer.__dataclass_fields__
-    except AttributeError:
-        is_known = False
-    if not is_known:
+    buffer: Any = getattr(infra, "AsyncMessageBuffer", None)
+    if "message_event" not in getattr(buffer, "__dataclass_fields__", ()):
         raise Error("view: this viser keeps its messages in another way; install viser 1.1")
     if issubclass(buffer, _Buffers):
         return

@@ -113,8 +113,12 @@ class ServedPage(ABC):
     def _set_scene(
         self, position: Array, looked_at: Array, side: float, height: float, shadows: float
     ) -> None:
-        """Look from a position at a point, m, at a floor of a height and with sides of a length, m."""
+        """Look from a position at a point, m, at a floor of a height and with sides of a length, m.
+
+        Without shadows (0) pictures take half the time where no graphics card draws them.
+        """
         server = self.server
+        server.scene.configure_default_lights(cast_shadow=shadows > 0)
         server.scene.set_up_direction("+z")
         server.initial_camera.position, server.initial_camera.look_at = position, looked_at
         server.initial_camera.fov = FIELD

@@ -11,6 +11,7 @@ from typing import Any
 from dqcontrol.experiments.check import warn_unstable
 from dqcontrol.experiments.failure_hints import warn_of_failures
 from dqcontrol.experiments.prepared_experiment import prepare
+from dqcontrol.experiments.results_folder import told_first
 from dqcontrol.experiments.run import Run, as_run, execute
 from dqcontrol.experiments.streamed_run import StreamedRun
 from dqcontrol.loop import Clock
@@ -79,10 +80,9 @@ def run_in_real_time(
     if record.stopped.startswith(("halted", "faulted", "diverged")):
         _keep(black_box, streamed, record.stopped)
     done = replace(as_run(setting, case, 0, record), timing=clock.timing, expected=expected)
-    if computed:
-        computed(done)
-    streamed.complete(done, figures=figures)
-    warn_of_failures([(case, [done.metrics.flat()])], stacklevel=2)
+    with told_first(computed, done):
+        streamed.complete(done, figures=figures)
+        warn_of_failures([(case, [done.metrics.flat()])], stacklevel=2)
     return done
 
 

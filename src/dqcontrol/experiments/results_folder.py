@@ -7,14 +7,17 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TypeVar
 
 from filelock import FileLock
 
 from dqcontrol.errors import Error, ExistsError, ValueRangeError, writing
 from dqcontrol.files.whole_file import whole_file
+
+Found = TypeVar("Found")
 
 SPEC_FILE = "spec.yaml"  # every folder of results holds what it came from
 PARENT = ".."  # of such a folder: what lies in it and no run wrote keeps it from being replaced
@@ -72,6 +75,16 @@ def check_new(folder: str | Path, *, force: bool) -> None:
         ) from None
     if foreign := sorted(_files(target) - written - {_CONTENTS} - _being_saved(target)):
         raise ExistsError(f"{target}: holds '{foreign[0]}', which no run wrote; it is not replaced")
+
+
+@contextmanager
+def told_first(computed: Callable[[Found], None] | None, found: Found) -> Iterator[None]:
+    """Tell what was found, then save it, whatever became of telling: whom it is told to may have closed the pipe."""
+    try:
+        if computed:
+            computed(found)
+    finally:
+        yield
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from dqcontrol.experiments.failure_hints import warn_of_failures
 from dqcontrol.experiments.journal import Journal
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
 from dqcontrol.experiments.processes import checked_jobs
-from dqcontrol.experiments.results_folder import check_new
+from dqcontrol.experiments.results_folder import check_new, told_first
 from dqcontrol.experiments.run import Run, as_run
 from dqcontrol.experiments.study import Study, by_label
 from dqcontrol.experiments.trials import Batch, Trial, outcomes, sensible_jobs, trial_folder
@@ -112,21 +112,19 @@ def run_study_to(
         study = _run(setting, jobs, progress, None)
         if not study.runs:
             raise DivergedError(str(study.rows[0]["stopped"]))
-        if computed:
-            computed(study)
-        _warn(setting, study)
-        if setting.spec.is_single:
-            next(iter(study.runs.values())).save(target, force=force, figures=figures is not False)
-        else:
-            study.save(target, force=force, figures=figures, jobs=jobs, progress=drawing)
+        with told_first(computed, study):
+            _warn(setting, study)
+            if setting.spec.is_single:
+                next(iter(study.runs.values())).save(target, force=force, figures=figures is not False)
+            else:
+                study.save(target, force=force, figures=figures, jobs=jobs, progress=drawing)
         return study
     with Journal(working_folder(target), setting, force=force) as journal:
         study = _run(setting, jobs, progress, journal)
-        if computed:
-            computed(study)
-        _warn(setting, study)
-        study.save(target, force=force, figures=figures, jobs=jobs, progress=drawing)
-        journal.discard()
+        with told_first(computed, study):
+            _warn(setting, study)
+            study.save(target, force=force, figures=figures, jobs=jobs, progress=drawing)
+            journal.discard()
     return study
 
 

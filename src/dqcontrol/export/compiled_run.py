@@ -12,6 +12,7 @@ from typing import Any
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.experiments.check import warn_unstable
 from dqcontrol.experiments.failure_hints import warn_of_failures
+from dqcontrol.experiments.results_folder import told_first
 from dqcontrol.experiments.run import Run, as_run
 from dqcontrol.experiments.streamed_run import StreamedRun
 from dqcontrol.export.controller_parts import ControllerParts, controller_parts
@@ -95,10 +96,9 @@ def run_compiled_in_real_time(
             _keep_last_seconds(parts, streamed, host, record.stopped)
     timing = Timing(parts.period, rows.begin, rows.computation, rows.idle, rows.late != 0.0)
     done = replace(as_run(setting, case, 0, record), timing=timing, expected=expected)
-    if computed:
-        computed(done)
-    streamed.complete(done, figures=figures)
-    warn_of_failures([(case, [done.metrics.flat()])], stacklevel=2)
+    with told_first(computed, done):
+        streamed.complete(done, figures=figures)
+        warn_of_failures([(case, [done.metrics.flat()])], stacklevel=2)
     return done
 
 

@@ -6,7 +6,7 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from rclpy.action import ActionClient
+from rclpy.action.client import ActionClient
 from rclpy.duration import Duration
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -84,8 +84,9 @@ class TrajectoryGoal(Node):
         bound = import_module("control_msgs.msg").JointTolerance
         bounds = [bound(name=joint, position=tolerance) for joint in self._joints]
         self._goal.path_tolerance = self._goal.goal_tolerance = bounds
-        last = trajectory.points[-1].time_from_start
-        self.length: str = f"{len(trajectory.points)} points in {last.sec + 1e-9 * last.nanosec:.2f} s"
+        points: Any = trajectory.points
+        last = points[-1].time_from_start
+        self.length: str = f"{len(points)} points in {last.sec + 1e-9 * last.nanosec:.2f} s"
         self._client = ActionClient(self, kind, action)
         self._action, self._handle, self._is_sent = action, None, False
         self.outcome, self.is_done = "", False

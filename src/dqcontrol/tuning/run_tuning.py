@@ -17,7 +17,7 @@ from dqcontrol.experiments.check import LEAST_OVERSHOOT, loop_checks
 from dqcontrol.experiments.prepared_experiment import prepare_spec, program
 from dqcontrol.experiments.processes import checked_jobs, in_processes
 from dqcontrol.experiments.result_pages import result_pages
-from dqcontrol.experiments.results_folder import SPEC_FILE, check_new, new_folder
+from dqcontrol.experiments.results_folder import SPEC_FILE, check_new, new_folder, told_first
 from dqcontrol.experiments.row_file import write_rows
 from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec import as_spec
@@ -376,9 +376,7 @@ def tune_to(
     _check(problem, jobs, scheduler)
     with _working_folder(working_folder(target), problem, force=force) as kept:
         found = _tuned(problem, jobs, scheduler, kept, progress)
-        if computed:
-            computed(found)
-        with new_folder(target, force=force) as new:
+        with told_first(computed, found), new_folder(target, force=force) as new:
             found.write(new)
         kept.discard()
     return found

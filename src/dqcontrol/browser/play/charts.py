@@ -40,8 +40,9 @@ class Charts:
         self._error.data, self._share.data = (time, *others, error), (time, share)
         _reach_up_to(self._error, max(float(np.nanmax([error, *others])), _LEAST_ERROR))
         for chart, values in ((self._clearance, clearance), (self._force, force)):
-            chart.data = (time, values)
             chart.visible = bool(np.isfinite(values).any())
+            if chart.visible:
+                chart.data = (time, values)
         if self._force.visible:
             _reach_up_to(self._force, max(float(np.nanmax(force)), _LEAST_FORCE))
 

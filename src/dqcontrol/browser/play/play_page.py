@@ -163,7 +163,7 @@ class PlayPage(ServedPage):
         low[2] = min(0.0, float(joints[:, 2].min()))
         box = Extent(low, high)
         position, looked_at = viewpoint(foot, [hand[None]], box)
-        self._set_scene(position, looked_at, float(np.ceil(4 * reach)), float(low[2]), shadows=0.2)
+        self._set_scene(position, looked_at, float(np.ceil(4 * reach)), float(low[2]), shadows=0.0)
         self._drawn = DrawnRobot(self.server, robot, f"{root}/robot", axes=0.1 * reach)
         size = 0.12 * reach
         self._desired = self.server.scene.add_frame(
@@ -238,7 +238,7 @@ class PlayPage(ServedPage):
         return pull
 
     def _draw_pull(self) -> None:
-        """Draw the spring between a link and the mouse, and say how hard it draws."""
+        """Draw the force on a link as an arrow, as long as the spring to the mouse is, and say how strong it is."""
         pulled = self.session.pulled
         if pulled is None:
             for node in self._spring:
@@ -246,9 +246,16 @@ class PlayPage(ServedPage):
             self._spring = []
             return
         scene, end = self.server.scene, pulled.point + pulled.force / STIFFNESS
-        line = scene.add_line_segments("/spring", np.array([[pulled.point, end]]), _PULL, thickness=0.008)
+        arrow = scene.add_arrows(
+            "/spring",
+            np.array([[pulled.point, end]]),
+            _PULL,
+            shaft_radius=0.006,
+            head_radius=0.018,
+            head_length=0.05,
+        )
         label = scene.add_label("/spring-force", f"{np.linalg.norm(pulled.force):.0f} N", position=end)
-        self._spring = [line, label]
+        self._spring = [arrow, label]
 
     def _draw_ghost(self, ghost: Any, q: Array | None) -> None:
         if ghost is not self._shown_ghost:

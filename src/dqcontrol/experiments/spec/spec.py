@@ -218,7 +218,9 @@ def start_configuration(
     best = chosen(given.postures(robot))
     numbers = ", ".join(
         f"{value:.4g}" if kind == "prismatic" else f"{math.degrees(value):.4g}°"
-        for value, kind in zip(best.q, robot.joint_types, strict=True)
+        for value, kind in zip(
+            np.round(best.q, 9) + 0.0, robot.joint_types, strict=True
+        )  # of rounding, nothing
     )
     warnings.warn(f"{field}: [{numbers}], {best.room}", NoteWarning, stacklevel=2)
     return best.q

@@ -21,7 +21,7 @@ from dqcontrol.experiments.check import driven_model
 from dqcontrol.experiments.feasibility import path_demand
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare_spec
 from dqcontrol.experiments.result_pages import result_pages
-from dqcontrol.experiments.results_folder import SPEC_FILE, check_new, new_folder
+from dqcontrol.experiments.results_folder import SPEC_FILE, check_new, new_folder, told_first
 from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec.spec_files import copy_inputs
 from dqcontrol.experiments.working_folder import WorkingFolder
@@ -329,9 +329,8 @@ def learn_to(
     """
     check_new(folder, force=force)
     found = learn(source, repeats, real_time=real_time, runner=runner, progress=progress)
-    if computed:
-        computed(found)
-    found.save(folder, force=force)
+    with told_first(computed, found):
+        found.save(folder, force=force)
     return found
 
 
