@@ -57,7 +57,8 @@ class WayCertificate:
         """Return it in a line."""
         least = f"least room {1000 * self.room:.3g} mm beyond what is asked ({self.label})"
         nothing = "nothing stands around"
-        return f"certified: {least if self.label else nothing}; {self.edges} edges, seed {self.seed}"
+        counted = "edge" if self.edges == 1 else "edges"
+        return f"certified: {least if self.label else nothing}; {self.edges} {counted}, seed {self.seed}"
 
 
 @dataclass(frozen=True, eq=False)
