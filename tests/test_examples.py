@@ -10,7 +10,7 @@ from PIL import Image
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("[0-9][0-9]_*.py"))
 GALLERY = ROOT / "docs/pictures/examples"
-LONG = ("10_physics", "13_peg", "14_crank", "15_wiping", "16_impedance")
+LONG = ("10_physics", "13_peg", "14_crank", "15_wiping", "16_impedance", "17_leading")
 PHYSICS = LONG
 CASES = [
     pytest.param(path, id=path.stem, marks=[pytest.mark.slow] if path.stem in LONG else [])

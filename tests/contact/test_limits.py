@@ -5,8 +5,8 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol import algebra
-from dqcontrol.contact import Admittance, Compliance, ForceSensor, WantedWrench
-from dqcontrol.contact.limits import _Loop
+from dqcontrol.contact import Admittance, Compliance, ForceSensor, WantedWrench, contact_limits
+from dqcontrol.contact.limits import _loop_of
 
 ARM = dqc.load_robot("iiwa7")
 PUSH = 2.0  # N
@@ -88,7 +88,7 @@ def check(seed):
     """Return whether it grows 5 % below the predicted limit and 5 % above it; None where that would take too long."""
     loop = Loop(seed)
     model = loop.plant.linear_model(ARM, loop.q, loop.period)
-    axis = _Loop(loop.admittance, loop.law, model, loop.q, 5)
+    axis = _loop_of(loop.admittance, loop.law, model, loop.q, 5, np.zeros(7))
     limit = axis.limit(loop.mass)
     if not 50 < limit < 1e6:
         return None
@@ -109,3 +109,41 @@ def test_predicted_limit_against_the_onset_in_simulation(seeds, least):
     judged = {seed: each for seed, each in found.items() if each is not None}
     assert len(judged) >= least
     assert all(each == (False, True) for each in judged.values()), judged
+
+
+@pytest.mark.parametrize(
+    ("bandwidth", "damping"),
+    [
+        (10.0, 150.0),
+        *(
+            pytest.param(*each, marks=pytest.mark.slow)
+            for each in ((10.0, 60.0), (30.0, 60.0), (30.0, 150.0))
+        ),
+    ],
+)
+def test_servos_that_give_way_in_physics(bandwidth, damping):
+    """Quiet 20 % below, swinging 25 % above, at up to 2.3 times what a loop of stiff joints would bear."""
+    pytest.importorskip("mujoco")
+    arm = dqc.SerialArm.join([ARM, algebra.pose([1, 0, 0, 0], [0, 0, 0.1])])
+    q, period = np.array([0, 0.6, 0, -1.6, 0, 0.9, 0]), 0.004
+    pose = arm.fkm(q)
+    x, y, z = algebra.translation(pose)
+    push = Admittance(
+        axes="base",
+        translation=Compliance(damping=damping, stiffness=["rigid", "rigid", 0.0]),
+        force=WantedWrench(z=4.0),
+        sensor=ForceSensor(filter=0.005),
+    )
+    pen = dqc.plants.Wrist(filter=0.005, length=0.1, radius=0.004)
+    plant = dqc.plants.MujocoPlant(bandwidth=bandwidth, timestep=2.5e-4, wrist=pen)
+    law = dqc.laws.ProportionalFeedforward(gain=1.0)
+    limit = contact_limits(push, law.prepare(arm, None, period), plant, q).stiffness
+    spread = []
+    for share in (0.8, 1.25):
+        board = dqc.world.Body(box=(0.4, 0.4, 0.04), position=(x, y, z - 0.0215), stiffness=share * limit)
+        touching = plant.in_world(dqc.World(bodies={"board": board}))
+        pressing = dqc.laws.ProportionalFeedforward(gain=1.0, contact=push)
+        record = dqc.simulate(arm, dqc.references.SetPoint(pose), pressing, touching, q, period, 10.0)
+        spread.append(record.readings["touch_force"].values[-500:, 2].std())
+    assert spread[0] < 0.01
+    assert spread[1] > 1.0

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from msgspec.structs import replace
 
 import dqcontrol as dqc
@@ -228,3 +229,20 @@ def test_gains_change_without_a_jump_while_it_presses():
         with pytest.raises(Error, match=words):
             live.set_law(replace(law, contact=contact))
     assert live.law is change  # which goes on
+
+
+def test_a_hand_leads_an_arm_that_stays_where_it_is_let_go():
+    """A push of 12 N for a second at M = 2 kg and D = 60 N·s/m; M v̇ + D v = F beyond the dead band, then it rests."""
+    pytest.importorskip("mujoco")
+    path = Path(__file__).parents[2] / "examples/leading.yaml"
+    spec = yaml.safe_load(path.read_text())
+    spec["reference"]["duration"] = 3.0
+    del spec["plant"]["pushes"][1:]
+    record = dqc.run(spec).record
+    way = record.position - record.position[0]
+    assert way[-1, 1] == pytest.approx((12 - 1) / 60, rel=0.02)  # M v ends where it begins, at 0: D y = ∫ F
+    assert np.abs(way[:, [0, 2]]).max() < 0.005
+    assert (
+        np.linalg.norm(way[-1] - way[-125]) < 3e-3
+    )  # m in the last half second: a gain of 1/s brings the rest
+    assert np.abs(way[record.time < 1.0]).max() < 1e-5

@@ -193,6 +193,8 @@ class ContactWork(NamedTuple):
         1 once the law has asked at this sample.
     back
         What the deflection gave back at this sample, along each axis.
+    command
+        What the law asked, (m,).
     """
 
     wrench: Annotated[Array, 6]
@@ -202,11 +204,12 @@ class ContactWork(NamedTuple):
     delivered: Annotated[Array, 6]
     noted: Annotated[Array, 1]
     back: Annotated[Array, 6]
+    command: Annotated[Array, ...]
 
 
-contact_parameters: MemoryLayout[ContactParameters] = MemoryLayout(ContactParameters)
-contact_state: MemoryLayout[ContactState] = MemoryLayout(ContactState)
-contact_work: MemoryLayout[ContactWork] = MemoryLayout(ContactWork)
+contact_parameters: MemoryLayout[ContactParameters] = MemoryLayout(ContactParameters, unchecked=True)
+contact_state: MemoryLayout[ContactState] = MemoryLayout(ContactState, unchecked=True)
+contact_work: MemoryLayout[ContactWork] = MemoryLayout(ContactWork, unchecked=True)
 
 WRENCH = 6  # numbers at the begin of the work
 CONTACT_STATE: int = contact_state.size()

@@ -27,6 +27,10 @@ if TYPE_CHECKING:
             """Return how small commands move it."""
             ...
 
+        def compliance(self, robot: Robot, start: Array) -> Array:
+            """Return by how much its servos give way."""
+            ...
+
         def lag(self, robot: Robot) -> Lag:
             """Return how late it is."""
             ...
@@ -86,13 +90,15 @@ def contact_limits(
     plant: LaggingPlant,
     q: ArrayLike,
     environment: float = 1e4,
+    at: ArrayLike = (),
 ) -> ContactLimits:
     """Return what an admittance bears before a law and a plant near a configuration.
 
     The model is that of small motions, sampled: of all joints, as `Plant.linear_model` has them; the law by its slopes,
     with feed-forward and null space as they are; the admittance's exact step; the sensor's filter; and what is touched,
-    in one axis at a time. A loop is stable where all its poles lie in the unit circle. What is not in it: several axes
-    that the environment couples, friction, contact that is lost.
+    in one axis at a time, and along the wanted force at each of the points beside the end effector, where a contact
+    couples all axes: what touches at several of them at once bears more than the worst of them alone. A loop is stable
+    where all its poles lie in the unit circle. What is not in it: friction, contact that is lost.
 
     Parameters
     ----------
@@ -106,11 +112,13 @@ def contact_limits(
         Configuration, shape (n,), rad or m.
     environment
         Stiffness of what is to be touched, N/m, for ``least_damping`` and ``approach_speed``.
+    at
+        Where it may be touched, as seen from the end effector, shape (N, 3), m; at its origin alone if omitted.
 
     Raises
     ------
     ValueRangeError
-        If the plant has no linear model.
+        If the plant has no linear model, or no force is wanted along which points are touched.
 
     Examples
     --------
@@ -133,19 +141,19 @@ def contact_limits(
         raise ValueRangeError(
             "contact: the plant has no linear model, so what stiffness it bears is unknown; set allow_unstable"
         )
-    found = []
-    for i in np.flatnonzero(~admittance.rigid):
-        loop = _Loop(admittance, law, model, start, int(i))
-        found.append((loop.limit(), int(i), loop))
+    found, soft = [], plant.compliance(robot, start)
+    axes = np.flatnonzero(~admittance.rigid)
     # N/m and N·m/rad are no more comparable than metres and radians: what is touched has a stiffness in N/m.
-    stiffness, worst, loop = min(found, key=lambda each: (each[1] < 3, each[0]))
+    for i in axes[axes >= 3] if axes.max() >= 3 else axes:
+        loop = _loop_of(admittance, law, model, start, int(i), soft)
+        found.append((loop.limit(), int(i), loop))
+    for point in as_array("at", at).reshape(-1, 3):
+        loop, along = _beside(admittance, law, model, start, point, soft)
+        found.append((loop.limit(), along, loop))
+    stiffness, worst, loop = min(found, key=lambda each: each[0])
     loose = [LoosePart(loop.limit(mass), mass) for mass in _MASSES] if worst >= 3 else []
     lag = max(sum(plant.lag(robot).mean), _lateness(model, robot.configuration_size, period))
-    wanted = [
-        np.abs(each.values).max() if isinstance(each, ForceReference) else abs(each)
-        for each in admittance.force.components[3:]
-        if each is not None
-    ]
+    wanted = [abs(each) for each in _largest(admittance) if each]
     late = period / 2 + lag + admittance.sensor.filter
     return ContactLimits(
         stiffness,
@@ -157,16 +165,16 @@ def contact_limits(
 
 
 def bears(
-    admittance: Admittance, law: Controller, model: LinearModel, q: ArrayLike, stiffness: float
+    admittance: Admittance, law: Controller, model: LinearModel, q: ArrayLike, stiffness: float, soft: Array
 ) -> bool:
     """Return whether the loops of `contact_limits` are stable against one stiffness, N/m, in a hundredth of its time.
 
-    Loops about turning axes, whose stiffnesses are others, are left out.
+    With the plant's compliance. Loops about turning axes, whose stiffnesses are others, are left out.
     """
     start = as_array("q", q, (law.robot.configuration_size,))
     axes = np.flatnonzero(~admittance.rigid)
-    loops = (_Loop(admittance, law, model, start, int(i)) for i in axes if i >= 3)
-    return all(loop.radius(stiffness) <= 1 + _ROUNDING for loop in loops)
+    loops = (_loop_of(admittance, law, model, start, int(i), soft) for i in axes if i >= 3)
+    return all(loop.radius(loop.felt(stiffness)) <= 1 + _ROUNDING for loop in loops)
 
 
 def _lateness(model: LinearModel, joints: int, period: float) -> float:
@@ -178,25 +186,72 @@ def _lateness(model: LinearModel, joints: int, period: float) -> float:
     return max(float(steps * period - state[: min(joints, len(command))].min()), 0.0)
 
 
+def _largest(admittance: Admittance) -> list[float]:
+    """Return the largest wanted force along x, y and z, N, with its sign; 0 where none is."""
+    return [
+        float(max(each.values, key=abs)) if isinstance(each, ForceReference) else each or 0.0
+        for each in admittance.force.components[3:]
+    ]
+
+
+def _beside(
+    admittance: Admittance, law: Controller, model: LinearModel, q: Array, point: Array, soft: Array
+) -> tuple[_Loop, int]:
+    """Return the loop of all axes, touched at a point along the wanted force, and the axis that is most along it."""
+    wanted = np.array(_largest(admittance))
+    if not wanted.any():
+        raise ValueRangeError("at: is touched along the wanted force, and none is wanted")
+    normal = wanted / np.linalg.norm(wanted)
+    if admittance.axes == "base":
+        point = algebra.matrix_from_pose(law.robot.fkm(q))[:3, :3] @ point
+    row = np.concatenate([np.cross(point, normal), normal])
+    along = 3 + int(np.abs(normal).argmax())
+    axes = [along, *(int(i) for i in np.flatnonzero(~admittance.rigid) if i != along)]
+    return _Loop(admittance, law, model, q, axes, row[None], soft), along
+
+
+def _loop_of(
+    admittance: Admittance, law: Controller, model: LinearModel, q: Array, axis: int, soft: Array
+) -> _Loop:
+    """Return the loop along one axis alone."""
+    return _Loop(admittance, law, model, q, [axis], np.eye(6)[axis : axis + 1], soft)
+
+
 class _Loop:
-    """The loop along one axis: plant, law, admittance and sensor; what is touched comes last."""
+    """The loop along axes that give way: plant, law, admittance and sensor; what is touched comes last.
+
+    ``contacts`` are springs of what is touched: each by the row by which it moves with the axes φx φy φz x y z, and by
+    which its force acts along them. Joints that give way by ``soft`` are springs behind one: 1/K grows by what they let
+    it move.
+    """
 
     def __init__(
-        self, admittance: Admittance, law: Controller, model: LinearModel, q: Array, axis: int
+        self,
+        admittance: Admittance,
+        law: Controller,
+        model: LinearModel,
+        q: Array,
+        axes: list[int],
+        contacts: Array,
+        soft: Array,
     ) -> None:
-        self._admittance, self._axis, self._period = admittance, axis, law.period
-        self._filter = admittance.sensor.filter
+        self._rows, self._period, self._filter = (
+            admittance.axis_rows[axes],
+            law.period,
+            admittance.sensor.filter,
+        )
         robot, n = law.robot, law.robot.configuration_size
         a, b = model.transition, model.inputs
         pose = robot.fkm(q)
         place = algebra.translation(pose)
         turn = algebra.matrix_from_pose(pose)[:3, :3] if admittance.axes != "base" else np.eye(3)
-        direction = turn[:, axis % 3]
-        self._along = direction @ robot.hand_jacobian(q)[: 3 if axis < 3 else 6][axis // 3 * 3 :]
+        jacobian = np.vstack([turn.T @ part for part in np.split(robot.hand_jacobian(q), 2)])
+        ways, self._acts = contacts @ jacobian, contacts[:, axes]
+        self._soft = float(ways[0] ** 2 @ soft) if len(ways) == 1 else 0.0
         m, state = robot.input_size, law.initial_state(q)
 
-        def command(angles: Array, way: float, speed: float, more: float) -> Array:
-            sample, out = np.zeros(21), np.empty(m)
+        def command(angles: Array, axis: int, way: float, speed: float, more: float) -> Array:
+            sample, out, direction = np.zeros(21), np.empty(m), turn[:, axis % 3]
             if axis < 3:
                 turned = algebra.pose(algebra.rotation_from_axis_angle(direction, way), np.zeros(3))
                 sample[:8] = algebra.pose(algebra.rotation(algebra.multiply(turned, pose)), place)
@@ -208,69 +263,87 @@ class _Loop:
             law.step(angles, sample, 0, state.copy(), out)
             return out
 
-        def slope(*change: Any) -> Array:
+        def slope(axis: int, *change: Any) -> Array:
             moved, *given = (_STEP * each for each in change)
-            return (command(q + moved, *given) - command(q - moved, *(-each for each in given))) / (2 * _STEP)
+            ahead, behind = (
+                command(q + moved, axis, *given),
+                command(q - moved, axis, *(-each for each in given)),
+            )
+            return (ahead - behind) / (2 * _STEP)
 
-        by_joints = np.column_stack([slope(each, 0.0, 0.0, 0.0) for each in np.eye(n)])
-        by_sample = [slope(np.zeros(n), *each) for each in np.eye(3)]  # way, speed and its rate
+        by_joints = np.column_stack([slope(axes[0], each, 0.0, 0.0, 0.0) for each in np.eye(n)])
+        # of each axis by way, speed and its rate
+        by_sample = np.array([[slope(axis, np.zeros(n), *each) for each in np.eye(3)] for axis in axes])
         if b.shape[1] == 1 and n > 1:  # one joint stands for all
-            answer, size = self._along @ by_joints, self._along @ self._along
-            share = answer @ self._along / size
-            if np.abs(answer - share * self._along).max() < _STEP * abs(
+            along = ways[0]
+            answer, size = along @ by_joints, along @ along
+            share = answer @ along / size
+            alone = len(axes) == len(ways) == 1
+            if alone and np.abs(answer - share * along).max() < _STEP * abs(
                 share
             ):  # and for the way along the axis
-                by_sample = [np.array([self._along @ each]) for each in by_sample]
-                self._along, by_joints = np.ones(1), np.array([[share]])
+                by_sample, ways, by_joints = (
+                    (by_sample @ along)[..., None],
+                    np.ones((1, 1)),
+                    np.array([[share]]),
+                )
             else:
                 a, b = np.kron(a, np.eye(n)), np.kron(b, np.eye(n))
         self._by_joints = np.zeros((b.shape[1], len(a)))
-        self._by_joints[:, : len(self._along)] = by_joints
+        self._by_joints[:, : ways.shape[1]] = by_joints
+        self._ways = np.zeros((len(ways), len(a)))
+        self._ways[:, : ways.shape[1]] = ways
         self._plant, self._by_sample = (a, b), by_sample
 
     def radius(self, stiffness: float, mass: float = 0.0, factor: float = 1.0) -> float:
-        """Return the largest modulus of the loop's poles; with a mass the stiffness is that of a spring to it.
+        """Return the largest modulus of the loop's poles; with a mass the stiffness is that of springs to it.
 
         ``factor`` multiplies the damping.
         """
-        (a, b), period, n = self._plant, self._period, len(self._along)
-        row = self._admittance.axis_rows[self._axis]
-        f = exact_step(row[0], factor * row[1], row[2], period)
+        (a, b), period = self._plant, self._period
         inner, by_begin, by_end, force, direct = _environment(stiffness, mass, self._filter, period)
-        size, parts = len(a), len(inner)
-        total = size + parts + 2
-        c, d = size + parts, size + parts + 1  # deflection and its rate
-        along = np.zeros(total)
-        along[:n] = self._along
-        wrench = direct * along
-        wrench[size : size + parts] = force
-        ahead, after = np.zeros(total), np.zeros(total)
-        ahead[c], ahead[d], after[c], after[d] = f[0], f[1], f[3], f[4]
-        ahead, after = ahead + f[2] * wrench, after + f[5] * wrench
-        by_way, by_speed, by_rate = self._by_sample
-        speed, rate = ahead / period, after / period
-        speed[c] -= 1.0 / period
-        rate[d] -= 1.0 / period
-        command = np.outer(by_speed, speed) + (np.outer(by_rate, rate) if row[0] else 0.0)
-        command[:, :size] += self._by_joints
-        command[:, c] += by_way
-        step = np.zeros((total, total))
+        size, count, parts, axes = len(a), len(self._ways), len(inner), len(self._rows)
+        felt = size + count * parts  # then deflection and rate of each axis
+        total = felt + 2 * axes
+        forces = np.zeros((count, total))
+        forces[:, :size] = direct * self._ways
+        forces[:, size:felt] = np.kron(np.eye(count), force)
+        command, step = np.zeros((b.shape[1], total)), np.zeros((total, total))
+        command[:, :size] = self._by_joints
+        for i, row in enumerate(self._rows):
+            c = felt + 2 * i
+            f = exact_step(row[0], factor * row[1], row[2], period)
+            ahead, after = f[2] * self._acts[:, i] @ forces, f[5] * self._acts[:, i] @ forces
+            ahead[c : c + 2] += f[:2]
+            after[c : c + 2] += f[3:5]
+            step[c], step[c + 1] = ahead, after
+            by_way, by_speed, by_rate = self._by_sample[i]
+            command[:, c] += by_way - by_speed / period
+            command += np.outer(by_speed, ahead / period)
+            if row[0]:
+                command += np.outer(by_rate, after / period)
+                command[:, c + 1] -= by_rate / period
         step[:size, :size] = a
         step[:size] += b @ command
-        step[c], step[d] = ahead, after
         if parts:
-            step[size:c, size:c] = inner
-            step[size:c] += np.outer(by_begin, along) + np.outer(by_end, self._along @ step[:n])
+            step[size:felt, size:felt] = np.kron(np.eye(count), inner)
+            step[size:felt, :size] += np.kron(self._ways, by_begin[:, None])
+            step[size:felt] += np.kron(self._ways @ step[:size], by_end[:, None])
         return float(np.abs(np.linalg.eigvals(step)).max())
 
     def limit(self, mass: float = 0.0) -> float:
         """Return the stiffness from which on the loop is unstable, N/m or N·m/rad; infinite if none is."""
-        return _first_failure(lambda stiffness: self.radius(stiffness, mass))
+        felt = _first_failure(lambda stiffness: self.radius(stiffness, mass))
+        return felt / (1 - self._soft * felt) if self._soft * felt < 1 else np.inf
+
+    def felt(self, stiffness: float) -> float:
+        """Return the stiffness of what is touched and of the joints behind it."""
+        return stiffness / (1 + self._soft * stiffness)
 
     def least_damping(self, stiffness: float) -> float:
         """Return the damping from which on a stiffness is borne, N·s/m or N·m·s/rad; infinite if none bears it."""
-        damping = self._admittance.axis_rows[self._axis, 1]
-        if damping == 0:
+        stiffness = self.felt(stiffness)
+        if (damping := self._rows[0, 1]) == 0:
             return np.nan
         share = _first_failure(lambda less: self.radius(stiffness, factor=1e4 / less), 1.0, 1e8)
         if share == 0:  # the loop is unstable with 10⁴ times the damping, too

@@ -211,7 +211,7 @@ def compute_command(prepared, q, sample, k, state, out):
         if status != OK:
             return LAW_FAILED + status
     if plan.contact != 0:
-        note_asked(pose, twist_jacobian, out, memory.contact_work)
+        note_asked(out, memory.contact_work)
     if plan.limit != 0:
         _call_limit(plan.limit, q, memory.limiting, out)
     if plan.constraint != 0:
@@ -279,21 +279,30 @@ def note_delivered(pose, twist_jacobian, command, out):
     out[5] += a * py - b * px
 
 
-@shared
-def note_asked(pose, twist_jacobian, command, work):
-    """Write the end effector's twist under what the law asks, for the contact stage."""
+@inline
+def note_asked(command, work):
+    """Write what the law asks, for the contact stage."""
     room = contact_work(work)
-    note_delivered(pose, twist_jacobian, command, room.asked)
+    for i in range(command.shape[0]):
+        room.command[i] = command[i]
     for i in range(6):
         room.back[i] = 0.0
     room.noted[0] = 1.0
 
 
-@shared
+@inline
 def note_left(pose, twist_jacobian, command, parameters, state, work):
-    """Let the contact stage give back what did not leave."""
-    note_delivered(pose, twist_jacobian, command, contact_work(work).delivered)
-    give_back(parameters, state, work)
+    """Let the contact stage give back what did not leave, as twists of the end effector."""
+    room = contact_work(work)
+    lacks = False
+    for i in range(command.shape[0]):
+        lacks = lacks or command[i] != room.command[i]
+    for i in range(6):
+        lacks = lacks or room.back[i] != 0.0
+    if lacks:
+        note_delivered(pose, twist_jacobian, room.command, room.asked)
+        note_delivered(pose, twist_jacobian, command, room.delivered)
+        give_back(parameters, state, work)
 
 
 @kernel(STEP)

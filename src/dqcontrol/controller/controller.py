@@ -154,7 +154,7 @@ class Controller:
             constraining=self.constraints.parameters if self.constraints else empty,
             constraint_work=np.zeros(self.constraints.scratch) if self.constraints else empty,
             contacting=contact.parameters(period, guards) if contact else empty,
-            contact_work=np.full(contact_work.size(), np.nan) if contact else empty,
+            contact_work=np.full(contact_work.size() + m, np.nan) if contact else empty,
         )
         self.memory: Array = prepared_memory.pack(**parts._asdict())
         self._sizes = {
@@ -503,7 +503,7 @@ class Controller:
             if status := self.tasks.kernel(q, pose, twist_jacobian, sample, row, *given, out):
                 return LAW_FAILED + status
         if self._law.contact:
-            note_asked(pose, twist_jacobian, out, parts.contact_work)
+            note_asked(out, parts.contact_work)
         if self._limit:
             self._limit(q, parts.limiting, out)
         if self.constraints:

@@ -14,6 +14,7 @@ from dqcontrol.contact.admittance import NEEDS_CONTACT
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.plants.plant import lagging_mode
 from dqcontrol.plants.running_plant import running_plant
+from dqcontrol.plants.wrist import Wrist
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.tables.tables import Column, Table
 
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
     from dqcontrol.experiments.spec import Spec
     from dqcontrol.plants.linear_model import LinearModel
 
+_RIM = np.array(
+    [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]
+)  # radii from the middle
 _MOVES = 1e-6  # of the eight coefficients of a pose: 2 µm
 _UNKNOWN_STIFFNESS = 1e4  # N/m, for a world that says none: a table top of wood under a finger
 
@@ -79,13 +83,20 @@ def _damping_for_it(limits: ContactLimits) -> str:
 def limits_of(spec: Spec, case: Combination) -> ContactLimits:
     """Return what the contact loop of a case bears at its start, before the stiffest springy body of its world."""
     touched = max(_stiffnesses(spec).values(), default=_UNKNOWN_STIFFNESS)
-    return contact_limits(*_loop_of(spec, case), case.plant, case.scene.start, touched)
+    contact, law = _loop_of(spec, case)
+    wrist = getattr(case.plant, "wrist", None)
+    flat = isinstance(wrist, Wrist) and wrist.flat and any(contact.force.components[3:])
+    rim = (
+        wrist.radius * _RIM if flat else ()
+    )  # which touches the edge of a hole, or a table, while it is tilted
+    return contact_limits(contact, law, case.plant, case.scene.start, touched, rim)
 
 
 def bears_world(spec: Spec, case: Combination, model: LinearModel) -> bool:
     """Return whether the contact loop of a case is stable before the stiffest springy body of its world, if any."""
     touched = max(_stiffnesses(spec).values(), default=0.0)
-    return not touched or bears(*_loop_of(spec, case), model, case.scene.start, touched)
+    soft = case.plant.compliance(case.scene.robot, case.scene.start)
+    return not touched or bears(*_loop_of(spec, case), model, case.scene.start, touched, soft)
 
 
 def _loop_of(spec: Spec, case: Combination) -> tuple[Admittance, Controller]:

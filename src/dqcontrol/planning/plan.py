@@ -18,6 +18,7 @@ from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import MissingExtraError, PlanError, ReachError, as_array, as_count, as_positive
 from dqcontrol.planning.certified_edges import PERIOD, CertifiedEdges
 from dqcontrol.planning.extra import from_extra
+from dqcontrol.planning.narrow_passes import narrow_passes
 from dqcontrol.planning.shortcuts import shorten_way, shortened
 from dqcontrol.planning.smooth_way import SmoothWay, smooth_way
 from dqcontrol.planning.standing_base import driven_coordinates, standing_at
@@ -56,7 +57,8 @@ class WayCertificate:
         """Return it in a line."""
         least = f"least room {1000 * self.room:.3g} mm beyond what is asked ({self.label})"
         nothing = "nothing stands around"
-        return f"certified: {least if self.label else nothing}; {self.edges} edges, seed {self.seed}"
+        counted = "edge" if self.edges == 1 else "edges"
+        return f"certified: {least if self.label else nothing}; {self.edges} {counted}, seed {self.seed}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,7 +315,7 @@ def _way(edges: CertifiedEdges, start: Array, goals: Array, seed: int, effort: i
     straight = edges.clear(start, goals)
     if straight.certified.any():
         return np.vstack([start, goals[int(straight.certified.argmax())]]), len(goals)
-    found = search(edges, start, goals, seed, effort)
+    found = _searched(edges, start, goals, seed, effort)
     looked = len(goals) + found.edges
     if not len(found.way):
         pair = str(straight.label[0])
@@ -325,6 +327,30 @@ def _way(edges: CertifiedEdges, start: Array, goals: Array, seed: int, effort: i
             nearest=found.nearest,
         )
     return shortened(edges, found.way, seed), looked
+
+
+def _searched(edges: CertifiedEdges, start: Array, goals: Array, seed: int, effort: int) -> WaySearch:
+    """Return what a search finds; of a base that moves sideways then one from narrow pass to narrow pass, and on."""
+    if not edges.robot.bases or len(edges.robot.drives):
+        return search(edges, start, goals, seed, effort)
+    found = search(edges, start, goals, seed, effort // 10)
+    if len(found.way):
+        return found
+    looked, passes = found.edges, narrow_passes(edges, start, goals[0])
+    way, each = start[None], effort // (2 * len(passes) + 2)
+    for begin, end in passes:
+        part = search(edges, way[-1], begin[None], seed, each)
+        looked += part.edges
+        if not len(part.way):
+            break
+        way = np.vstack([way, part.way[1:], end])
+    else:
+        part = search(edges, way[-1], goals, seed, each)
+        looked += part.edges
+        if len(part.way):
+            return WaySearch(np.vstack([way, part.way[1:]]), looked, part.nearest)
+    found = search(edges, start, goals, seed, max(effort - looked, 0))
+    return found._replace(edges=looked + found.edges)
 
 
 def _how_near(robot: Robot, found: WaySearch, goals: Array) -> str:

@@ -106,6 +106,10 @@ class Plant(
         """Return how late its joints follow targets that commands move; none unless it says so."""
         return AT_ONCE
 
+    def compliance(self, robot: Robot, start: Array) -> Array:
+        """Return what each joint gives way by under its servo, shape (n,), rad/N·m or m/N; 0 where unknown."""
+        return np.zeros(robot.configuration_size)
+
     def linear_model(self, robot: Robot, start: Array, period: float) -> LinearModel | None:
         """Return how small commands move the measured joints near start, with a period (s); None if that is unknown."""
         return None

@@ -200,6 +200,11 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         mujoco.mj_forward(model, data)
         return data
 
+    def compliance(self, robot: Robot, start: Array) -> Array:
+        """Return 1/k_p of each joint at start; 0 of an impedance, which is on the safe side."""
+        live = self.start(robot, start, self.timestep, 1, 0)
+        return np.zeros(len(start)) if live.drive is not None else 1.0 / live.stiffness
+
     def linear_model(self, robot: Robot, start: Array, period: float) -> LinearModel:
         """Return all joints together, coupled by their inertia at start, in MuJoCo's own time steps.
 
