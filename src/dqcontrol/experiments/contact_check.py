@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from datetime import UTC, date, datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from msgspec.structs import replace
@@ -85,10 +85,9 @@ def limits_of(spec: Spec, case: Combination) -> ContactLimits:
     touched = max(_stiffnesses(spec).values(), default=_UNKNOWN_STIFFNESS)
     contact, law = _loop_of(spec, case)
     wrist = getattr(case.plant, "wrist", None)
-    flat = isinstance(wrist, Wrist) and wrist.flat and any(contact.force.components[3:])
-    rim = (
-        wrist.radius * _RIM if flat else ()
-    )  # which touches the edge of a hole, or a table, while it is tilted
+    rim: Any = ()
+    if isinstance(wrist, Wrist) and wrist.flat and any(contact.force.components[3:]):
+        rim = wrist.radius * _RIM  # which touches the edge of a hole, or a table, while it is tilted
     return contact_limits(contact, law, case.plant, case.scene.start, touched, rim)
 
 
