@@ -8,7 +8,7 @@ from pathlib import Path
 TARGET = Path(__file__).parent.parent / "src/dqcontrol/laws/least_norm.py"
 SIZE = 6
 
-HEADER = '''"""The smallest inputs that give the hand a twist. Written by tools/generate_least_norm.py."""
+HEADER = '''"""The smallest inputs that give the end effector a twist. Written by tools/generate_least_norm.py."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ def least_norm(
 ):
     """Write u = z + J_hᵀ G⁻¹ (y − J_h z), G = J_h J_hᵀ + W, and return True; return False where tr L G⁻¹ > 1.
 
-    J_h is the Jacobian of [ω ; ṗ]: the twist Jacobian moved from the inertial origin to the hand's position p. W and L
-    are diagonal, one number for ṗ, and for ω that by ℓ². The trace bounds from above what L⁻¹ᐟ² J_h has as 1/σ²min;
-    G = F D Fᵀ, with 1/D in place of D. With L, G is factored once more where the curvature of the error asks for
-    damping, also where tr L G⁻¹ > 1 if that is more than the damping of vanishing singular values.
+    J_h is the Jacobian of [ω ; ṗ]: the twist Jacobian moved from the inertial origin to the end effector's position p.
+    W and L are diagonal, one number for ṗ, and for ω that by ℓ². The trace bounds from above what L⁻¹ᐟ² J_h has as
+    1/σ²min; G = F D Fᵀ, with 1/D in place of D. With L, G is factored once more where the curvature of the error asks
+    for damping, also where tr L G⁻¹ > 1 if that is more than the damping of vanishing singular values.
     """
     n = twist_jacobian.shape[1]
     angular_limit, angular_damping = linear_limit / square_length, linear_damping / square_length

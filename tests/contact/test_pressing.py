@@ -138,6 +138,14 @@ def test_what_is_refused_before_anything_moves(changes, words):
     assert "\n" not in str(caught.value)
 
 
+def test_a_law_that_was_not_asked_yet_hears_what_left():
+    """As after gains have changed, in a period in which no measurement came."""
+    law = dqc.laws.ProportionalFeedforward(gain=1.0, contact=push(100.0)).prepare(ARM, None, 0.004)
+    state = law.initial_state(START)
+    law.sent(state, np.full(7, 0.1))
+    assert np.isfinite(state).all()
+
+
 def test_axes_that_turn_hide_no_unstable_contact():
     """What they bear is N·m/rad, a smaller number."""
     wall = {"wall": {"box": 0.2, "position": [0.55, 0, 0.17], "stiffness": 1e5}}

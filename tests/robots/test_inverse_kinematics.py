@@ -199,7 +199,7 @@ def test_a_pose_on_the_border_of_reach_is_reached():
 @pytest.mark.parametrize(
     ("elbow", "text"),
     [
-        (0.0, "singular: came within .* where the hand's Jacobian has a singular value of"),
+        (0.0, "singular: came within .* where the end effector's Jacobian has a singular value of"),
         (1.0, "tolerance: came within"),
     ],
 )

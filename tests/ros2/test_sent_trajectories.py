@@ -38,6 +38,8 @@ def control_msgs(tmp_path_factory, domain):
         inherited = os.environ.get("PYTHONPATH", "")
         patch.setenv("PYTHONPATH", os.pathsep.join(filter(None, [str(folder), inherited])))
         yield folder
+    for name in [name for name in sys.modules if name.partition(".")[0] == "control_msgs"]:
+        del sys.modules[name]  # it is not all of the package
 
 
 @pytest.fixture(scope="module")

@@ -154,7 +154,9 @@ class Controller:
             constraining=self.constraints.parameters if self.constraints else empty,
             constraint_work=np.zeros(self.constraints.scratch) if self.constraints else empty,
             contacting=contact.parameters(period, guards) if contact else empty,
-            contact_work=np.full(contact_work.size() + m, np.nan) if contact else empty,
+            contact_work=np.append([np.nan] * WRENCH, np.zeros(contact_work.size() + m - WRENCH))
+            if contact
+            else empty,
         )
         self.memory: Array = prepared_memory.pack(**parts._asdict())
         self._sizes = {

@@ -255,7 +255,7 @@ class Control:
         self._follow_supervisor(rests)
 
     def record(self, recording: SampleSink, time: float, q: Array) -> None:
-        """End effector the last step over to a recording, and stop the robot if that cannot be written.
+        """Hand the last step over to a recording, and stop the robot if that cannot be written.
 
         Parameters
         ----------

@@ -76,7 +76,7 @@ def drive_and_plan(
     >>> keep = dqc.constraints.Constraints(world=dqc.World(bodies={"board": board}), clear_of="all", acceleration=5)
     >>> below = robot.fkm([1.52, 0.6, 0, 0, -0.49, 1.04, 0, 0])
     >>> way = dqc.planning.drive_and_plan(robot, keep, start, dqc.DualQuaternion(below))
-    >>> (robot.fkm(way.configurations([way.duration])[0]) @ below) ** 2 > 0.999
+    >>> bool((robot.fkm(way.configurations([way.duration])[0]) @ below) ** 2 > 0.999)
     True
     """
     kept, target = as_law_keeps(robot, constraints), as_goal(robot, goal)
