@@ -106,7 +106,7 @@ def test_coupled_axes_against_the_onset_in_simulation(seeds, least):
     assert all(each == (False, True) for each in judged.values()), judged
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 6))])
 def test_the_worst_point_alone_is_on_the_safe_side(seed):
     """One point is told as it is; several at once bear more together than the worst of them."""
     pad = Pad(seed)

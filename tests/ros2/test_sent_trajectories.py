@@ -127,6 +127,7 @@ def ended(node, process):
     return process.returncode, process.stdout.read()
 
 
+@pytest.mark.slow  # builds the package of messages
 def test_a_run_is_one_goal_that_the_arm_follows(arm_at, run_folder, node, start):
     arm, record = arm_at(START), load_run(run_folder).record
     code, said = ended(node, sent(start, run_folder, "-p", "tolerance:=0.05"))
