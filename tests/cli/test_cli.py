@@ -410,6 +410,12 @@ def test_plan_prints_the_way_and_what_is_proved_of_it(here, capsys):
     code, out, err = call("plan", "spec.yaml", capsys=capsys)
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert err.startswith("dqcontrol: spec.yaml: reference: start: post: panda_link")
+    (here / "spec.yaml").write_text(yaml.safe_dump(spec | {"period": 5.0e-324}))
+    code, out, err = call("plan", "spec.yaml", capsys=capsys)
+    assert (code, err) == (
+        2,
+        "dqcontrol: spec.yaml: reference: period: takes inf steps; at most 10 million\n",
+    )
     (here / "spec.yaml").write_text(yaml.safe_dump(SPEC))
     code, out, err = call("plan", "spec.yaml", capsys=capsys)
     assert (code, out) == (2, "")

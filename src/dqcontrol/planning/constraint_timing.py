@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import Error
+from dqcontrol.laws.law import check_steps
 from dqcontrol.planning.extra import from_extra
 from dqcontrol.planning.smooth_way import SmoothWay
 
@@ -137,6 +138,7 @@ def _too_fast(
     """
     near = np.zeros(len(grid), dtype=bool)
     timing = WayTiming(_instants(grid, speeds), grid, speeds)
+    check_steps("period", float(timing.times[-1]) / kept.period)
     samples = np.arange(0.0, timing.times[-1], kept.period)
     begins, ends = timing.at(samples)[0], timing.at(samples + kept.period)[0]
     q = part.at(begins)[0]
