@@ -59,7 +59,7 @@ def _learn(session: PlaySession, repeats: int) -> None:
             count = min(len(record), len(wanted[0]))
             error = np.linalg.norm(record.position[:count] - wanted[0][:count], axis=1)
             said.append(f"{1e3 * np.sqrt(np.mean(error**2)):.1f}")
-            session.tell(f"the hand missed the path by {', '.join(said)} mm (RMS, repeat by repeat)")
+            session.tell(f"the end effector missed the path by {', '.join(said)} mm (RMS, repeat by repeat)")
             return record
 
         try:

@@ -376,7 +376,7 @@ class PlaySession:
             )
             if self.live.law.contact is None:
                 words.append(
-                    "servos and law hold against it; 'Give way' in the tab Robot lets the hand go along"
+                    "servos and law hold against it; 'Give way' in the tab Robot lets the end effector go along"
                 )
         elif np.isfinite(state.missing) and state.missing > 5e-3:
             rests = np.abs(state.command).max(initial=0.0) < 0.02
