@@ -93,7 +93,9 @@ def names():
         if not inspect.ismodule(value):
             package = value.__module__.split(".")[1]
             first = inspect.getdoc(value).partition("\n")[0].replace("*", r"\*")
-            lines.append(f"* {{py:obj}}`dqc.{name} <dqcontrol.{package}.{name}>`: {first}")
+            known = getattr(getattr(dqcontrol, package), name, None) is value
+            place = f"{package}.{name}" if known else name
+            lines.append(f"* {{py:obj}}`dqc.{name} <dqcontrol.{place}>`: {first}")
     return "\n".join(lines)
 
 

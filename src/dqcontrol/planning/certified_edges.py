@@ -222,7 +222,7 @@ class EdgeCheck(NamedTuple):
     share
         Where on the edge that is, 0 … 1.
     row
-        Number of the pair among those that are kept: `CertifiedEdges.kept` says its shapes; −1 if there is none.
+        Number of the pair among those that are kept: ``CertifiedEdges.kept`` says its shapes; −1 if there is none.
     """
 
     certified: Any

@@ -263,7 +263,7 @@ class PlanTo(PlannedWay):
     def again_from(
         self, kept: PreparedConstraints, q: Array, time: float, seen: Mapping[str, Array]
     ) -> PlanTo:
-        """Return a way to the same goal from where the robot is, q (n,), at a time (s); see `way_now`."""
+        """Return a way to the same goal from where the robot is, q (n,), at a time (s); see ``way_now``."""
         old = self.plan
         seed = old.certificate.seed
         found = way_now(kept, q, old.goal, time, seen, seed, old.effort, old.clearance)

@@ -50,7 +50,7 @@ class PlayPage(ServedPage):
     port
         Of this machine; the next free one if it is taken.
     server
-        Where it is to be seen, as `start_server` makes it; one is started if omitted.
+        Where it is to be seen, as ``start_server`` makes it; one is started if omitted.
 
     Attributes
     ----------

@@ -249,7 +249,7 @@ class PlaySession:
     # What is done to it
 
     def drag(self, pose: Array, name: str = LAW) -> None:
-        """Take the hand, or what of `ends` has a name, to a pose, shape (8,), inertial frame; NaN: it stays."""
+        """Take the end effector, or one with a name, to a pose, shape (8,), inertial frame; NaN: it stays."""
         with self.lock:
             self.ends.drag(name, pose)
             if self._ghost_ends:

@@ -38,7 +38,7 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
     gravity torque that is not compensated. As that part changes with the configuration, the joints sag.
     Position limits are mechanical stops, where a joint has both.
 
-    With `impedance` the arm is driven by torque: at each time step those of springs and dampers between the end
+    With ``impedance`` the arm is driven by torque: at each time step those of springs and dampers between the end
     effector and its pose at the targets, with the same limits, in place of the servos'. Measured are then the
     targets, which are what a law leads; else it would wind up the springs of an arm that gives way.
 
