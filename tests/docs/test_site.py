@@ -85,7 +85,8 @@ def every_public_name_is_described(site):
             and not name.startswith("_")
         )
         for name in getattr(module, "__all__", classes):
-            assert f'id="dqcontrol.{package}.{name}"' in text, f"{package}.{name}"
+            kind = "module-" if inspect.ismodule(getattr(module, name)) else ""
+            assert f'id="{kind}dqcontrol.{package}.{name}"' in text, f"{package}.{name}"
     text = (site / "api" / "index.html").read_text(encoding="utf-8")
     for name in set(dqcontrol.__all__) - set(PACKAGES):
         assert f"dqc.{name}<" in text, name
