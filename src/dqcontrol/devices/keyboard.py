@@ -57,7 +57,7 @@ class Keyboard:
             self._termios.tcsetattr(self._input, self._termios.TCSAFLUSH, self._before)
 
     def until(self, deadline: float) -> Iterator[str]:
-        """Give keys as they come until a time (s, of `time.monotonic`); `END` if the terminal is gone."""
+        """Give keys as they come until a time (s, of ``time.monotonic``); ``END`` if the terminal is gone."""
         while select.select([self._input], [], [], max(deadline - time.monotonic(), 0.0))[0]:
             try:
                 typed = os.read(self._input, 1024)
