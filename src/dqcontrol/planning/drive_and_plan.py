@@ -46,7 +46,7 @@ def drive_and_plan(
     speed_fraction: float = 0.9,
     approach: float = 0.9,
 ) -> PlannedWay:
-    """Return the way of a robot whose base cannot move sideways to a goal of its hand.
+    """Return the way of a robot whose base cannot move sideways to a goal of its end effector.
 
     Where the arm reaches the goal from where the base stands, only the arm goes. Else the base drives as by `DriveTo`,
     with its arm folded, to the nearest place from which a plan of the arm leads on, and rests there. What is driven is

@@ -58,7 +58,8 @@ class _Franky(Link):
     def __init__(self, plant: FrankaArm) -> None:
         self._franky: Any = client("franky", "franka")
         real_time = self._franky.RealtimeConfig
-        before = os.sched_getscheduler(0), os.sched_getparam(0)
+        has_priorities = hasattr(os, "sched_getscheduler")
+        before = (os.sched_getscheduler(0), os.sched_getparam(0)) if has_priorities else None
         try:
             self._robot: Any = self._franky.Robot(
                 plant.host,
@@ -66,7 +67,8 @@ class _Franky(Link):
                 realtime_config=real_time.Enforce if _REALTIME.exists() else real_time.Ignore,
             )
         finally:  # it takes the highest priority for this thread, too, and never gives it back
-            os.sched_setscheduler(0, *before)
+            if before:
+                os.sched_setscheduler(0, *before)
         self._held = self._franky.Duration(round(1000 * plant.timeout))
         self._state: Any = None
 
