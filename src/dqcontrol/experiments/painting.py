@@ -42,15 +42,8 @@ from dqcontrol.robots import Robot, load_robot, postures
 
 PERIOD = 0.01  # s
 LAW, PLANT = LinearQuadraticDQ(error_weight=100.0, control_weight=1.0), Servo()
-START = (
-    1.5708,
-    -0.8,
-    0.0,
-    -2.4,
-    0.0,
-    3.1708,
-    0.7854,
-)  # of the Panda: the end effector points forward, along y
+# Of the Panda, whose end effector then points forward, along y.
+START = (1.5708, -0.8, 0.0, -2.4, 0.0, 3.1708, 0.7854)
 _WIDEST, _NARROWEST = 0.45, 0.05  # m; what is tried if no width is given
 _SHRINK = 0.88
 _POSES = 60  # of the drawing that must be reached

@@ -182,9 +182,7 @@ class _Shapes:
             self.add(body, "CYLINDER", [1.7 * self.radii[i], 0.1 * self.radii[i]], _BASE, pos=start)
         length = np.linalg.norm(end - start)
         if length > 0.5 * radius:
-            kind = (
-                "CYLINDER" if i in self.robot.ends else "CAPSULE"
-            )  # the end effector's point lies on the end
+            kind = "CYLINDER" if i in self.robot.ends else "CAPSULE"  # its end is the end effector's point
             self.add(
                 body, kind, [radius], _BASE if self.robot.parents[i] < 0 else _SHELL, fromto=[*start, *end]
             )

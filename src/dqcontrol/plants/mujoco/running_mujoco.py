@@ -153,9 +153,7 @@ class RunningMujoco(RunningPlant):
         """Push a link; see `RunningPlant.push`. A wrist's sensor feels what pushes the link at its end effector."""
         applied = self.data.xfrc_applied
         applied[:] = 0.0
-        joint = (
-            int(self._parents[row]) if row >= len(self.q) else row
-        )  # rows behind the joints' are end effectors
+        joint = int(self._parents[row]) if row >= len(self.q) else row  # behind the joints: end effectors
         if joint >= 0:
             body = self._body_of(joint)
             applied[body, :3] = force
