@@ -73,7 +73,7 @@ def _want(wanted, following, wrong, bounds, memory, rates):
         goal = memory.good[int(bounds.coordinate[i])]
         rates[i] = 0.0
         if following:
-            rates[i] = min(max(wanted[i], -_MOST), _MOST)
+            rates[i] = wanted[i]
             if head[FROM_MEASURED] != 0.0 and bounds.is_joint[i] != 0.0:
                 rates[i] += (goal - memory.position[i]) / period
             rates[i] = min(max(rates[i], -_MOST), _MOST) * numbers[SCALE]
@@ -114,8 +114,7 @@ def _keep(bounds, memory, rates, inwards):
         rate, step = memory.rate[i], bounds.acceleration[i] * period
         low, high = -bounds.velocity[i], bounds.velocity[i]
         below, above = memory.position[i] - bounds.lower[i], bounds.upper[i] - memory.position[i]
-        fastest = max(bounds.velocity[i], abs(rates[i]))
-        is_free = high > 0.0 and surely_stops(min(below, above), fastest, bounds.acceleration[i], period)
+        is_free = surely_stops(min(below, above), high, bounds.acceleration[i], period)
         if bounds.is_joint[i] != 0.0 and not is_free:
             least = -fastest_stoppable(below, bounds.acceleration[i], period)
             most = fastest_stoppable(above, bounds.acceleration[i], period)
