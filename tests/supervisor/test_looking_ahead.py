@@ -10,7 +10,14 @@ from dqcontrol.limits.braking import fastest_stoppable
 from dqcontrol.supervisor import KeepOutZones, LinkPoint, Supervisor, WorkspaceBox
 from dqcontrol.supervisor.interventions import REASONS
 from dqcontrol.supervisor.keep_out_step import _stays_clear
-from dqcontrol.supervisor.supervisor_layout import HAND_ACCELERATION_LIMIT, INDEX, state_layout, taken_apart
+from dqcontrol.supervisor.supervisor_geometry import _distance
+from dqcontrol.supervisor.supervisor_layout import (
+    HAND_ACCELERATION_LIMIT,
+    HANDS,
+    INDEX,
+    state_layout,
+    taken_apart,
+)
 from dqcontrol.world import Body
 
 T = 0.01
@@ -326,3 +333,15 @@ def test_a_base_starts_no_nearer_to_a_zone_than_its_footprint(away, is_allowed):
     else:
         with pytest.raises(ValueRangeError, match="nearer than its footprint"):
             prepared.start([5.0 - away, 0.0, 0.0])
+
+
+def test_what_is_no_number_is_no_distance():
+    head = np.zeros(HANDS + 1)
+    head[HANDS] = 2
+    places = np.zeros(6)
+    others = np.array([3.0, 0.0, 4.0, 0.0, 12.0, 5.0])
+    assert _distance(head, places, others) == 13.0
+    for k in range(6):
+        lost = others.copy()
+        lost[k] = np.nan
+        assert not _distance(head, places, lost) <= np.inf

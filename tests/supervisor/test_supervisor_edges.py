@@ -510,3 +510,17 @@ def test_a_mean_of_equal_rates_is_no_faster_than_their_limit(speed):
     assert (supervisor.rate(state) <= speed).all()
     assert supervisor.rate(state)[0] == pytest.approx(speed)
     assert "limits that cannot be kept together" not in supervisor.reasons(state)
+
+
+def test_at_a_bound_itself_all_is_well():
+    """Of jumps where none is allowed and no time has passed, of tracking, and of a joint that rests at its limit."""
+    supervisor, state = started(jump=0.0)
+    assert reasons_of(supervisor, state, Q0, elapsed=0.0) == ()
+    supervisor = Supervisor(**LOOSE | {"tracking_error": 0.25}).prepare(ARM, T)
+    state = supervisor.start(np.zeros(7))
+    assert reasons_of(supervisor, state, 0.25 * ONE) == ()
+    reasons_of(supervisor, state, 0.125 * ONE, request=STOP)
+    assert reasons_of(supervisor, state, 0.125 * ONE, request=RESET) == ()
+    for limits in (ARM.limits.lower, ARM.limits.upper):
+        supervisor = Supervisor(**LOOSE).prepare(ARM, T)
+        assert reasons_of(supervisor, supervisor.start(limits), limits) == ()

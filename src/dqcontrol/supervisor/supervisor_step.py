@@ -204,8 +204,6 @@ def _commit(bounds, memory, rates):
     still = True
     for i in range(rates.shape[0]):
         lower, upper = bounds.lower[i], bounds.upper[i]
-        if bounds.is_joint[i] == 0.0:
-            lower, upper = -math.inf, math.inf
         memory.rate[i] = past[row, i] = rates[i]
         memory.position[i] = _moved(memory.position[i], period * rates[i], lower, upper)
         total = 0.0
@@ -279,9 +277,7 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
         if rates[i] != scratch.asked[i] and following:
             now |= VELOCITY
         rates[i] = min(max(rates[i], -bounds.velocity[i]), bounds.velocity[i])
-    looks_at_hand = (
-        head[BOXED] != 0.0 or head[HAND_SPEED_LIMIT] < math.inf or head[HAND_ACCELERATION_LIMIT] < math.inf
-    )
+    looks_at_hand = head[HAND_SPEED_LIMIT] < math.inf or head[HAND_ACCELERATION_LIMIT] < math.inf
     if looks_at_hand:
         now |= limit_hand_speed(memory, state, following or returning)
     done = _accelerate(bounds, kept, rates)
