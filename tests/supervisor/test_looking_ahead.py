@@ -345,3 +345,13 @@ def test_what_is_no_number_is_no_distance():
         lost = others.copy()
         lost[k] = np.nan
         assert not _distance(head, places, lost) <= np.inf
+
+
+@pytest.mark.parametrize(("speed", "is_kept"), [(0.2, True), (0.2004, False)])
+def test_hands_that_brake_for_more_than_two_thousand_periods_go_no_faster(speed, is_kept):
+    prepared = slide(acceleration=0.01, hand_speed=9.0)
+    state = prepared.start([0.0, 0.0])
+    memory = state_layout(state, 2, 2)
+    memory.rate[0] = memory.past[:, 0] = memory.sent_rate[0] = speed
+    prepared.command(np.zeros(2), np.array([0.3, 0.0]), state)
+    assert (prepared.rate(state)[0] > speed) == is_kept

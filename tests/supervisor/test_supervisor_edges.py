@@ -5,7 +5,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.contact import Tool
-from dqcontrol.errors import ShapeError
+from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.limits.braking import fastest_stoppable
 from dqcontrol.supervisor import Supervisor
 from dqcontrol.supervisor.supervisor_layout import END, GO, RESET, STOP
@@ -524,3 +524,20 @@ def test_at_a_bound_itself_all_is_well():
     for limits in (ARM.limits.lower, ARM.limits.upper):
         supervisor = Supervisor(**LOOSE).prepare(ARM, T)
         assert reasons_of(supervisor, supervisor.start(limits), limits) == ()
+
+
+def test_bounds_of_parameters_and_starts():
+    def window(periods):
+        return Supervisor(acceleration=5.0, jerk=10.0 / (T * periods)).prepare(ARM, T).window
+
+    assert window(10_000) == 10_000
+    with pytest.raises(ValueRangeError, match="smooths over 10001 periods; at most 10000"):
+        window(10_001)
+    assert Supervisor(ramp=60.0).ramp == 60.0
+    supervisor, q = Supervisor(**FREE).prepare(ARM, T), Q0.copy()
+    for limits, sign in ((ARM.limits.lower, -1), (ARM.limits.upper, 1)):
+        q[5] = limits[5] + sign * 0.0099
+        assert len(supervisor.start(q))
+        q[5] = limits[5] + sign * 0.0101
+        with pytest.raises(ValueRangeError, match="outside"):
+            supervisor.start(q)
