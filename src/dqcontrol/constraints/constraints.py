@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -232,7 +233,7 @@ PerInput = (
 )
 
 
-class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=True):
     """What a law's command is made to keep; see the page on constraints.
 
     Parameters
@@ -341,9 +342,9 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
                 )
         return chosen
 
-    @property
+    @cached_property
     def obstacles(self) -> dict[str, KeptBody]:
-        """The bodies that are kept clear of, by name, with their shapes, which are made anew each time."""
+        """The bodies that are kept clear of, by name, with their shapes."""
         bodies = self.world.bodies if self.world else {}
         return {
             name: KeptBody(bodies[name].shapes, bodies[name].moves or Motion(), clear)
