@@ -29,6 +29,8 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from dqcontrol.browser.served_page import start_server, stop_server
 
 OPTIONS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+ENVIRONMENT = {**os.environ, "BROWSER": "true"}
+ENVIRONMENT.pop("PYTHONDONTWRITEBYTECODE", None)  # installed modules have their bytecode
 WINDOW = {"width": 1280, "height": 720}
 SCENE = {"x": 100, "y": 60, "width": 600, "height": 600}  # px; what lies beside the dock
 CIRCLE = """
@@ -52,9 +54,7 @@ def playing(source: str, port: int) -> Iterator[tuple[subprocess.Popen[str], str
     """Start `dqcontrol play`; give its process and the address that it says."""
     command = [sys.executable, "-m", "dqcontrol", "play", source, "--port", str(port)]
     with tempfile.TemporaryDirectory() as folder:
-        process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, text=True, cwd=folder, env={**os.environ, "BROWSER": "true"}
-        )
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=folder, env=ENVIRONMENT)
         try:
             assert process.stdout is not None
             line = process.stdout.readline()
@@ -102,7 +102,7 @@ def computed(source: str) -> float:
         check=True,
         capture_output=True,
         text=True,
-        env={**os.environ, "BROWSER": "true"},
+        env=ENVIRONMENT,
     )
     return float(said.stdout.split()[-1])
 
