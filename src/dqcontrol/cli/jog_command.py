@@ -53,7 +53,7 @@ def jog(
     from dqcontrol.experiments.driven import prepare_live, recorded_live
     from dqcontrol.loop.interrupts import first_interrupt
     from dqcontrol.loop.targets import Speeds
-    from dqcontrol.recording.black_box_folder import FOLDER
+    from dqcontrol.recording.mcap import FOLDER
     from dqcontrol.references.points_writer import PointsWriter
 
     keyboard = Keyboard()

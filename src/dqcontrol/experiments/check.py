@@ -18,14 +18,15 @@ from dqcontrol.experiments.mesh_cost import mesh_remarks
 from dqcontrol.experiments.prepared_experiment import Combination, Names, PreparedExperiment, prepare
 from dqcontrol.experiments.spec import AnyPlant, Spec
 from dqcontrol.limits import CommandLimits, Compensation
-from dqcontrol.measures.linearised_law import NumericLoop, linearise_law
 from dqcontrol.measures.stability import (
     MOST_STATES,
     GainLimits,
     LoopGain,
+    NumericLoop,
     Verdict,
     damped_overshoot,
     gain_limits,
+    linearise_law,
     overshoot,
     spectral_radius,
     with_integral,

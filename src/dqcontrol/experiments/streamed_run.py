@@ -10,7 +10,7 @@ from dqcontrol.errors import Error, writing
 from dqcontrol.experiments.results_folder import SPEC_FILE, added_files, check_new, new_folder, note_contents
 from dqcontrol.experiments.run import Run
 from dqcontrol.loop.record import Record
-from dqcontrol.recording.black_box_folder import FOLDER, save_last_seconds
+from dqcontrol.recording.mcap import FOLDER, save_last_seconds
 from dqcontrol.recording.stream import RecordStream, prepare_to_record
 from dqcontrol.robots import Robot
 

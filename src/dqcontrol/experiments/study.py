@@ -27,7 +27,7 @@ from dqcontrol.experiments.verdict import headline, verdict_of
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop import Record
 from dqcontrol.loop.record import has_failed, thinned
-from dqcontrol.measures.repeat_tables import (
+from dqcontrol.measures.repeats import (
     confidence_table,
     differences_table,
     means_table,

@@ -20,9 +20,8 @@ from dqcontrol.experiments.spec.reference_base import ReferenceSpec
 from dqcontrol.laws import Law, PartialProportional
 from dqcontrol.loop.constraint_signals import DISTANCE, PRESSURE, ROOM
 from dqcontrol.loop.record import Record, has_failed, row_norms
-from dqcontrol.measures.deadlock import deadlocks
-from dqcontrol.measures.margins import AT_LIMIT, UNSEEN, joint_margins
-from dqcontrol.measures.metrics import Metrics
+from dqcontrol.measures.held import deadlocks
+from dqcontrol.measures.metrics import AT_LIMIT, UNSEEN, Metrics, joint_margins
 from dqcontrol.measures.task_result import TaskResult, further_results
 from dqcontrol.plants import MobilePlant, MujocoPlant, Plant
 from dqcontrol.plants.mobile.running_mobile import SLIDING

@@ -15,7 +15,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import Error
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.files.plain_data import yaml_text
-from dqcontrol.logs.servos.joint_motion_files import write_joint_motion
+from dqcontrol.logs.servos.excitation import write_joint_motion
 from dqcontrol.loop import Record
 from dqcontrol.loop.control import reference_time
 from dqcontrol.loop.record import has_failed

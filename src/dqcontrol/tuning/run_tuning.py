@@ -27,8 +27,8 @@ from dqcontrol.experiments.trials import WORTH_PROCESSES
 from dqcontrol.experiments.working_folder import WorkingFolder, working_folder
 from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
 from dqcontrol.files.yaml_file import parse_yaml
-from dqcontrol.measures.margins import AT_LIMIT
-from dqcontrol.measures.run_numbers import NUMBER_COLUMNS
+from dqcontrol.measures.metric_tables import NUMBER_COLUMNS
+from dqcontrol.measures.metrics import AT_LIMIT
 from dqcontrol.tables.table_cells import Cell, Column
 from dqcontrol.tables.tables import Table
 from dqcontrol.tuning.law_search import LawResult, LawSearch, LawTask, ready_problem

@@ -38,7 +38,7 @@ from dqcontrol.references import Points, Previewed
 from dqcontrol.references.sample import POSE, TIME, TWIST
 from dqcontrol.tables.table_cells import Cell, Column
 from dqcontrol.tables.tables import Table
-from dqcontrol.tuning.learning.convergence import HIGHEST, Convergence, widest
+from dqcontrol.tuning.learning.convergence import HIGHEST, Convergence, LoopShape, loop_shape, widest
 from dqcontrol.tuning.learning.learn_spec import LearnProblem, read_learn
 from dqcontrol.tuning.learning.learnt_motion import (
     TRACKED_POSE,
@@ -50,8 +50,7 @@ from dqcontrol.tuning.learning.learnt_motion import (
     weighted_norm,
     write_motion,
 )
-from dqcontrol.tuning.learning.loop_response import LoopShape, loop_shape
-from dqcontrol.tuning.plant_family import plant_family
+from dqcontrol.tuning.robustness import plant_family
 
 LEARNT, LEARNT_SPEC, HISTORY = "learnt.csv", "learnt.yaml", "learning.json"
 LearnProgress = Callable[[int, int], None]

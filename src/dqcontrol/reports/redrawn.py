@@ -1,4 +1,4 @@
-"""Reports of saved runs, written anew with all their figures."""
+"""Figures and reports of saved results, drawn anew."""
 
 from __future__ import annotations
 
@@ -6,19 +6,34 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import joblib
 
 from dqcontrol.errors import FileFormatError, LimitWarning, NoteWarning
 from dqcontrol.experiments.check import LoopCheck, loop_checks
-from dqcontrol.experiments.load_results import load_run, run_folders, why_no_run
+from dqcontrol.experiments.load_results import (
+    is_study,
+    is_sweep,
+    load_rows,
+    load_run,
+    load_runs,
+    run_folders,
+    why_no_run,
+)
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.processes import in_processes
+from dqcontrol.experiments.ranking import rank
 from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE, added_files
+from dqcontrol.experiments.run_comparison import unit_of_way
 from dqcontrol.experiments.spec.spec import read_spec
 from dqcontrol.files.yaml_file import parse_yaml
-from dqcontrol.reports.run_report import write_run_report
+from dqcontrol.reports.run_report import figures_of, write_run_report
+from dqcontrol.reports.study_report import figures_of_several, surroundings_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 _WORTH_PROCESSES = 3  # runs whose figures take longer than starting processes
 
@@ -104,3 +119,30 @@ def _expected(spec: str) -> LoopCheck | None:
         warnings.simplefilter("ignore", LimitWarning)
         warnings.simplefilter("ignore", NoteWarning)
         return next(loop_checks(prepare(data)))
+
+
+def figures_of_results(folders: Sequence[Path]) -> dict[str, Figure]:
+    """Return figures by name: of one run, of several runs together, of repeats, or of a parameter study.
+
+    Parameters
+    ----------
+    folders
+        Of runs or studies; a study whose runs have folders of their own stands for all of them.
+
+    Raises
+    ------
+    FileFormatError
+        If a folder holds neither.
+    """
+    from dqcontrol.figures import repeats_figure, sweep_figure
+
+    if any(map(is_sweep, folders)):
+        return {"sweep": sweep_figure(rank(folders))}
+    if any(map(is_study, folders)):
+        return {"repeats": repeats_figure(load_rows(folders))}
+    runs = load_runs(folders)
+    if len(runs) == 1:
+        return figures_of(next(iter(runs.values())))
+    records = {label: run.record for label, run in runs.items()}
+    unit = unit_of_way(run.robot for run in runs.values())
+    return figures_of_several(records, unit, surroundings_of(runs.values()))

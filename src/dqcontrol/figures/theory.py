@@ -1,4 +1,4 @@
-"""What the published comparisons show of several runs of one task: evaluation criteria and pose over time."""
+"""What theory says of runs: Lyapunov function, range condition, the criteria of published comparisons."""
 
 from __future__ import annotations
 
@@ -30,8 +30,94 @@ from dqcontrol.loop.record import Record, row_norms
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from dqcontrol.measures.lyapunov import Certificate
+    from dqcontrol.measures.task_range import TaskRange
 
-_DECADES = 5  # of the criteria below their peak that are shown
+
+_DECADES_OF_V = 8  # of V below its peak that are shown, which are four of the error
+_FLOOR = 1e-16  # 1/s², where V is 0
+_STILL_RATE = 1e-6  # the least height of the other panels: a hundredth of what an encoder of 16 bits sees
+
+
+@styled
+def lyapunov(certificate: Certificate) -> Figure:
+    """Plot V with its parts, its rate beside −2 k_v |ξ̃|², and the share of the twist asked for outside the range of J.
+
+    Examples
+    --------
+    >>> lyapunov(certificate(robot, run.record, law)).savefig("lyapunov.png")  # doctest: +SKIP
+    """
+    time = certificate.time
+    figure = new_figure(DOUBLE, 7.4)
+    panels = figure.subplots(5, 1, sharex=True)
+    for i, (label, values) in enumerate(
+        (
+            ("$V$", certificate.value),
+            (r"$|\tilde\xi|^2$", certificate.velocity_part),
+            (r"$\bar k\,|\log\tilde x|^2$", certificate.pose_part),
+        )
+    ):
+        panels[0].plot(time, np.maximum(values, _FLOOR), label=label, **line_style(i))
+    logarithmic(panels[0], _DECADES_OF_V)
+    panels[0].set_ylabel("$V$ [1/s²]")
+    panels[1].plot(time[:-1], certificate.rate, label=r"$\dot V$, differences", **line_style(3))
+    panels[1].plot(time, certificate.predicted_rate, label=r"$-2k_v|\tilde\xi|^2$", **line_style(4))
+    panels[1].set_ylabel(r"$\dot V$ [1/s³]")
+    panels[2].plot(time, certificate.matrosov, **line_style(5))
+    panels[2].set_ylabel("$W_2$ [1/s]")
+    panels[3].plot(time, certificate.outside_range, label="twist outside range of J", **line_style(6))
+    panels[3].set_ylabel("twist\n[m/s, rad/s]")
+    panels[4].plot(
+        time, certificate.smallest_singular_value, label=r"smallest $\sigma$ of J", **line_style(7)
+    )
+    panels[4].set_ylabel("$\\sigma$ [m, rad]")
+    for axes in panels[1:]:
+        at_least(axes, _STILL_RATE)
+    panels[-1].set_xlabel("time [s]")
+    artists = [artist for axes in panels[1:] for artist in axes.get_legend_handles_labels()[0]]
+    legend_below(figure, panels[0], artists)
+    return figure
+
+
+_DECADES = 6  # of the error below its peak that are shown
+_STILL_SHARE = 1e-6  # m/s, rad/s, m and rad: the least height of the other panels
+
+
+@styled
+def range_condition(found: TaskRange, error: np.ndarray) -> Figure:
+    """Plot the twist asked for with its part outside the range of J, singular values, and the run's error.
+
+    Parameters
+    ----------
+    found
+        From `dqcontrol.measures.task_range`.
+    error
+        The record's, shape (N,).
+
+    Examples
+    --------
+    >>> range_condition(task_range(robot, record), record.error).savefig("range.png")  # doctest: +SKIP
+    """
+    figure = new_figure(DOUBLE, 5.2)
+    panels = figure.subplots(3, 1, sharex=True)
+    time = found.time
+    panels[0].plot(time, np.maximum(error, FLOOR), **line_style(0))
+    logarithmic(panels[0], _DECADES)
+    panels[0].set_ylabel(ERROR)
+    panels[1].plot(time, found.asked, label="twist asked for", **line_style(1))
+    panels[1].plot(time, found.outside, label="outside the range of J", **line_style(2))
+    panels[1].set_ylabel("twist [m/s, rad/s]")
+    panels[2].plot(time, found.smallest_singular_value, **line_style(3))
+    panels[2].set_ylabel("smallest\nsingular value [m, rad]")
+    for axes in panels[1:]:
+        at_least(axes, _STILL_SHARE)
+    panels[-1].set_xlabel("time [s]")
+    artists = [artist for axes in panels[1:] for artist in axes.get_legend_handles_labels()[0]]
+    legend_below(figure, panels[0], artists)
+    return figure
+
+
+_DECADES_OF_CRITERIA = 5  # of the criteria below their peak that are shown
 
 _MOST = 8  # runs; more can hardly be told apart
 _MOST_COLUMNS = 4
@@ -92,7 +178,7 @@ def compare_criteria(records: Mapping[str, Record], unit: str = "rad or m", note
         at_least(axes, 1e-3)
     for axes, label in zip(criteria, _labels(unit), strict=True):
         axes.set_ylabel(label)
-        logarithmic(axes, _DECADES)
+        logarithmic(axes, _DECADES_OF_CRITERIA)
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
     left_out = len(records) - len(chosen)
@@ -158,7 +244,7 @@ def criteria_side_by_side(records: Mapping[str, Record], unit: str = "rad or m")
     for axes, name in zip(grid[:, 0], names, strict=True):
         axes.set_ylabel(name)
     for axes in grid[2:, 0]:
-        logarithmic(axes, _DECADES)
+        logarithmic(axes, _DECADES_OF_CRITERIA)
     for axes in grid[:2, -1]:
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), handlelength=1.6)
     return figure
