@@ -65,7 +65,8 @@ class BasePath(NamedTuple):
         """Return it taken apart where the base rests."""
         return [
             self._replace(
-                start=self.at(self.begins[k : k + 1])[0][0] if k else self.start, pieces=self.pieces[k : k + 1]
+                start=self.at(self.begins[k : k + 1])[0][0] if k else self.start,
+                pieces=self.pieces[k : k + 1],
             )
             for k in range(len(self.pieces))
         ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -14,9 +15,11 @@ from dqcontrol.arrays import Array
 from dqcontrol.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import PlanError, UnreachableGoalError, as_array
+from dqcontrol.geometry import FloorMap
 from dqcontrol.planning.base_path import BasePath
 from dqcontrol.planning.certified_edges import CertifiedEdges
 from dqcontrol.planning.constraint_timing import WayTiming, constraint_timing, is_braked
+from dqcontrol.planning.narrow_passes import narrow_passes
 from dqcontrol.planning.plan import EFFORT, as_goal, as_law_keeps, checked_start, plan
 from dqcontrol.planning.plan_to import PlanTo, limits_of_ways, samples_of
 from dqcontrol.planning.smooth_way import SmoothWay
@@ -32,11 +35,13 @@ from dqcontrol.references.drive_to import (
     ways_around,
 )
 from dqcontrol.references.reference import NO_CORNERS
-from dqcontrol.references.ways_around import folded_posture
+from dqcontrol.references.ways_around import WaysAround, across, folded_posture
 from dqcontrol.robots import Robot
+from dqcontrol.robots.kinematics.driving import TURNING_RADIUS
 from dqcontrol.world import floor_around, stands
 
 _PLACES = 16  # where the base may stand, that are planned from: an arm's plan that fails takes about a second
+_NARROW_PLACES = 4  # of these, through passes that are narrow
 _BEGINS = 9  # instants at which base and arm may set off, that are looked at: an eighth of what may be gained
 _MARK = 0.1  # s: of a motion, from where it is halved until it is proved
 _STANDS = 1e-9  # rad or m: a fold that is none
@@ -116,7 +121,8 @@ class DriveAndPlan(PlannedWay):
         """Return the means of the robot's inputs from times (N,), s, to a period later: shape (N, m)."""
         begins = as_array("times", times)
         moved = sum(
-            leg.way.driven(leg.lengths(begins + period)) - leg.way.driven(leg.lengths(begins)) for leg in self.legs
+            leg.way.driven(leg.lengths(begins + period)) - leg.way.driven(leg.lengths(begins))
+            for leg in self.legs
         )
         return np.asarray(moved)[:, self.robot.input_coordinates] / period
 
@@ -273,8 +279,11 @@ def _paths(
     if names:
         floor = floor_around(given.world, names, "constraints.clear_of")
         check_around(robot, start, floor)
-        places = clear_of_floor(floor, robot, places, CLEARANCE)
-        ways = ways_around(DriveTo, robot, start, places, limits, floor, CLEARANCE)
+        reachable, places = places, clear_of_floor(floor, robot, places, CLEARANCE)
+        ways = chain(
+            ways_around(DriveTo, robot, start, places, limits, floor, CLEARANCE),
+            _narrow_ways(edges, folded, reachable, limits, floor),
+        )
     else:
         ways = (DriveTo(robot, start, place, *limits) for place in places)
     first, inputs = int(robot.drives[0, 0]), robot.input_coordinates
@@ -289,6 +298,36 @@ def _paths(
 
         if edges.least_room_on(motion, marks).least >= 0:
             yield path
+
+
+def _narrow_ways(
+    edges: CertifiedEdges,
+    start: Array,
+    places: Array,
+    limits: tuple[float, ArrayLike | None],
+    floor: FloorMap,
+) -> Iterator[DriveTo]:
+    """Yield ways to the nearest places through what is so narrow that a base has to be led straight on."""
+    robot, first = edges.robot, int(edges.robot.drives[0, 0])
+    if (robot.drives[:, TURNING_RADIUS] > 0).any():
+        return
+    radius, here = across(robot, start) + edges.kept.given.margin, start[first : first + 2]
+    near = np.linalg.norm(places[:, first : first + 2] - here, axis=1)
+    for place in places[np.argsort(near, kind="stable")[:_NARROW_PLACES]]:
+        via: list[Array] = []
+        at = here
+        passes = [(a[first : first + 2], b[first : first + 2]) for a, b in narrow_passes(edges, start, place)]
+        for begin, end in [*passes, (place[first : first + 2], None)] if passes else []:
+            corners = np.vstack([at, begin, *floor.polygons])
+            within = np.array([corners.min(axis=0) - 1.0, corners.max(axis=0) + 1.0])
+            between = WaysAround(floor, at, radius, within).to(begin)
+            if between is None:
+                break
+            via += between if end is None else [*between, begin, end]
+            at = begin if end is None else end
+        else:
+            if via:
+                yield DriveTo(robot, start, place, *limits, via=via)
 
 
 def _reaching(robot: Robot, start: Array, goal: DualQuaternion) -> Array:

@@ -102,7 +102,9 @@ _STEP = 1e-5  # rad or m along the way: rounding and curvature each take 10⁻¹
 _RAMP = 0.5  # s: no input reaches its full speed sooner, where nothing says how fast it may
 
 
-def limits_of_ways(robot: Robot, kept: PreparedConstraints, speed_fraction: float) -> tuple[Array, Array, Array]:
+def limits_of_ways(
+    robot: Robot, kept: PreparedConstraints, speed_fraction: float
+) -> tuple[Array, Array, Array]:
     """Return speed, acceleration and braking that coordinates may have, each (n,); see `constraint_timing`.
 
     Raises
