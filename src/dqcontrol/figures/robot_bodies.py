@@ -33,10 +33,9 @@ from dqcontrol.robots import (
 )
 from dqcontrol.robots.dh import compose
 from dqcontrol.robots.files.description import foot_below, joint_range, rod_radii
-from dqcontrol.robots.files.mesh_files import mesh_file, missing_note
-from dqcontrol.robots.files.mjcf_geometry import geom_mesh, shown_geoms
+from dqcontrol.robots.files.mjcf import geom_mesh, shown_geoms
 from dqcontrol.robots.files.urdf import UrdfTree, origin_matrix
-from dqcontrol.robots.files.urdf_xml import CheckedXml
+from dqcontrol.robots.files.urdf_xml import CheckedXml, mesh_file, missing_note
 from dqcontrol.robots.kinematics.kinematics_kernels import PRISMATIC
 from dqcontrol.robots.poses import inverse7, pose7
 from dqcontrol.robots.robot import PlacedLinks, base_coordinates

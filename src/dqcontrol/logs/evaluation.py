@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import NoteWarning, ShapeError, ValueRangeError, as_positive
-from dqcontrol.experiments.evaluation_spec import EvaluationSpec
+from dqcontrol.experiments.load_results import EvaluationSpec
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.spec import RobotSpec, Spec, Start, as_spec, start_configuration
 from dqcontrol.experiments.spec.key_types import kinds_of, numbers_for_quantities

@@ -37,9 +37,9 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ExistsError, FileFormatError, writing
 from dqcontrol.files.input_file import open_regular
 from dqcontrol.files.whole_file import whole_file
-from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import Signal
+from dqcontrol.loop.supervision import BlackBox
 from dqcontrol.recording.cdr import Layout, layout_of
 from dqcontrol.recording.mcap_reader import ChunkMessages, read_records
 from dqcontrol.recording.mcap_writer import (

@@ -20,7 +20,7 @@ from dqcontrol.experiments.prepared_experiment import sources
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.robots import Robot, describe
-from dqcontrol.robots.files.mesh_files import mesh_names, missing_meshes
+from dqcontrol.robots.files.urdf_xml import mesh_names, missing_meshes
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.whole_body import WholeBody
 from dqcontrol.tables.table_cells import Cell, VerdictCell

@@ -26,7 +26,7 @@ from dqcontrol.measures.metric_tables import metrics_tables
 from dqcontrol.measures.metrics import UNSEEN
 from dqcontrol.measures.task_range import RANGE, TaskRange
 from dqcontrol.measures.task_result import TaskResult
-from dqcontrol.plants.mujoco.pads import GRIP_FORCE
+from dqcontrol.plants.mujoco.gripper import GRIP_FORCE
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.reports.about import RERUN_FOLDER, about_run, command, evaluation_command, origins
 from dqcontrol.supervisor import list_interventions

@@ -16,7 +16,7 @@ from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError
 from dqcontrol.experiments.check import driven_model, with_observer
 from dqcontrol.experiments.prepared_experiment import PreparedRobot
 from dqcontrol.experiments.spec import Spec
-from dqcontrol.experiments.spec.reference_base import Part
+from dqcontrol.experiments.spec.reference_spec import Part
 from dqcontrol.laws import Law
 from dqcontrol.limits import CommandLimits
 from dqcontrol.measures.stability import (

@@ -1,4 +1,11 @@
-"""Searches for the best parameters: of one number by simplexes, of two by fronts of compromises."""
+"""Searches for the best parameters: of one number by simplexes, of two by fronts of compromises.
+
+Of one: Sobol points, then Nelder–Mead from the best of them.
+Chosen after measurements on tunings of two parameters: 16 Sobol points and Nelder–Mead came within 2 % of the optimum
+in about 20 evaluations, CMA-ES in 40 to 110, TPE in 25 to 90. Sobol's points are SciPy's, Nelder–Mead is NLopt's: on 36
+tunings it was as good as SciPy's after 24, 60 and 120 evaluations, and between runs, which empty the caches, it takes
+0.03 ms an evaluation, SciPy's 0.14.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +18,8 @@ from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import MissingExtraError
-from dqcontrol.experiments.sampling import quasi_random
+from dqcontrol.experiments.sweep import quasi_random
 
-# Chosen after measurements on tunings of two parameters: 16 Sobol points and Nelder–Mead came within 2 % of the
-# optimum in about 20 evaluations, CMA-ES in 40 to 110, TPE in 25 to 90. Sobol's points are SciPy's, Nelder–Mead is
-# NLopt's: on 36 tunings it was as good as SciPy's after 24, 60 and 120 evaluations, and between runs, which empty the
-# caches, it takes 0.03 ms an evaluation, SciPy's 0.14.
 _MOST_SOBOL = 16
 _SIDE = 0.15  # of the first simplex
 _REJECTED = 1e9  # rank of what violates constraints, beside which all totals are small

@@ -13,8 +13,7 @@ from msgspec import Meta
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, error_prefix, unknown_name
 from dqcontrol.experiments.spec import Spec, as_spec, read_data
 from dqcontrol.experiments.spec.key_types import kinds_of, numbers_for_quantities
-from dqcontrol.experiments.spec.reference_base import Part
-from dqcontrol.experiments.spec.reference_spec import AnyReference
+from dqcontrol.experiments.spec.reference_spec import AnyReference, Part
 from dqcontrol.experiments.spec.spec_files import locate_files
 from dqcontrol.files.yaml_file import convert
 from dqcontrol.measures.metric_tables import LARGE_IS_GOOD, NUMBERS

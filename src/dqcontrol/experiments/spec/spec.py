@@ -37,8 +37,14 @@ from dqcontrol.experiments.spec.key_types import (
     quantities_for_numbers,
 )
 from dqcontrol.experiments.spec.parameter_sets import Changes, Label, Variant, variants
-from dqcontrol.experiments.spec.reference_base import Quaternion, Vector, rotation_from
-from dqcontrol.experiments.spec.reference_spec import AnyReference, Part, reference_data
+from dqcontrol.experiments.spec.reference_spec import (
+    AnyReference,
+    Part,
+    Quaternion,
+    Vector,
+    reference_data,
+    rotation_from,
+)
 from dqcontrol.experiments.spec.spec_files import complete_plants, locate_files, use_copies
 from dqcontrol.experiments.spec.world_file import said_world
 from dqcontrol.extensions.registry import union_of

@@ -14,9 +14,9 @@ import numpy as np
 from dqcontrol.algebra import rotation, translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each, as_positive, unknown_name
+from dqcontrol.experiments.parameter_units import suspected_degrees
 from dqcontrol.experiments.results_folder import made_folder
 from dqcontrol.experiments.run_comparison import unit_of_way
-from dqcontrol.experiments.unit_checks import suspected_degrees
 from dqcontrol.files.plain_data import yaml_text
 from dqcontrol.logs.servos.joint_fit import NORMAL_95, QUANTUM
 from dqcontrol.logs.servos.lag_response import BY_DELAY, BY_LAG, OUTPUT, TRANSIENT, held, lag_response

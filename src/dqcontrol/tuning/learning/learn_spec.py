@@ -11,7 +11,7 @@ from msgspec import Meta
 from dqcontrol.errors import FileFormatError
 from dqcontrol.experiments.spec import AnyPlant, as_spec, read_data
 from dqcontrol.experiments.spec.key_types import kinds_of, numbers_for_quantities
-from dqcontrol.experiments.spec.reference_base import Part
+from dqcontrol.experiments.spec.reference_spec import Part
 from dqcontrol.experiments.spec.spec_files import complete_plants, locate_files
 from dqcontrol.files.yaml_file import convert
 from dqcontrol.tuning.robustness import Robustness, identified_file

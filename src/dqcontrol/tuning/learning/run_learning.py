@@ -21,10 +21,9 @@ from dqcontrol.experiments.check import driven_model
 from dqcontrol.experiments.feasibility import path_demand
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare_spec
 from dqcontrol.experiments.result_pages import result_pages
-from dqcontrol.experiments.results_folder import SPEC_FILE, check_new, new_folder, told_first
+from dqcontrol.experiments.results_folder import SPEC_FILE, WorkingFolder, check_new, new_folder, told_first
 from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec.spec_files import copy_inputs
-from dqcontrol.experiments.working_folder import WorkingFolder
 from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop import Clock, Record
