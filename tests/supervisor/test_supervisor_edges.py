@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
+from dqcontrol.contact import Tool
 from dqcontrol.errors import ShapeError
 from dqcontrol.limits.braking import fastest_stoppable
 from dqcontrol.supervisor import Supervisor
@@ -406,3 +407,22 @@ def test_limits_that_moved_are_said_not_to_be_kept():
     assert "limits that cannot be kept together" not in reasons_of(
         supervisor, state, supervisor.position(state).copy(), 0.5 * ONE
     )
+
+
+def test_what_a_sensor_shows_without_load_is_no_contact():
+    bias = np.array([9.0, -8.0, 7.0, 1.0, -2.0, 3.0])
+    tool = Tool(mass=0.0, force_bias=tuple(bias[:3]), torque_bias=tuple(bias[3:]))
+    for k in range(6):
+        supervisor, state = started(contact_force=2.0, contact_torque=0.5, payload=tool)
+        assert reasons_of(supervisor, state, Q0, wrench=bias + 0.49 * np.eye(6)[k]) == ()
+        assert reasons_of(supervisor, state, Q0, wrench=bias + 2.01 * np.eye(6)[k]) == ("contact",)
+
+
+def test_a_joint_that_stays_where_it_is_told_to_come_back_to_is_not_frozen():
+    """Only a command that goes away from it says that it should have moved."""
+    supervisor, state = started(tracking_error=9.0)
+    for k in range(1, 12):  # moves on by itself, each time to another place
+        reasons_of(supervisor, state, Q0 + 0.02 * k * ONE)
+    stays = Q0 + 0.22 * ONE
+    assert first_stop(supervisor, state, lambda k, q: stays, 0.5 * ONE, 40) == (None, "")
+    assert 0.15 < supervisor.position(state)[0] - Q0[0] < 0.22
