@@ -150,7 +150,7 @@ def certify_curve(proof, curve, tolerance, answer):
         status = place_frames(proof.chain, middle, proof.scene, proof.placed)
         if status != OK:
             return status
-        place_bodies(proof.scene, proof.placed)
+        place_bodies(proof.scene, proof.placed, 0.0)
         left, widest = 0, 0.0
         for place in range(int(counts[depth])):
             k = int(open_rows[depth, place])

@@ -195,7 +195,7 @@ def drive_and_plan(
     kept, target = as_law_keeps(robot, constraints), as_goal(robot, goal)
     edges = CertifiedEdges(robot, kept, clearance)
     first = checked_start(edges, as_array("start", start, (robot.configuration_size,)))
-    edges = edges.eased_at(first)
+    edges, kept = edges.eased_at(first), edges.kept
 
     def planned(q: Array, to: Array | DualQuaternion) -> PlanTo:
         found = plan(robot, kept, q, to, seed, effort, clearance=clearance)
