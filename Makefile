@@ -57,6 +57,8 @@ LEROBOT := $(VENV)-lerobot
 LEROBOT_PYTHON ?= python3.12
 
 $(LEROBOT)/lerobot: pyproject.toml
+	@$(LEROBOT_PYTHON) -c 'import venv, ensurepip' 2>/dev/null \
+	  || { echo "LeRobot needs Python 3.12 or newer: make LEROBOT_PYTHON=/path/to/python3.12 lerobot" >&2; exit 1; }
 	@$(LEROBOT_PYTHON) -m venv $(LEROBOT)
 	@echo "installing LeRobot in $(LEROBOT) (about 5 GB)"
 	@$(LEROBOT)/bin/python -m pip install --disable-pip-version-check --no-input 'lerobot[dataset,kinematics]==0.6.1' -e '.[physics]' -e lerobot_plug

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dqcontrol.measures.low_pass import low_passed
+from dqcontrol.measures.metrics import low_passed
 
 PERIOD = 0.01  # s: the Nyquist frequency is 50 Hz
 

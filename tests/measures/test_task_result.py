@@ -11,7 +11,7 @@ from dqcontrol.experiments import check
 from dqcontrol.experiments.run_comparison import summary
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.task_result import task_result
-from dqcontrol.reports.run_verdicts import run_verdicts
+from dqcontrol.reports.run_report import run_verdicts
 
 IIWA = {"name": "task", "robot": "iiwa7", "start": [0, 0.6, 0, 1.6, 0, 0.6, 0], "period": 0.01}
 AX18 = {"name": "task", "robot": "ax18", "start": [0.2, -0.3, 1.3, -1.0, 0.3], "period": 0.01}
