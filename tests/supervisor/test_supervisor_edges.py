@@ -223,6 +223,7 @@ def test_a_tracking_error_stops_beyond_its_bound_and_is_returned_from_to_half_of
     away = Q0 + sign * (0.2 + 1e-9) * ONE
     assert reasons_of(supervisor, state, away) == ("tracking error too large",)
     reasons_of(supervisor, state, away, request=RESET)
+    before = np.inf
     for _ in range(200):
         before = np.abs(away - supervisor.position(state)).max()
         found = reasons_of(supervisor, state, away)
