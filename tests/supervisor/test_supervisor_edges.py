@@ -523,8 +523,11 @@ def test_at_a_bound_itself_all_is_well():
     reasons_of(supervisor, state, 0.125 * ONE, request=STOP)
     assert reasons_of(supervisor, state, 0.125 * ONE, request=RESET) == ()
     for limits in (ARM.limits.lower, ARM.limits.upper):
-        supervisor = Supervisor(**LOOSE).prepare(ARM, T)
+        supervisor = Supervisor(**LOOSE, measured_tolerance=0.0).prepare(ARM, T)
         assert reasons_of(supervisor, supervisor.start(limits), limits) == ()
+    supervisor, state = started(contact_effort=8.0)
+    for effort in (0.0, 8.0):
+        assert reasons_of(supervisor, state, Q0, effort=effort * ONE) == ()
 
 
 def test_bounds_of_parameters_and_starts():
