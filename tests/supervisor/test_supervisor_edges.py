@@ -239,7 +239,8 @@ def test_a_reset_begins_anew():
             q = supervisor.position(state).copy()
             assert reasons_of(supervisor, state, q, 0.4 * ONE, request=request if k == 1 else GO) == ()
             assert supervisor.rate(state)[0] == pytest.approx(0.4 * min(k * T / 0.2, 1.0))
-        reasons_of(supervisor, state, supervisor.position(state).copy(), 0.4 * ONE, request=END)
+        q = supervisor.position(state).copy()
+        assert reasons_of(supervisor, state, q, 0.4 * ONE, request=END) == ("soft stop",), "from its begin on"
         assert first_stop(supervisor, state, follows, 0.4 * ONE) == (20, "soft stop")
 
 
