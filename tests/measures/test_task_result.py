@@ -281,3 +281,11 @@ def test_a_singularity_is_in_the_way_from_half_of_the_error_on(sideways, is_sing
     q, poses = np.zeros((50, 7)), np.tile(pose, (50, 1))
     resting = Record(samples[:, -1], q, q, q, poses, samples, arm.joint_names)
     assert task_result(resting, robot=arm).is_singular == is_singular
+
+
+@pytest.mark.parametrize(("at", "outcome"), [(890, "reached"), (910, "not reached")])
+def test_the_last_tenth_of_the_rest_decides(at, outcome):
+    goal = np.full(1001, 0.5)
+    hand = goal - 0.1 * (np.arange(1001) == at)
+    hand[0] = 0.0
+    assert task_result(record_of(goal, hand)).outcome == outcome

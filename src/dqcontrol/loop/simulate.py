@@ -16,7 +16,7 @@ from dqcontrol.laws.law import Law
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.closed_loop import close_loop
-from dqcontrol.loop.constraint_signals import constraint_signals
+from dqcontrol.loop.constraint_signals import constraint_signals, held_signals
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.replanning import Replanning, plan_signals, refuse_replanning
 from dqcontrol.loop.signals import actuator_command, task_errors
@@ -220,6 +220,7 @@ def simulate_prepared(
         | actuator_command(robot, trace.q, trace.command)
         | task_errors(law, trace.q)
         | constraint_signals(law, trace.q, done[:, -1], trace.kept)
+        | held_signals(law, trace.q, done[:, -1], trace.readings)
         | plan_signals(reference, replanning, len(trace.q)),
     )
 

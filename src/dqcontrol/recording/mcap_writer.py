@@ -191,7 +191,7 @@ class SampleWriter:
         from dqcontrol.version import __version__
 
         self._stream, self._place = stream, 0
-        self._compressor = zstandard.ZstdCompressor(level=_LEVEL)
+        self._compressor = zstandard.ZstdCompressor(level=_LEVEL, write_checksum=True)
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._announced = b""  # schemas and channels, at the begin of the first chunk
@@ -286,7 +286,8 @@ class SampleWriter:
         samples, stamps = self._samples[: self._filled], self._stamps[: self._filled]
         data = b"".join([self._announced, samples.data]) if self._announced else samples.view(np.uint8).data
         packed, times = self._compressor.compress(data), (int(stamps[0]), int(stamps[-1]))
-        head = struct.pack("<QQQII4sQ", *times, len(data), zlib.crc32(data), 4, b"zstd", len(packed))
+        # No CRC of MCAP's (0): zstd's own checksum, which all its readers compare, takes a quarter of the time.
+        head = struct.pack("<QQQII4sQ", *times, len(data), 0, 4, b"zstd", len(packed))
         begin = self._place
         self._put(struct.pack("<BQ", _CHUNK_RECORD, len(head) + len(packed)) + head)
         self._put(packed)
