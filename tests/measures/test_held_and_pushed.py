@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dqcontrol.loop.constraint_signals import EFFECT, PRESSURE
-from dqcontrol.measures.contact import FORCE, recovery_time
-from dqcontrol.measures.deadlock import Deadlock, deadlocks
+from dqcontrol.measures.held import Deadlock, deadlocks
+from dqcontrol.measures.metrics import FORCE, recovery_time
 
 
 class Numbers(SimpleNamespace):
