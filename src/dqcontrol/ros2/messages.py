@@ -18,7 +18,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, suggest
 from dqcontrol.plants.mobile.odometry import displaced
-from dqcontrol.plants.running_plant import ControllerSettings
+from dqcontrol.plants.plant import ControllerSettings
 
 NANOSECONDS = 1_000_000_000
 _MOST_TILT = math.radians(20.0)  # of a base that drives in a plane

@@ -15,8 +15,7 @@ from sensor_msgs.msg import JointState
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, FallenError
-from dqcontrol.plants.plant import Plant
-from dqcontrol.plants.running_plant import ControllerSettings, RunningPlant, running_plant
+from dqcontrol.plants.plant import ControllerSettings, Plant, RunningPlant, running_plant
 from dqcontrol.robots import DifferentialDrive
 from dqcontrol.robots.bases import RollerBase
 from dqcontrol.robots.whole_body import Drive
