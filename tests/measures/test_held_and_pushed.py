@@ -7,7 +7,8 @@ import pytest
 
 from dqcontrol.loop.constraint_signals import EFFECT, PRESSURE
 from dqcontrol.measures.held import Deadlock, deadlocks
-from dqcontrol.measures.metrics import FORCE, recovery_time
+from dqcontrol.measures.metrics import recovery_time
+from dqcontrol.plants.mujoco.world_model import FORCE
 
 
 class Numbers(SimpleNamespace):
