@@ -12,8 +12,7 @@ from msgspec.structs import replace
 from dqcontrol.contact import Admittance, ContactLimits, ForceReference, bears, contact_limits
 from dqcontrol.contact.admittance import NEEDS_CONTACT
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.plants.plant import lagging_mode
-from dqcontrol.plants.running_plant import running_plant
+from dqcontrol.plants.plant import lagging_mode, running_plant
 from dqcontrol.plants.wrist import Wrist
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.tables.tables import Column, Table

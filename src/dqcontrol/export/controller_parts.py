@@ -27,8 +27,7 @@ from dqcontrol.laws import Law, OwnLaw
 from dqcontrol.loop.replanning import refuse_replanning
 from dqcontrol.loop.target_motion import move_by_twist, move_to_pose
 from dqcontrol.loop.targets import SampledTarget, Target
-from dqcontrol.plants.plant import CompiledPlant, command_mode
-from dqcontrol.plants.running_plant import running_plant
+from dqcontrol.plants.plant import CompiledPlant, command_mode, running_plant
 from dqcontrol.references.computed_path import computed_path, path_parameters
 from dqcontrol.references.sample import SAMPLE_SIZE, TIME
 from dqcontrol.robots import Robot

@@ -23,8 +23,15 @@ from dqcontrol.loop.replanning import refuse_replanning
 from dqcontrol.loop.supervision import BlackBox, Senses
 from dqcontrol.loop.targets import PoseTarget, SampledTarget, Speeds, Target, TwistTarget
 from dqcontrol.loop.trace import SampleSink
-from dqcontrol.plants.plant import Plant, command_mode, lagging_mode, limits_before
-from dqcontrol.plants.running_plant import PlantProtocol, RunningPlant, running_plant
+from dqcontrol.plants.plant import (
+    Plant,
+    PlantProtocol,
+    RunningPlant,
+    command_mode,
+    lagging_mode,
+    limits_before,
+    running_plant,
+)
 from dqcontrol.references.previewed import Previewed
 from dqcontrol.references.reference import Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME

@@ -11,8 +11,7 @@ from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.measures.metric_tables import NUMBER_COLUMNS
 from dqcontrol.reports.about import RERUN_FOLDER, command, origins
 from dqcontrol.reports.report import write_report
-from dqcontrol.tables.table_cells import Cell, VerdictCell
-from dqcontrol.tables.tables import Column, Table
+from dqcontrol.tables.tables import Cell, Column, Table, VerdictCell
 
 if TYPE_CHECKING:
     from dqcontrol.logs import Identification

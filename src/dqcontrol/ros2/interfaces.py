@@ -15,7 +15,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ValueRangeError
-from dqcontrol.plants.running_plant import ControllerSettings
+from dqcontrol.plants.plant import ControllerSettings
 from dqcontrol.robots import DifferentialDrive, WholeBody
 from dqcontrol.robots.bases import RollerBase
 from dqcontrol.ros2.loading import RobotParts

@@ -24,8 +24,7 @@ from dqcontrol.plants.compliant.loads_and_faults import (
     WristFault,
 )
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.plant import EncoderErrors, Plant
-from dqcontrol.plants.running_plant import ControllerSettings
+from dqcontrol.plants.plant import ControllerSettings, EncoderErrors, Plant
 from dqcontrol.plants.servo.servo_file import encoders_and_mode, load_servo, say_what_is_left_out
 from dqcontrol.robots.command_mode import COMMAND_MODES, CommandMode
 from dqcontrol.world import World

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, SafetyWarning, as_positive, unknown_name
-from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.compliant import joint_columns as column
 from dqcontrol.plants.compliant.arm_memory import ArmMemory, ArmPlan, arm_memory, arm_plan, physics_arrays
 from dqcontrol.plants.compliant.compliant_step import advance, physics_step, settle
@@ -19,8 +18,7 @@ from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.filters import MEMORY, butterworth
 from dqcontrol.plants.compliant.loads_and_faults import LiveWrist, loss_table, payload_table, push_table
 from dqcontrol.plants.mujoco.world_model import WorldContacts
-from dqcontrol.plants.plant import as_command
-from dqcontrol.plants.running_plant import ControllerSettings, RunningPlant
+from dqcontrol.plants.plant import Channel, ControllerSettings, RunningPlant, as_command
 from dqcontrol.robots.kinematics.gravity import WORK
 
 if TYPE_CHECKING:

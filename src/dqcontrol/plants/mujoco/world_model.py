@@ -15,10 +15,9 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, error_prefix
 from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
-from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.mujoco.gripper import BODIES, GRIP_FORCE, PADS, Gripper, fingers
 from dqcontrol.plants.mujoco.wrist_sensor import TOOL
-from dqcontrol.plants.plant import begun_periods
+from dqcontrol.plants.plant import Channel, begun_periods
 from dqcontrol.robots.files.mujoco_package import import_mujoco
 from dqcontrol.world import Body, World
 from dqcontrol.world.mesh import convex_parts

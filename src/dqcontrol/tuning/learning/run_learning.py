@@ -35,8 +35,7 @@ from dqcontrol.plants.plant import Plant
 from dqcontrol.recording import load_record, save_record
 from dqcontrol.references import Points, Previewed
 from dqcontrol.references.sample import POSE, TIME, TWIST
-from dqcontrol.tables.table_cells import Cell, Column
-from dqcontrol.tables.tables import Table
+from dqcontrol.tables.tables import Cell, Column, Table
 from dqcontrol.tuning.learning.convergence import HIGHEST, Convergence, LoopShape, loop_shape, widest
 from dqcontrol.tuning.learning.learn_spec import LearnProblem, read_learn
 from dqcontrol.tuning.learning.learnt_motion import (
