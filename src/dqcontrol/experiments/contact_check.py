@@ -82,7 +82,7 @@ def _damping_for_it(limits: ContactLimits) -> str:
 
 def limits_of(spec: Spec, case: Combination) -> ContactLimits:
     """Return what the contact loop of a case bears at its start, before the stiffest springy body of its world."""
-    touched = max(_stiffnesses(spec).values(), default=_UNKNOWN_STIFFNESS)
+    touched = stiffness_touched(spec)
     contact, law = _loop_of(spec, case)
     wrist = getattr(case.plant, "wrist", None)
     rim: Any = ()
@@ -100,14 +100,7 @@ def bears_world(spec: Spec, case: Combination, model: LinearModel) -> bool:
 
 def _loop_of(spec: Spec, case: Combination) -> tuple[Admittance, Controller]:
     """Return the admittance of a case, with the filter of its wrist, and its law without it, ready to run."""
-    law = case.variant.law
-    assert law.contact is not None
-    wrist = getattr(case.plant, "wrist", None)
-    sensor = law.contact.sensor
-    contact = replace(
-        law.contact, sensor=replace(sensor, filter=max(sensor.filter, getattr(wrist, "filter", 0.0)))
-    )
-    prepared = replace(law, contact=None).prepare(
+    prepared = replace(case.variant.law, contact=None).prepare(
         case.scene.robot,
         case.scene.reference,
         spec.period,
@@ -115,7 +108,20 @@ def _loop_of(spec: Spec, case: Combination) -> tuple[Admittance, Controller]:
         lagging_mode(case.plant),
         lag=case.plant.lag(case.scene.robot),
     )
-    return contact, prepared
+    return sensed(case), prepared
+
+
+def stiffness_touched(spec: Spec) -> float:
+    """Return the stiffness of the stiffest springy body of a spec's world, N/m; of a table top where none says one."""
+    return max(_stiffnesses(spec).values(), default=_UNKNOWN_STIFFNESS)
+
+
+def sensed(case: Combination) -> Admittance:
+    """Return the admittance of a case, with the filter of its wrist if that is slower."""
+    contact = case.variant.law.contact
+    assert contact is not None
+    slower = max(contact.sensor.filter, getattr(getattr(case.plant, "wrist", None), "filter", 0.0))
+    return replace(contact, sensor=replace(contact.sensor, filter=slower))
 
 
 def _stiffnesses(spec: Spec) -> dict[str, float]:
@@ -156,7 +162,7 @@ def _meanings(contact: Admittance, limits: ContactLimits, spec: Spec) -> Iterato
     i = ("mx", "my", "mz", "x", "y", "z").index(limits.axis)
     mass, damping, stiffness = contact.axis_rows[i]
     along, wall = f" along {limits.axis}", "N·m/rad" if i < 3 else "N/m"
-    touched = max(_stiffnesses(spec).values(), default=_UNKNOWN_STIFFNESS)
+    touched = stiffness_touched(spec)
     bears = "whatever stands still" if np.isinf(limits.stiffness) else f"up to {limits.stiffness:.3g} {wall}"
     needs = "is borne with none" if np.isinf(limits.least_damping) else f"needs {limits.least_damping:.3g}"
     yield [

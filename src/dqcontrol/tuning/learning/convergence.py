@@ -41,12 +41,15 @@ class Convergence:
         ρ.
     cutoff
         f_c, Hz.
+    others
+        Shapes that the loop may have as well.
     """
 
     shape: LoopShape
     models: tuple[LinearModel, ...]
     caution: float
     cutoff: float
+    others: tuple[LoopShape, ...] = ()
     _known: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)  # shared by all cut-offs
 
     def _once(self, name: str, make: Callable[[], Any]) -> Any:
@@ -89,7 +92,12 @@ class Convergence:
         frequencies = self.frequencies()
         operator = self._once("operator", lambda: self.operator(frequencies))
         responses = self._once(
-            "responses", lambda: [self.shape.response(model, frequencies) for model in self.models]
+            "responses",
+            lambda: [
+                shape.response(model, frequencies)
+                for shape in (self.shape, *self.others)
+                for model in self.models
+            ],
         )
         weight = self.low_pass(frequencies) ** 2 * operator
         worst = np.zeros(len(frequencies))
@@ -122,10 +130,15 @@ class Convergence:
 
 
 def widest(
-    shape: LoopShape, models: Sequence[LinearModel], caution: float, *, highest: float
+    shape: LoopShape,
+    models: Sequence[LinearModel],
+    caution: float,
+    *,
+    highest: float,
+    others: tuple[LoopShape, ...] = (),
 ) -> Convergence | None:
     """Return the operator with the highest cut-off at which no error grows; None if there is none from 0.1 Hz on."""
-    found = Convergence(shape, tuple(models), caution, min(highest, 0.4 / shape.period))
+    found = Convergence(shape, tuple(models), caution, min(highest, 0.4 / shape.period), others)
     while found.cutoff >= _LEAST:
         if found.breaks_at is None:
             return found

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
+from dqcontrol.contact.admittance import exact_step
 from dqcontrol.controller import Controller
 from dqcontrol.errors import ShapeError
 from dqcontrol.measures.stability import LoopGain
@@ -61,6 +62,45 @@ class LoopShape:
         led = z**self.ahead * (1 - self.share / z) / (1 - self.share)
         shifted = plant @ (unit * (control + self.feedforward * led * (z - 1) / self.period))
         return np.asarray(np.linalg.solve(unit + control * plant, shifted), dtype=np.complex128)
+
+
+@dataclass(frozen=True)
+class ForceShape(LoopShape):
+    """A law behind an admittance along an axis with a wanted force: how far its compliant frame gives way.
+
+    With F the sensor's filter, G the admittance from force to deflection y, K_e the stiffness of what is touched and s
+    where its surface is, y = G (K_e F (s − x) − f_d) and x = T w + T₀ y, T₀ the loop without preview. Of a shift w the
+    deflection becomes y₀ − R w with R = (Z + T₀)⁻¹ T and Z = 1/(G K_e F): about 1 below the bandwidth of the force.
+
+    Attributes
+    ----------
+    mass, damping, given_stiffness
+        M, D and K of the axis, kg, N·s/m and N/m.
+    filter
+        Time constant of the sensor, s.
+    stiffness
+        K_e, N/m.
+    """
+
+    mass: float = 0.0
+    damping: float = 0.0
+    given_stiffness: float = 0.0
+    filter: float = 0.0
+    stiffness: float = math.inf
+
+    def response(self, model: LinearModel, frequencies: Array) -> NDArray[np.complex128]:
+        """Return from shift to −y, as if each joint were such an axis, shape (frequencies, m, m)."""
+        angles = np.maximum(2 * np.pi * self.period * frequencies, _LEAST_ANGLE)
+        z = np.exp(1j * angles)
+        step = exact_step(self.mass, self.damping, self.given_stiffness, self.period).reshape(2, 3)
+        moved = np.linalg.solve(
+            z[:, None, None] * np.eye(2) - step[:, :2], np.broadcast_to(step[:, 2:], (len(z), 2, 1))
+        )
+        read = 1 / (1 + 1j * angles / self.period * self.filter)
+        shifted = super().response(model, frequencies)
+        alone = LoopShape(self.gain, self.feedforward, self.period).response(model, frequencies)
+        given = (1 / (moved[:, 0, 0] * self.stiffness * read))[:, None, None] * np.eye(shifted.shape[1])
+        return np.asarray(np.linalg.solve(given + alone, shifted), dtype=np.complex128)
 
 
 def loop_shape(
