@@ -62,7 +62,7 @@ def check_contact(spec: Spec, case: Combination) -> None:
             f"contact.sensor.tare: the reference moves from {first[0]:.3g} s on, and is to rest for the {tare:g} s in "
             "which the sensor's bias is measured; let it begin with a set-point of that duration"
         )
-    stiffest = max(_stiffnesses(spec).items(), key=lambda each: each[1], default=None)
+    stiffest = stiffest_body(spec)
     if contact.allow_unstable or stiffest is None:
         return
     limits = limits_of(spec, case)
@@ -109,6 +109,11 @@ def _loop_of(spec: Spec, case: Combination) -> tuple[Admittance, Controller]:
         lag=case.plant.lag(case.scene.robot),
     )
     return sensed(case), prepared
+
+
+def stiffest_body(spec: Spec) -> tuple[str, float] | None:
+    """Return name and stiffness, N/m, of the stiffest springy body of a spec's world; None where none is."""
+    return max(_stiffnesses(spec).items(), key=lambda each: each[1], default=None)
 
 
 def stiffness_touched(spec: Spec) -> float:
