@@ -128,8 +128,8 @@ class Haptics:
     def limits(self, environment: float = 1e4) -> ContactLimits:
         """Return what the leader's contact bears of what the follower touches; see `contact_limits`.
 
-        The follower's lag and both ways of signals count as a delay of the leader's joints; the filter of the follower's
-        sensor is that of the leader's `contact.sensor`.
+        The follower's lag and both ways of signals count as a delay of the leader's joints; give the filter of the
+        follower's sensor as that of the leader's ``contact.sensor``.
         A scaled force is that of a stiffness scaled alike.
         """
         leader, (later, delay) = self.leader, self.follower.lag.mean
