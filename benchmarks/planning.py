@@ -1,13 +1,14 @@
 """Plans among shelves, tables, boxes and cages: how many are found, how long they take, and whether all are clear.
 
-    python benchmarks/planning.py [--problems 20] [--edges 100000] [--guests 43]
+    python benchmarks/planning.py [--problems 20] [--edges 100000] [--guests 43] [--drives 20]
 
 Seven types of scenes in the manner of MotionBenchMaker [Chamzas et al. 2022], made here: a Panda with its hand as a
 capsule more, 5 mm of margin; start and goal are poses of its hand in or before the furniture, and each problem has
 configurations for both that keep the margin. Judge: distances by `geometry` at 2000 configurations of each way. Then
 random edges of 0.8 rad: certified against sampled every 0.05 rad, time of processor of both in one process, and
 certified ones sampled 1000 times. Then scenes of balls, as in `reactive_scenes.py`, whose ways another ball crosses
-that no plan foresees, or on which it stays; margins of 10 mm.
+that no plan foresees, or on which it stays; margins of 10 mm. Last a little-john, whose base drives: to between the
+boards of a shelf, and out of a room through a door of 1.05 × its chassis and what is asked.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ from dqcontrol.robots import LinkShape, LinkShapes
 MARGIN = 0.005  # m
 SPEED = 0.25  # m/s, of guests
 SHOULDER = 0.2  # m: guests stay so far from the axes of the first two links
+CHASSIS = 0.33  # m: of a little-john, across
 AT_GOAL = 2e-3  # of the entries of poses: 4 mm, 0.2°
 Body = dqc.world.Body
 FORWARDS, DOWN = algebra.rotation_from_rpy([0, np.pi / 2, 0]), algebra.rotation_from_rpy([np.pi, 0, 0])
@@ -303,11 +305,91 @@ def edges(count: int) -> None:
     )
 
 
+def shelf_drive(seed: int) -> tuple[dict[str, Body], float, np.ndarray, np.ndarray]:
+    """Return bodies, a margin, a start somewhere and a configuration with the hand between two boards."""
+    rng = np.random.default_rng([13, seed])
+    shelf = {
+        "lower": Body(box=(0.25, 0.8, 0.02), position=(2.0, 0.6, 0.12)),
+        "upper": Body(box=(0.25, 0.8, 0.02), position=(2.0, 0.6, 0.45)),
+        "back": Body(box=(0.02, 0.8, 0.5), position=(2.14, 0.6, 0.25)),
+    }
+    start = np.array([*rng.uniform(-1, 0.5, 2), rng.uniform(-np.pi, np.pi), 0, -0.9, 0.9, 0.9, 0])
+    return shelf, 0.01, start, np.array([1.52, rng.uniform(0.4, 0.8), 0, 0, -0.49, 1.04, 0, 0])
+
+
+def door_drive(seed: int) -> tuple[dict[str, Body], float, np.ndarray, np.ndarray]:
+    """Return a room whose door is 1.05 × the chassis and what is asked wide, a start in it and a goal before it."""
+    rng = np.random.default_rng([12, seed])
+    margin, angle, beside = (0.02, 0.01)[seed % 2], rng.uniform(-0.9, 0.9), rng.uniform(-0.4, 0.4)
+    half = 0.5 * 1.05 * (CHASSIS + 2 * margin)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    sizes = {
+        "left": (1.25, 0.5 * (2 + beside + half), 0.1, 2 - beside - half),
+        "right": (1.25, 0.5 * (-2 + beside - half), 0.1, 2 + beside - half),
+        "back": (-1.25, 0.0, 0.1, 4.0),
+        "side": (0.0, 2.0, 2.6, 0.1),
+        "other side": (0.0, -2.0, 2.6, 0.1),
+    }
+    room = {}
+    for name, (x, y, length, width) in sizes.items():
+        place = turn @ [x, y]
+        room[name] = Body(
+            box=(length, width, 1.5), position=(float(place[0]), float(place[1]), 0.75), rpy=(0, 0, angle)
+        )
+    goal = np.array(
+        [*(turn @ [2.6, beside + rng.uniform(-0.2, 0.2)]), rng.uniform(-2, 2), 0.3, -0.6, 0.9, 0.7, 0]
+    )
+    return room, margin, np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0]), goal
+
+
+def drives(count: int) -> None:
+    """Plan ways of a base that drives and its arm, beside the same legs one after the other, and follow them."""
+    robot = dqc.load_robot("little-john")
+    assert robot.shapes is not None
+    print(
+        f"| {count} each | found | one after the other [s] | together [s] | least room [mm] | off the way [rad, m] |"
+    )
+    print("|---" * 6 + "|")
+    for name, scene_of in (("to a shelf", shelf_drive), ("through a door", door_drive)):
+        apart, lasts, rooms, off = [], [], [], 0.0
+        for seed in range(count):
+            bodies, margin, start, goal = scene_of(seed)
+            keep = dqc.constraints.Constraints(
+                world=dqc.World(bodies=bodies),
+                clear_of="all",
+                margin=margin,
+                self_margin=0.005,
+                acceleration=5,
+            )
+            try:
+                way = dqc.planning.drive_and_plan(robot, keep, start, dqc.DualQuaternion(robot.fkm(goal)))
+            except PlanError:
+                continue
+            lasts.append(way.duration)
+            legs = getattr(way, "legs", ())
+            apart.append(sum(leg.end - leg.begin for leg in legs) or way.duration)
+            law = dqc.laws.GuidedProportional(gain=1.0, constraints=keep)
+            record = dqc.simulate(robot, way, law, dqc.plants.Integrator(), start, PERIOD)
+            off = max(off, float(np.abs(record.q - way.configurations(record.time)).max()))
+            for q in way.configurations(np.linspace(0, way.duration, 400)):
+                frames = robot.frames(q)
+                links = [
+                    each.shape.moved(frames[each.frame - 1]) for each in robot.shapes.shapes if each.frame
+                ]
+                near = (distance(link, body.shapes[0]).distance for link in links for body in bodies.values())
+                rooms.append(min(near) - margin)
+        print(
+            f"| {name} | {len(lasts)} | {np.median(apart):.3g} | {np.median(lasts):.3g} | {1e3 * min(rooms):.3g} "
+            f"| {off:.1g} |"
+        )
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("--problems", type=int, default=20)
     parser.add_argument("--edges", type=int, default=100_000)
     parser.add_argument("--guests", type=int, default=43)
+    parser.add_argument("--drives", type=int, default=20)
     options = parser.parse_args()
     if options.problems:
         plans(options.problems)
@@ -315,3 +397,5 @@ if __name__ == "__main__":
         edges(options.edges)
     if options.guests:
         guests(options.guests)
+    if options.drives:
+        drives(options.drives)

@@ -1,14 +1,16 @@
 """What a hand holds is kept clear of as links are, with Coal as the judge."""
 
+import msgspec
 import numpy as np
 import pytest
 from shape_samples import coal_distance
 
 import dqcontrol as dqc
 from dqcontrol import algebra
-from dqcontrol.constraints import Constraints, Held
-from dqcontrol.errors import ShapeError, UnknownNameError, ValueRangeError
+from dqcontrol.constraints import Constraints
+from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.planning import CertifiedEdges, plan
+from dqcontrol.world import Held, SetDown
 
 Body = dqc.world.Body
 ARM = dqc.load_robot("panda-hand")
@@ -26,8 +28,8 @@ THINGS = {
 }
 
 
-def keeping(thing, **options):
-    world = dqc.World(bodies={"post": POST, "thing": thing})
+def keeping(thing, held=None, **options):
+    world = dqc.World(bodies={"post": POST, "thing": msgspec.structs.replace(thing, held=held)})
     return Constraints(world=world, clear_of="all", **options)
 
 
@@ -47,7 +49,7 @@ def least_by_coal(coal, robot, thing, held, configurations):
 def test_a_plan_keeps_what_is_held_clear(name):
     coal = pytest.importorskip("coal", reason="Coal is the reference")
     thing, held = THINGS[name], Held(position=(0.0, 0.0, 0.1), rpy=(0.1, 0.2, 0.0))
-    empty, full = keeping(thing), keeping(thing, holds={"thing": held})
+    empty, full = keeping(thing), keeping(thing, held)
     if name == "elsewhere":
         empty = Constraints(world=dqc.World(bodies={"post": POST}), clear_of="all")
     straight = np.linspace(START, GOAL, 60)
@@ -63,7 +65,7 @@ def test_a_plan_keeps_what_is_held_clear(name):
 
 def test_a_law_keeps_what_is_held_clear():
     thing, held = THINGS["box"], Held(position=(0, 0, 0.1))
-    keep = keeping(thing, holds={"thing": held}, acceleration=10.0)
+    keep = keeping(thing, held, acceleration=10.0)
     law = dqc.laws.GuidedProportional(gain=2.0, pull=5.0, constraints=keep)
     way = dqc.planning.PlanTo(plan(ARM, keep, START, GOAL))
     record = dqc.simulate(ARM, way, law, dqc.plants.Integrator(), START, 0.01, way.duration + 1.0)
@@ -73,7 +75,7 @@ def test_a_law_keeps_what_is_held_clear():
 
 def test_it_is_kept_away_from_the_robot_itself():
     """A rod so long that it would go through the upper arm."""
-    long = keeping(Body(box=(0.02, 1.2, 0.02), mass=0.2), holds={"thing": Held()})
+    long = keeping(Body(box=(0.02, 1.2, 0.02), mass=0.2), Held())
     labels = CertifiedEdges(ARM, long).kept.labels
     assert {"panda_link0, thing", "panda_link1, thing", "panda_link2, thing", "panda_link5, thing"} <= set(
         labels
@@ -81,19 +83,34 @@ def test_it_is_kept_away_from_the_robot_itself():
     assert not {"panda_hand, thing", "panda_link7, thing"} & set(labels)
 
 
-def test_wrong_names_are_said():
-    thing = THINGS["box"]
-    for options, error, message in (
-        ({"holds": {"thin": Held()}}, UnknownNameError, r"constraints.holds: unknown name 'thin'"),
-        ({"holds": {"thing": Held(frame="left")}}, ShapeError, r"holds.thing.frame: .* has one hand"),
-    ):
-        with pytest.raises(error, match=message):
-            CertifiedEdges(ARM, keeping(thing, **options))
-    world = dqc.World(bodies={"thing": Body(sphere=0.1), "floor": Body(plane=(0, 0, 1))})
-    with pytest.raises(ValueRangeError, match=r"clear_of: 'thing' is what a hand holds"):
-        CertifiedEdges(ARM, Constraints(world=world, clear_of=["thing"], holds={"thing": Held()}))
-    with pytest.raises(ShapeError, match=r"constraints.holds: 'floor' is a plane, which no hand holds"):
-        CertifiedEdges(ARM, Constraints(world=world, holds={"floor": Held()}))
+@pytest.mark.parametrize(
+    ("given", "error", "message"),
+    [
+        ({"held": Held(frame="left")}, ShapeError, r"world.thing.held.frame: .* has one hand"),
+        (
+            {"held": Held(), "hinge": dqc.world.Hinge(axis=(0, 0, 1))},
+            ShapeError,
+            "held: no hand holds a box that is hin",
+        ),
+        (
+            {"held": Held(), "watch": dqc.world.Watch(), "mass": 1.0},
+            ShapeError,
+            "held: says where the body is",
+        ),
+    ],
+)
+def test_what_no_hand_holds_is_said(given, error, message):
+    with pytest.raises(error, match=message):
+        CertifiedEdges(
+            ARM, Constraints(world=dqc.World(bodies={"thing": Body(box=0.1, **given)}), clear_of="all")
+        )
+
+
+def test_what_is_let_go_before_it_is_gripped_is_said():
+    with pytest.raises(ValueRangeError, match=r"held.until: must be after since, 2 s, got 1 s"):
+        Held(since=2, until=1)
+    with pytest.raises(ShapeError, match=r"held.put: it is held to the end"):
+        Held(put=SetDown(position=(0, 0, 0)))
 
 
 def test_in_a_spec_for_two_arms():
@@ -105,9 +122,13 @@ def test_in_a_spec_for_two_arms():
         "start": [0, -0.8, 0, -2.4, 0, 1.6, 0.8] * 2,
         "world": {
             "post": {"box": [0.1, 0.1, 0.4], "position": [1.5, 0, 0.2]},
-            "rod": {"box": [0.04, 0.04, 0.3], "mass": 0.2},
+            "rod": {
+                "box": [0.04, 0.04, 0.3],
+                "mass": 0.2,
+                "held": {"position": [0, 0, 0.1], "frame": "left"},
+            },
         },
-        "constraints": {"clear_of": "all", "holds": {"rod": {"position": [0, 0, 0.1], "frame": "left"}}},
+        "constraints": {"clear_of": "all"},
         "reference": {"kind": "set-point", "duration": 0.1},
         "law": {"kind": "proportional", "gain": 2},
         "plant": {"kind": "integrator"},

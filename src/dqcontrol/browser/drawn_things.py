@@ -8,8 +8,7 @@ import numpy as np
 
 from dqcontrol.browser.run_view_model import Track
 from dqcontrol.constraints.constraint_view import NEAR
-from dqcontrol.figures.robot_bodies import Colour
-from dqcontrol.figures.solids import Surface, ball, box, rod
+from dqcontrol.figures.robot_bodies import Colour, Surface, ball, box, rod
 from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, InfiniteCylinder, Plane, Shape, Sphere
 
 _SOLID, _CLOSE, _ZONE = (140, 90, 165), (230, 64, 26), (64, 140, 90)

@@ -24,19 +24,20 @@ def plan(spec: Path, /) -> None:
     """
     from dqcontrol.errors import NoteWarning, ShapeError
     from dqcontrol.experiments import prepare
-    from dqcontrol.planning.plan_to import PlanTo, ResumedWay
+    from dqcontrol.planning.drive_and_plan import DriveAndPlan
+    from dqcontrol.planning.plan_to import PlanTo
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NoteWarning)  # what it says is printed below
         setting = prepare(spec)
     for label, scene in setting.scenes.items():
         way = scene.reference
-        if not isinstance(way, PlanTo | ResumedWay):
+        if not isinstance(way, PlanTo | DriveAndPlan):
             kind = setting.spec.reference.__struct_config__.tag
             raise ShapeError(
                 f"{spec}: reference: expected kind plan-to, got {kind}, which has nothing to plan"
             )
-        print_table(_points(way.after if isinstance(way, ResumedWay) else way, label or scene.robot.name))
+        print_table(_points(way.arm if isinstance(way, DriveAndPlan) else way, label or scene.robot.name))
         print(way)
 
 

@@ -2,7 +2,6 @@ from .constraints import (
     Angle as Angle,
     ClearOf as ClearOf,
     Constraints as Constraints,
-    Held as Held,
     LineOfSight as LineOfSight,
     Zone as Zone,
 )

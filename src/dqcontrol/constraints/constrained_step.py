@@ -264,7 +264,7 @@ def _collect(step, report):
         if last > 0:
             _measure_step(way, path, step.box, g, period)
             place_frames(step.chain, path.trial, scene, placed)
-        place_bodies(scene, placed)
+        place_bodies(scene, placed, step.time + way.meets[g, 0])
         span = period * way.meets[g, 1]
         place_obstacles(scene, placed, step.time, step.sample, way.meets[g, 0], span, period)
         screws = placed.first_screws
@@ -348,8 +348,8 @@ def _place_after(step, u, g, screws):
     if g < way.shares.shape[0] - 1:
         _place_on_way(way, path, path.trial, g)
     place_frames(step.chain, path.trial, scene, placed)
-    place_bodies(scene, placed)
     span = period * way.meets[g, 1]
+    place_bodies(scene, placed, step.time + way.meets[g, 0] + span)
     place_obstacles(scene, placed, step.time, step.sample, way.meets[g, 0] + span, span, period)
     if screws:
         write_screws(step.kinematics, step.chain, path.trial, scene, placed)
@@ -479,7 +479,7 @@ def _verify_stop(step, originals, count, u, adds):
                     path.trial[j] = path.start[j]
                 advance(kept.drives, path.step, 1.0, path.trial)
                 place_frames(step.chain, path.trial, scene, placed)
-                place_bodies(scene, placed)
+                place_bodies(scene, placed, step.time + span)
                 place_obstacles(scene, placed, step.time, step.sample, span, period, period)
                 if adds:
                     write_screws(step.kinematics, step.chain, path.trial, scene, placed)
@@ -952,7 +952,7 @@ def constraint_values(chain, q, times, samples, parameters, scratch, out):
         status = place_frames(chain, q[i], scene, placed)
         if status != OK:
             return status
-        place_bodies(scene, placed)
+        place_bodies(scene, placed, times[i])
         place_obstacles(scene, placed, times[i], int(samples[i]), 0.0, settings.period, settings.period)
         for k in range(kept.rows.shape[0]):
             out[i, k] = value_of(scene, placed, row_of(kept.rows[k]))

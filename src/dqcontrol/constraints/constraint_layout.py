@@ -121,9 +121,14 @@ class Row(NamedTuple):
 head: MemoryLayout[Head] = MemoryLayout(Head)
 row_of: MemoryLayout[Row] = MemoryLayout(Row)
 HEAD, ROW = head.size(), row_of.size()
+FROM, UNTIL = (
+    BODY,
+    BODY + 1,
+)  # of a shape's numbers: when it is there, s; before and afterwards it is out of the way
+THERE = BODY + 2
 # of an obstacle's numbers: how it moves, place in the table of motions, its velocity
-MOTION, PLACE, VELOCITY = BODY, BODY + 1, BODY + 2
-OBSTACLE = BODY + 5
+MOTION, PLACE, VELOCITY = THERE, THERE + 1, THERE + 2
+OBSTACLE = THERE + 5
 
 
 class Screw(NamedTuple):
@@ -223,7 +228,7 @@ class RobotScene(NamedTuple):
     carriers: Annotated[Array, "frames + 1"]
     screws: Annotated[Array, "screws", SCREW]
     tree: Annotated[Array, "tree", COLUMNS]
-    bodies: Annotated[Array, "shapes", BODY + 1]
+    bodies: Annotated[Array, "shapes", THERE + 1]
     obstacles: Annotated[Array, "obstacles", f"hull + {OBSTACLE}"]
     table: Annotated[Array, ..., "6 * moving + 1"]
 
@@ -545,6 +550,7 @@ __all__ = [
     "BALL",
     "BODY",
     "BY_TABLE",
+    "FROM",
     "HEAD",
     "INSIDE",
     "MOST_CUTS",
@@ -559,6 +565,8 @@ __all__ = [
     "SIGHT",
     "STILL",
     "STRAIGHT",
+    "THERE",
+    "UNTIL",
     "VELOCITY",
     "ConstraintMemory",
     "ConstraintParameters",

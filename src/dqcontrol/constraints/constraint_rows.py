@@ -11,11 +11,13 @@ from dqcontrol.constraints.constraint_layout import (
     AT_MOST,
     BALL,
     BY_TABLE,
+    FROM,
     INSIDE,
     MOTION,
     PLACE,
     SIGHT,
     STRAIGHT,
+    UNTIL,
     VELOCITY,
     screw_of,
 )
@@ -40,6 +42,7 @@ from dqcontrol.geometry.distance_kernels import (
 from dqcontrol.robots.kinematics.kinematics_kernels import HEADING, REVOLUTE, call_chain, joint_frames, split
 from dqcontrol.robots.kinematics.pose_task_kernels import place_tree
 
+_AWAY = 1e6  # m: where shapes are while they are not there
 _PARALLEL = 1e-9  # sine of an angle below which the plane in which it opens is unknown
 
 
@@ -132,9 +135,15 @@ def _put(place, body, at, out, to):
     out[to], out[to + 1], out[to + 2] = x + place[9], y + place[10], z + place[11]
 
 
+@inline
+def _away(body, time):
+    """Return how far out of the way a shape is at a time."""
+    return 0.0 if body[FROM] <= time and time < body[UNTIL] else _AWAY
+
+
 @shared
-def place_bodies(scene, placed):
-    """Write the shapes of the robot where its frames are."""
+def place_bodies(scene, placed, time):
+    """Write the shapes of the robot where its frames are, and out of the way what no hand holds at a time."""
     for s in range(scene.bodies.shape[0]):
         body, out = scene.bodies[s, 1:], placed.world[s]
         place = placed.places[int(scene.bodies[s, 0])]
@@ -150,6 +159,10 @@ def place_bodies(scene, placed):
                 out[ROTATION + k], out[ROTATION + 3 + k], out[ROTATION + 6 + k] = x, y, z
         _put(place, body, BALL, out, BALL)
         out[BALL + 3] = body[BALL + 3]
+        away = _away(body, time)
+        if away > 0.0:
+            at = CORE if body[KIND] == ROUND else CENTER
+            out[at + 2], out[BALL + 2] = out[at + 2] + away, out[BALL + 2] + away
 
 
 @inline
@@ -174,10 +187,9 @@ def place_obstacles(scene, placed, time, sample, ahead, span, period):
                 out[k] = body[k]
         for k in range(3):
             drift[k] = 0.0
-        motion = body[MOTION]
-        if motion == 0.0:
+        motion, x, y, z = body[MOTION], 0.0, 0.0, _away(body, time + ahead)
+        if motion == 0.0 and z == 0.0:
             continue
-        x, y, z = 0.0, 0.0, 0.0
         if motion == STRAIGHT:
             for k in range(3):
                 drift[k] = body[VELOCITY + k]

@@ -7,12 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.constraints.constraints import Constraints
+from dqcontrol.constraints.constraints import ClearOf, Constraints, KeptBody
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.geometry import Shape, distance
 from dqcontrol.robots.robot import Robot
 from dqcontrol.world import Body, Motion
 
+_NOTHING = KeptBody([], [], Motion(), ClearOf())
 NEAR = 0.02  # m beyond what is asked: a pair that has less room is near
 
 
@@ -72,22 +73,23 @@ class Surroundings:
     things
         What is kept clear of, in its order, then zones, then what else stands around.
     free
-        The bodies of the world, by name, of which only a recording says where they are; they are no things.
+        The bodies of the world, by name, of which only a recording says where they are: those that physics moves, and
+        what hands hold; they are no things.
     """
 
     def __init__(self, given: Constraints) -> None:
         given = given.unwatched
         walls = [Thing(name, wall, True) for name, zone in given.zones.items() for wall in zone.shapes]
-        named = list(given.obstacles.items())
+        named = [each for each in given.obstacles.items() if each[0] not in given.held]
         self._obstacles = [each.moves for _, each in named for _ in each.shapes]
         others = [
             (name, body)
             for name, body in (given.world.bodies.items() if given.world else ())
-            if name not in given.obstacles and name not in given.holds and not body.is_moved_by_physics
+            if name not in given.obstacles and not body.is_recorded
         ]
         self._others = [body.moves or Motion() for _, body in others for _ in body.shapes]
         bodies = given.world.bodies if given.world else {}
-        self.free: dict[str, Body] = {name: body for name, body in bodies.items() if body.is_moved_by_physics}
+        self.free: dict[str, Body] = {name: body for name, body in bodies.items() if body.is_recorded}
         further = [Thing(name, shape, False) for name, body in others for shape in body.shapes]
         solids = [Thing(name, shape, False) for name, each in named for shape in each.shapes]
         self.things: list[Thing] = [*solids, *walls, *further]
@@ -117,6 +119,9 @@ class ConstraintView(Surroundings):
 
     def __init__(self, given: Constraints, robot: Robot, period: float) -> None:
         super().__init__(given)
+        self._held = [
+            shape for name in given.held for shape in given.obstacles.get(name, _NOTHING).shapes
+        ]  # what hands hold where it stands: obstacles after the others, and no things
         self._robot = robot
         self._prepared = PreparedConstraints(given.unwatched, robot, period, "measured")
 
@@ -132,11 +137,16 @@ class ConstraintView(Surroundings):
         shown: list[Shape] = [
             each.shape if each.frame == 0 else each.shape.moved(frames[each.frame - 1]) for each in pair.links
         ]
-        if pair.obstacle is not None and pair.obstacle < len(self._obstacles):
-            at = [*self.shifts(np.array([time]))[pair.obstacle, 0]]
-            shown.append(self.things[pair.obstacle].shape.moved([1, 0, 0, 0, 0, *(0.5 * np.array(at))]))
+        number, others = -1 if pair.obstacle is None else pair.obstacle, len(self._obstacles)
+        if others <= number < others + len(self._held):
+            shown.append(self._held[number - others])
+            number = -1
+        elif number >= others:
+            number -= len(self._held)
+        elif number >= 0:
+            at = [*self.shifts(np.array([time]))[number, 0]]
+            shown.append(self.things[number].shape.moved([1, 0, 0, 0, 0, *(0.5 * np.array(at))]))
         if len(shown) < 2:  # in a zone
             return NearestPair(kept.labels[i], float(room[i]), np.empty(0), np.empty(0), None, -1)
         found = distance(shown[0], shown[1])
-        number = -1 if pair.obstacle is None else pair.obstacle
         return NearestPair(kept.labels[i], float(room[i]), found.on_a, found.on_b, shown[0], number)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.geometry import Box, Cylinder, InfiniteCylinder, Plane, Shape
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.robots.command_mode import AT_ONCE, CommandMode, Lag
-from dqcontrol.world import Body, Motion, Solid, World
+from dqcontrol.world import Body, Held, Motion, Solid, World
 
 if TYPE_CHECKING:
     from dqcontrol.constraints.prepared_constraints import PreparedConstraints
@@ -59,30 +60,15 @@ class ClearOf(Kept, frozen=True, kw_only=True, forbid_unknown_fields=True):
     links: Annotated[list[Name], Meta(min_length=1)] | None = None
 
 
-class Held(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Where a hand holds a body of the world: its shapes are shapes of the robot, then.
-
-    Parameters
-    ----------
-    position, rpy
-        Of the body in the hand's axes, m and rad.
-    frame
-        Which frame of a tree holds it, ``left`` or ``right`` of two arms.
-    """
-
-    spec_key: ClassVar[str] = "constraints.holds"
-    position: Place = (0.0, 0.0, 0.0)
-    rpy: Annotated[Number3, Meta(description="roll, pitch, yaw: Rz(y) Ry(p) Rx(r), rad")] = (0.0, 0.0, 0.0)
-    frame: Name | None = None
-
-
 class KeptBody(NamedTuple):
     """A body of the world that is kept clear of.
 
     Attributes
     ----------
     shapes
-        All that it consists of, where it is at the start.
+        All that it consists of, where it is at the start; of what a hand lets go also where it is put.
+    there
+        From when and until when each of these is there, s.
     moves
         How it moves by itself.
     clear
@@ -90,13 +76,39 @@ class KeptBody(NamedTuple):
     """
 
     shapes: list[Shape]
+    there: list[tuple[float, float]]
     moves: Motion
     clear: ClearOf
 
 
+class HeldBody(NamedTuple):
+    """A body of the world that a hand holds.
+
+    Attributes
+    ----------
+    shapes
+        All that it consists of, in the axes of the hand.
+    held
+        When and how.
+    """
+
+    shapes: list[Shape]
+    held: Held
+
+
+def _kept(body: Body, clear: ClearOf) -> KeptBody:
+    moves, shapes, held = body.moves or Motion(), body.shapes, body.held
+    if held is None:
+        return KeptBody(shapes, [(-math.inf, math.inf)] * len(shapes), moves, clear)
+    there = [(-math.inf, held.since)] * len(shapes)
+    put = body.put_down
+    after = [] if put is None else put.shapes
+    return KeptBody([*shapes, *after], [*there, *[(held.ends, math.inf)] * len(after)], moves, clear)
+
+
 def _is_known(body: Body) -> bool:
     """Return whether somebody says where a body is: itself, or what measures it."""
-    return body.watch is not None or not body.is_moved_by_physics
+    return body.watch is not None or body.held is not None or not body.is_moved_by_physics
 
 
 class Zone(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -232,7 +244,7 @@ PerInput = (
 )
 
 
-class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=True):
     """What a law's command is made to keep; see the page on constraints.
 
     Parameters
@@ -253,12 +265,10 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         Distance between links, m; ``margin`` if omitted.
     clear_of
         Bodies of the world to keep away from: ``all`` that stand still or move as they say, a list of names, or names
-        each with links, margin and level.
-    holds
-        Bodies of the world that a hand holds, by name. They keep away from what the robot keeps clear of, and from the
-        links that those next to the hand are kept apart from.
+        each with links, margin and level. The links next to a hand come near to what that is to hold (``held``).
     world
-        Whose bodies these are; a spec gives its own.
+        Whose bodies these are; a spec gives its own. What of it a hand holds keeps away, meanwhile, from what the robot
+        keeps clear of, and from the links that those next to the hand are kept apart from.
     zones, angles, sights
         By name.
     escape
@@ -298,7 +308,6 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     self_collision: bool | None = None
     self_margin: Length | None = None
     clear_of: Literal["all"] | list[Name] | dict[Name, ClearOf] | None = None
-    holds: dict[Name, Held] = {}
     world: World | None = None
     zones: dict[Name, Zone] = {}
     angles: dict[Name, Angle] = {}
@@ -324,16 +333,12 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         if isinstance(self.clear_of, dict):
             chosen = self.clear_of
         elif self.clear_of == "all":
-            chosen = {
-                name: ClearOf() for name, body in bodies.items() if name not in self.holds and _is_known(body)
-            }
+            chosen = {name: ClearOf() for name, body in bodies.items() if _is_known(body)}
         else:
             chosen = dict.fromkeys(self.clear_of, ClearOf())
         for name in chosen:
             if name not in bodies:
                 raise unknown_name(field, name, tuple(bodies))
-            if name in self.holds:
-                raise ValueRangeError(f"{field}: '{name}' is what a hand holds ('holds'); leave it out")
             if not _is_known(bodies[name]):
                 raise ValueRangeError(
                     f"{field}: '{name}' is moved by what touches it, and nothing measures where it is; leave it out, "
@@ -341,34 +346,24 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
                 )
         return chosen
 
-    @property
+    @cached_property
     def obstacles(self) -> dict[str, KeptBody]:
-        """The bodies that are kept clear of, by name, with their shapes, which are made anew each time."""
-        bodies = self.world.bodies if self.world else {}
-        return {
-            name: KeptBody(bodies[name].shapes, bodies[name].moves or Motion(), clear)
-            for name, clear in self.cleared.items()
-        }
+        """The bodies that are kept clear of, by name, with their shapes.
 
-    @property
-    def held(self) -> dict[str, list[Shape]]:
-        """The shapes of what hands hold, by name, in the axes of each hand.
-
-        Raises
-        ------
-        Error
-            If the world has no such body, or it has no end.
+        What a hand is to hold comes last.
         """
         bodies = self.world.bodies if self.world else {}
+        chosen = sorted(self.cleared.items(), key=lambda each: bodies[each[0]].held is not None)
+        return {name: _kept(bodies[name], clear) for name, clear in chosen}
+
+    @property
+    def held(self) -> dict[str, HeldBody]:
+        """What hands hold, by name."""
         found = {}
-        for name, each in self.holds.items():
-            if name not in bodies:
-                raise unknown_name("constraints.holds", name, tuple(bodies))
-            if (kind := bodies[name].kind) in ("plane", "map"):
-                raise ShapeError(f"constraints.holds: '{name}' is a {kind}, which no hand holds")
-            place = algebra.pose(algebra.rotation_from_rpy(each.rpy), each.position)
-            move = algebra.multiply(place, algebra.conjugate(bodies[name].pose))
-            found[name] = [shape.moved(move) for shape in bodies[name].shapes]
+        for name, body in (self.world.bodies if self.world else {}).items():
+            if body.held is not None:
+                move = algebra.multiply(body.held.grasp, algebra.conjugate(body.pose))
+                found[name] = HeldBody([shape.moved(move) for shape in body.shapes], body.held)
         return found
 
     @property
@@ -378,7 +373,7 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
             return self
         bodies = self.world.bodies
         kept = self.cleared
-        left = {name: clear for name, clear in kept.items() if not bodies[name].is_moved_by_physics}
+        left = {name: clear for name, clear in kept.items() if bodies[name].watch is None}
         return self if len(left) == len(kept) else replace(self, clear_of=left)
 
     @property

@@ -18,6 +18,7 @@ from dqcontrol.constraints.constraint_layout import (
     BALL,
     BODY,
     BY_TABLE,
+    FROM,
     INSIDE,
     MOST_CUTS,
     MOST_ROWS,
@@ -27,6 +28,8 @@ from dqcontrol.constraints.constraint_layout import (
     PLACE,
     SIGHT,
     STRAIGHT,
+    THERE,
+    UNTIL,
     VELOCITY,
     Head,
     InputLimits,
@@ -70,6 +73,8 @@ _MOST_PERIODS = 10_000_000
 _SAID = 5  # violations in one message
 SELF = "self-collision"
 _STILL = Motion()
+_ALWAYS = (-math.inf, math.inf)  # s
+_ROUNDING = 1e-9  # s of instants at which something comes or goes
 
 
 class _Line(NamedTuple):
@@ -138,6 +143,7 @@ class PreparedConstraints:
         self._frames = moving_frames(robot)
         self._velocity, self._acceleration = self._speeds()
         self._bodies: list[LinkShape] = list(robot.shapes.shapes) if robot.shapes else []
+        self._there: dict[int, tuple[float, float]] = {}  # when bodies are, by number; always if it has none
         self._first_obstacle: dict[str, int] = {}  # by name
         self._points: list[int] = []  # numbers of bodies that are balls about named frames
         self._obstacles: list[tuple[Array, Motion]] = []
@@ -317,12 +323,16 @@ class PreparedConstraints:
 
     def _hand(self, field: str, name: str | None) -> tuple[int, Array, Array]:
         """Return the frame that carries a hand, and its rotation and position in that."""
+        frame, pose = self._one_hand(field, name)
+        matrix = algebra.matrix_from_pose(pose)
+        return frame, matrix[:3, :3], matrix[:3, 3]
+
+    def _one_hand(self, field: str, name: str | None) -> tuple[int, Array]:
         hands = self._frames.hands(field, name)
         if len(hands) > 1:
             names = " or ".join(each.name for each in hands)
             raise ShapeError(f"{field}: {self.robot.name} has several hands; give one as 'frame', {names}")
-        matrix = algebra.matrix_from_pose(algebra.pose(hands[0].pose[:4], hands[0].pose[4:7]))
-        return hands[0].frame, matrix[:3, :3], matrix[:3, 3]
+        return hands[0].frame, algebra.pose(hands[0].pose[:4], hands[0].pose[4:7])
 
     def _ball_at(self, hand: HandFrame, radius: float) -> int:
         name = hand.name if radius == 0.0 else f"{hand.name} ({1000 * radius:g} mm)"
@@ -351,18 +361,25 @@ class PreparedConstraints:
     def _add_held(self) -> list[int]:
         """Add what hands hold to the robot's shapes; return their numbers."""
         first = len(self._bodies)
-        for name, shapes in self.given.held.items():
-            frame, turn, shift = self._hand(f"constraints.holds.{name}", self.given.holds[name].frame)
-            hand = algebra.pose(algebra.rotation_from_matrix(turn), shift)
-            for k, shape in enumerate(shapes):
-                own = name if len(shapes) == 1 else f"{name}.{k + 1}"
-                self._bodies.append(LinkShape(own, frame, _of_links(shape.moved(hand))))
+        for name, each in self.given.held.items():
+            frame, pose = self.hand_that_holds(name)
+            for k, shape in enumerate(each.shapes):
+                own = name if len(each.shapes) == 1 else f"{name}.{k + 1}"
+                self._there[len(self._bodies)] = (each.held.since, each.held.ends)
+                self._bodies.append(LinkShape(own, frame, _of_links(shape.moved(pose))))
         return list(range(first, len(self._bodies)))
 
-    def _add_obstacle(self, shape: Shape, moving: Motion = _STILL) -> int:
+    def hand_that_holds(self, name: str) -> tuple[int, Array]:
+        """Return the frame that carries the hand that holds a body of the world, and the hand's pose (8,) in that."""
+        return self._one_hand(f"world.{name}.held", self.given.held[name].held.frame)
+
+    def _add_obstacle(
+        self, shape: Shape, moving: Motion = _STILL, there: tuple[float, float] = _ALWAYS
+    ) -> int:
         numbers = np.zeros(OBSTACLE + max(len(shape.row) - SHAPE, 0))
         _put_shape(shape, numbers)
         numbers[BALL : BALL + 4] = ball_around(shape)
+        numbers[[FROM, UNTIL]] = np.array(there) - _ROUNDING
         self._obstacles.append((numbers, moving))
         return len(self._obstacles) - 1
 
@@ -391,14 +408,17 @@ class PreparedConstraints:
             field, clear = f"constraints.clear_of.{name}", each.clear
             margin = self.given.margin if clear.margin is None else clear.margin
             self._first_obstacle[name] = len(self._obstacles)
-            for k, shape in enumerate(each.shapes):
-                obstacle = self._add_obstacle(shape, each.moves)
+            beside = self.hand_that_holds(name)[0] if name in self.given.held else -1
+            for k, (shape, there) in enumerate(zip(each.shapes, each.there, strict=True)):
+                obstacle = self._add_obstacle(shape, each.moves, there)
                 if world is not None and (body := world.bodies[name]).watch is not None:
                     seen_from = shape.moved(algebra.conjugate(body.pose))
                     self._watched.setdefault(name, []).append((obstacle, seen_from))
                 part = f" {k + 1}" if len(each.shapes) > 1 else ""
                 for chosen in self._chosen(field, clear.links):
-                    if clear.links is None and self._stands_on(shape, self._bodies[chosen]):
+                    if clear.links is None and (
+                        self._bodies[chosen].frame == beside or self._stands_on(shape, self._bodies[chosen])
+                    ):
                         continue
                     for body in self._end_balls(chosen) if isinstance(shape, Plane) else [chosen]:
                         label = f"{name}{part}: {self._bodies[chosen].link}"
@@ -578,11 +598,12 @@ class PreparedConstraints:
     def _pack(self, command_mode: str) -> None:
         robot, given, m = self.robot, self.given, self.robot.input_size
         n, shapes, obstacles = robot.configuration_size, len(self._bodies), len(self._obstacles)
-        bodies = np.zeros((shapes, BODY + 1))
-        for row, each in zip(bodies, self._bodies, strict=True):
+        bodies = np.zeros((shapes, THERE + 1))
+        for number, (row, each) in enumerate(zip(bodies, self._bodies, strict=True)):
             row[0] = each.frame
             row[1 : 1 + len(each.shape.row)] = each.shape.row
-            row[1 + BALL :] = ball_around(each.shape)
+            row[1 + BALL : 1 + BODY] = ball_around(each.shape)
+            row[[1 + FROM, 1 + UNTIL]] = np.array(self._there.get(number, _ALWAYS)) - _ROUNDING
         table = self._motions()
         self._hull: int = max((len(each) for each, _ in self._obstacles), default=OBSTACLE) - OBSTACLE
         stored = np.zeros((obstacles, OBSTACLE + self._hull))

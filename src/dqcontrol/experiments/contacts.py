@@ -23,13 +23,12 @@ from dqcontrol.loop.record import Record
 from dqcontrol.plants import MobilePlant, Plant
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot, SerialArm, TwoArms, WholeBody
-from dqcontrol.robots.bases import CLEARANCE, Chassis, DifferentialDrive
+from dqcontrol.robots.bases import CLEARANCE, Chassis, DifferentialDrive, RollerBase
 from dqcontrol.robots.collision_shapes import known_shapes
 from dqcontrol.robots.files.urdf import UrdfTree
 from dqcontrol.robots.files.urdf_xml import CheckedXml
 from dqcontrol.robots.link_shapes import LinkShape, moved_rows
 from dqcontrol.robots.robot import base_coordinates
-from dqcontrol.robots.roller_bases import RollerBase
 from dqcontrol.world import World
 
 HAND = "end effector"
@@ -227,6 +226,8 @@ class Contacts:
         around, k = Surroundings(constraints), 0
         wrist = self._around_the_hand()
         for name, obstacle in constraints.obstacles.items():
+            if name in constraints.held:
+                continue
             for shape in obstacle.shapes:
                 moves = obstacle.moves.velocity is not None or obstacle.moves.path is not None
                 shifts = (lambda times, k=k: around.shifts(times)[k]) if moves else None
@@ -241,9 +242,9 @@ class Contacts:
         """Yield all links and the bodies that constraints do not keep clear of, but those that physics alone moves."""
         kept: set[str] = set()
         if constraints is not None and constraints.world is not None:
-            kept = {*constraints.cleared, *constraints.holds}
+            kept = set(constraints.cleared)
         for name, body in () if world is None else world.bodies.items():
-            if name in kept or body.is_moved_by_physics or body.role == "springy":
+            if name in kept or body.is_recorded or body.role == "springy":
                 continue
             shifts = None if body.moves is None else body.moves.shifts
             for shape in body.shapes:

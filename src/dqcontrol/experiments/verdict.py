@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from dqcontrol import algebra
 from dqcontrol.constraints.constraint_view import ConstraintView
 from dqcontrol.constraints.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import SELF
@@ -16,18 +17,16 @@ from dqcontrol.controller import PreparedTasks
 from dqcontrol.experiments.contacts import HAND, contacts_of
 from dqcontrol.experiments.outcome import Expectation, felt, judge_outcome, length_text
 from dqcontrol.experiments.spec import Spec
-from dqcontrol.experiments.spec.reference_base import ReferenceSpec
+from dqcontrol.experiments.spec.reference_spec import ReferenceSpec
 from dqcontrol.laws import Law, PartialProportional
-from dqcontrol.loop.constraint_signals import DISTANCE, PRESSURE, ROOM
+from dqcontrol.loop.constraint_signals import DISTANCE, PRESSURE, ROOM, held_poses
 from dqcontrol.loop.record import Record, has_failed, row_norms
-from dqcontrol.measures.deadlock import deadlocks
-from dqcontrol.measures.margins import AT_LIMIT, UNSEEN, joint_margins
-from dqcontrol.measures.metrics import Metrics
+from dqcontrol.measures.held import deadlocks
+from dqcontrol.measures.metrics import AT_LIMIT, UNSEEN, Metrics, joint_margins
 from dqcontrol.measures.task_result import TaskResult, further_results
 from dqcontrol.plants import MobilePlant, MujocoPlant, Plant
 from dqcontrol.plants.mobile.running_mobile import SLIDING
-from dqcontrol.plants.mujoco.gripper import GRIPPER_OPENING
-from dqcontrol.plants.mujoco.pads import GRIP_FORCE
+from dqcontrol.plants.mujoco.gripper import GRIP_FORCE, GRIPPER_OPENING
 from dqcontrol.plants.wrist import TOUCH_FORCE
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
@@ -43,6 +42,7 @@ _LAST = 0.1  # of the time: when a force has settled, if it does
 _OFF = 0.1  # of the wanted force: what is farther off is not what was asked, as of a motion that is followed
 _ROUNDING = 1e-9  # as a share of a velocity limit
 _OFTEN = 0.1  # of the samples
+_INSTANT = 1e-9  # s: rounding of instants
 _CLOSED = 1e-3  # m between fingers that have nothing between them
 _CLOSING = 0.1  # s in which end effectors close on what they carry
 _BEHIND = 0.7  # cosine of 45° between an error and the way: beyond it late rather than beside its way
@@ -169,13 +169,14 @@ class Judge:
         touched = list(self._touched(record))
         judged = judge_outcome(self._outcome, record, self.robot, self._world, self._period, touched)
         met = [each.words for each in judged if each.holds]
-        hit, grip = self._felt(record), list(self._grip(record))
+        hit, grip, missed = self._felt(record), list(self._grip(record)), list(self._missed(record))
         found: list[tuple[Failure, str]] = [
             *(("outcome", f"not so: {each.words}") for each in judged if not each.holds),
             *(("crossed", words) for words in (*self._crossed(record), *self._supervised(record))),
             *(("contact", words) for words in touched),
             *(("contact", words) for words in hit if not self._outcome and not self._may_be_hit(words)),
             *(("limits", words) for words in self._limits(record, metrics)),
+            *(("grip", words) for words in missed),
             *(("grip", words) for words in grip if not self._outcome),
             *(("task", words) for words in self._shakes(record, metrics)),
         ]
@@ -325,6 +326,37 @@ class Judge:
                 yield f"dropped at {lost:.3g} s" if dropped else f"gripped nothing at {begin:.3g} s"
         if _containers(plant) and any(until < end for _, until in holds):
             yield from self._not_placed(record, len(holds))
+
+    def _missed(self, record: Record) -> Iterator[str]:
+        """Yield what hands grip that is elsewhere, and what they put elsewhere, by more than the world says."""
+        bodies = {} if self._world is None else self._world.bodies
+        for name, body in bodies.items():
+            held = body.held
+            if held is None:
+                continue
+            alone = World(bodies={name: body})
+            kept = Constraints(world=alone, self_collision=False).prepare(
+                self.robot, self._period, "measured"
+            )
+            known = record.readings.get(f"{name}_position") if body.mass is not None else None
+            for time, stands, words in (
+                (held.since, body, "gripped nothing: {} is {} from where the hand closes on it"),
+                (held.ends, body.put_down, "put elsewhere: {} is {} from where it is to be"),
+            ):
+                if stands is None or time > record.time[-1]:
+                    continue
+                k = int(np.searchsorted(record.time, time - _INSTANT))
+                place = algebra.translation(
+                    held_poses(kept, name, record.q[k : k + 1], np.array([held.since]))
+                )[0]
+                other = np.array(stands.position)
+                if known is not None:  # physics says where it is
+                    place, other = (
+                        (known.values[k], other) if stands is not body else (place, known.values[k])
+                    )
+                away = float(np.linalg.norm(place - other))
+                if away > held.within:
+                    yield words.format(name, length_text(away)) + _at(record, k)
 
     def _not_placed(self, record: Record, carried: int) -> Iterator[str]:
         """Yield the body that is nearest to a container, and in none, if fewer are in one than were gripped."""

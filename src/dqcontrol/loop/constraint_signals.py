@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol import algebra
 from dqcontrol.arrays import Array
+from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.controller.controller import Controller
 from dqcontrol.loop.signals import Signal
 
@@ -17,6 +21,8 @@ PRESSURE, SLACK, EFFECT = "constraint_pressure", "constraint_slack", "constraint
 _PARTS = ("rows", "programs", "scaled", "acceleration_excess", "speed_asked", "speed")
 _UNITS = ("", "", "", "", "m/s", "m/s")
 
+_OUT_OF_THE_WAY = 1e5  # m: no distance of what is there
+_ROUNDING = 1e-9  # s
 HELD_WINDOW = 0.4  # s: for so long an end effector is held before that counts, as for `Constraints.escape`
 _STUCK = 0.1  # share of the speed that the law asks for
 _ASKED = 1e-3  # m/s: less is no wish
@@ -51,6 +57,7 @@ def constraint_signals(law: Controller, q: Array, times: Array, reports: Array |
     finite = np.isfinite(q).all(axis=1)
     values = np.full((len(q), len(kept.labels)), np.nan)
     values[finite] = kept.values(q[finite], times[finite])
+    values[values > _OUT_OF_THE_WAY] = np.inf  # what is in no hand, or still or already is
     names, count = kept.names, len(kept.names)
     distance, room = np.full((len(q), count), np.inf), np.full((len(q), count), np.inf)
     units = ["m"] * count
@@ -68,3 +75,44 @@ def constraint_signals(law: Controller, q: Array, times: Array, reports: Array |
         SLACK: Signal(SLACK, names, rates, slack),
         EFFECT: Signal(EFFECT, _PARTS, _UNITS, reports[:, :numbers]),
     }
+
+
+def held_signals(law: Controller, q: Array, times: Array, known: Collection[str]) -> dict[str, Signal]:
+    """Return where bodies were that hands held, as far as physics does not say it: positions and quaternions.
+
+    Parameters
+    ----------
+    law, q, times
+        As of `constraint_signals`.
+    known
+        Names of what is recorded already.
+    """
+    found: dict[str, Signal] = {}
+    kept = law.constraints
+    for name in kept.given.held if kept is not None else ():
+        place, turn = f"{name}_position", f"{name}_quaternion"
+        if kept is None or place in known:
+            continue
+        poses = held_poses(kept, name, q, times)
+        found[place] = Signal(place, ("x", "y", "z"), ("m",) * 3, algebra.translation(poses))
+        found[turn] = Signal(turn, ("w", "x", "y", "z"), ("",) * 4, algebra.rotation(poses))
+    return found
+
+
+def held_poses(kept: PreparedConstraints, name: str, q: Array, times: Array) -> Array:
+    """Return where a body is that a hand holds for a part of a run, at configurations (N, n) and times (N,): (N, 8).
+
+    It stays where it is let go if nothing says where it is put.
+    """
+    assert kept.given.world is not None
+    body, held = kept.given.world.bodies[name], kept.given.held[name].held
+    frame, hand = kept.hand_that_holds(name)
+    carried = algebra.multiply(hand, held.grasp)
+    if frame:
+        carried = algebra.multiply(kept.robot.frames(q)[:, frame - 1], carried)
+    poses = np.array(np.broadcast_to(carried, (len(times), 8)))
+    poses[times < held.since - _ROUNDING] = body.pose
+    after = np.flatnonzero(times >= held.ends - _ROUNDING)
+    if len(after):
+        poses[after] = poses[after[0]] if body.put_down is None else body.put_down.pose
+    return poses

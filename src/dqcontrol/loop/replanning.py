@@ -198,9 +198,10 @@ def plan_signals(reference: Reference | None, replanning: Replanning | None, cou
     """Return which plan counted at each sample, and what is known of it; nothing where none was made."""
     made = replanning.plans if replanning else []
     if not made and reference is not None and reference.plans_around:
-        from dqcontrol.planning.plan_to import PlanTo, ResumedWay
+        from dqcontrol.planning.drive_and_plan import DriveAndPlan
+        from dqcontrol.planning.plan_to import PlanTo
 
-        way = reference.after if isinstance(reference, ResumedWay) else reference
+        way = reference.arm if isinstance(reference, DriveAndPlan) else reference
         made = [MadePlan(0, way)] if isinstance(way, PlanTo) else []
     if not made:
         return {}

@@ -10,6 +10,7 @@ corners are proved by the same function.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from copy import copy
 from typing import Annotated, Any, NamedTuple
 
@@ -149,7 +150,7 @@ def certify_curve(proof, curve, tolerance, answer):
         status = place_frames(proof.chain, middle, proof.scene, proof.placed)
         if status != OK:
             return status
-        place_bodies(proof.scene, proof.placed)
+        place_bodies(proof.scene, proof.placed, 0.0)
         left, widest = 0, 0.0
         for place in range(int(counts[depth])):
             k = int(open_rows[depth, place])
@@ -350,6 +351,28 @@ class CertifiedEdges:
             return Room(math.inf, "")
         k = int(answers[:, ROOM].argmin())
         return Room(float(answers[k, ROOM]) - _TOLERANCE, self.labels_of(answers[k : k + 1])[0])
+
+    def least_room_on(self, motion: Callable[[Array], tuple[Array, Array]], marks: Array) -> Room:
+        """Return the least room on a motion between marks, shape (K,), of what it is asked at: proved, to 0.1 mm below.
+
+        ``motion`` gives configurations (N, n), and how far each input has gone back and forth, (N, m). Where less than
+        nothing is left, what is looked at first.
+        """
+        begin, end = marks[:-1], marks[1:]
+        least, row = math.inf, -1
+        while len(begin) and self._needs.size and least >= 0:
+            middle = 0.5 * (begin + end)
+            (q, gone), before, after = motion(middle), motion(begin)[1], motion(end)[1]
+            rooms = self.kept.values(q, np.zeros(len(q))) - self._needs
+            if rooms.min() < least:
+                least, row = float(rooms.min()), int(rooms.min(axis=0).argmin())
+            reach = np.maximum(gone - before, after - gone) @ self.kept.levers.T
+            left = (rooms - reach < max(least - _TOLERANCE, 0.0)).any(axis=1)
+            if (left & (reach.max(axis=1) < _FINEST)).any():
+                return Room(-_FINEST, self.kept.labels[row])
+            begin = np.concatenate([begin[left], middle[left]])
+            end = np.concatenate([middle[left], end[left]])
+        return Room(max(least - _TOLERANCE, min(least, 0.0)), self.kept.labels[row] if row >= 0 else "")
 
     def room_at(self, q: Array) -> tuple[Array, NDArray[np.intp]]:
         """Return the least room beyond what is asked at configurations, shape (N, n), m or rad, and the row with it."""

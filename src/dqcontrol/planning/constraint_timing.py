@@ -17,8 +17,11 @@ from dqcontrol.arrays import Array
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import Error
 from dqcontrol.laws.law import check_steps
+from dqcontrol.planning.base_path import BasePath
 from dqcontrol.planning.extra import from_extra
 from dqcontrol.planning.smooth_way import SmoothWay
+from dqcontrol.robots import Robot
+from dqcontrol.robots.kinematics.driving import RIM_LEVER
 
 _STEP = (
     0.02  # rad or m between points of the grid: 1° of a joint, over which a distance changes nearly evenly
@@ -63,7 +66,7 @@ class WayTiming(NamedTuple):
 
 
 def constraint_timing(
-    way: SmoothWay,
+    way: SmoothWay | BasePath,
     kept: PreparedConstraints,
     velocity: Array,
     acceleration: Array,
@@ -79,7 +82,7 @@ def constraint_timing(
     kept
         The constraints.
     velocity, acceleration
-        Limits of the coordinates, shape (n,).
+        Limits of the coordinates, shape (n,); of a driven base those of v and ω in the columns of x and φ.
     brake
         How hard the law lets each of them brake, shape (n,).
     approach
@@ -102,7 +105,7 @@ def constraint_timing(
 
 
 def _timed(
-    part: SmoothWay,
+    part: SmoothWay | BasePath,
     kept: PreparedConstraints,
     velocity: Array,
     acceleration: Array,
@@ -114,9 +117,10 @@ def _timed(
     grid, fastest = _grid_and_limit(part, kept, velocity, approach)
     turning = toppra.constraint.JointVelocityConstraint(velocity)
     braking = toppra.constraint.JointAccelerationConstraint(np.column_stack([-acceleration, acceleration]))
+    path = _Path(part, len(velocity))
     for tried in range(_SLOWED):
         limits = [turning, braking, _speed_limit(toppra, fastest, len(velocity))]
-        timed = toppra.algorithm.TOPPRA(limits, _Path(part), gridpoints=grid)
+        timed = toppra.algorithm.TOPPRA(limits, path, gridpoints=grid)
         speeds = timed.compute_parameterization(0.0, 0.0)[1]
         if speeds is None or not np.isfinite(speeds).all() or (speeds[:-1] + speeds[1:] <= 0).any():
             break
@@ -128,26 +132,34 @@ def _timed(
 
 
 def _too_fast(
-    part: SmoothWay, kept: PreparedConstraints, grid: Array, speeds: Array, brake: Array
+    part: SmoothWay | BasePath, kept: PreparedConstraints, grid: Array, speeds: Array, brake: Array
 ) -> NDArray[np.bool_]:
-    """Return at which points of a grid the law would not let a sample's command pass.
-
-    It asks ∇d·u ≥ −η (d − kept) of the mean u of the coming period, which a bend or acceleration makes more than the
-    speed at its begin. And the way to rest must be clear, on which an input makes T Σ max(|u| − i a T, 0) in i = 0 … k
-    further periods.
-    """
+    """Return at which points of a grid the law would not let a sample's command pass."""
     near = np.zeros(len(grid), dtype=bool)
     timing = WayTiming(_instants(grid, speeds), grid, speeds)
     check_steps("period", float(timing.times[-1]) / kept.period)
     samples = np.arange(0.0, timing.times[-1], kept.period)
     begins, ends = timing.at(samples)[0], timing.at(samples + kept.period)[0]
-    q = part.at(begins)[0]
-    u = (part.at(ends)[0] - q) / kept.period
-    times, need = np.zeros(len(q)), kept.asked + kept.allowances
+    moved = (part.driven(ends) - part.driven(begins))[:, kept.robot.input_coordinates]
+    short = is_braked(kept, part.at(begins)[0], moved / kept.period, brake[kept.robot.input_coordinates])
+    for begin, end in zip(begins[short], ends[short], strict=True):
+        first = np.searchsorted(grid, begin, side="right") - 1
+        near[max(first, 0) : np.searchsorted(grid, end) + 1] = True
+    return near & (speeds > _CREEP)
+
+
+def is_braked(kept: PreparedConstraints, q: Array, u: Array, brake: Array) -> NDArray[np.bool_]:
+    """Return at which of configurations (N, n) the law would not let the inputs (N, m) of a period pass.
+
+    It asks ∇d·u ≥ −η (d − kept) of the mean u of the coming period, which a bend or acceleration makes more than the
+    speed at its begin. And the way to rest must be clear, on which an input makes T Σ max(|u| − i a T, 0) in i = 0 … k
+    further periods; a, ``brake``, has shape (m,).
+    """
+    robot, times, need = kept.robot, np.zeros(len(q)), kept.asked + kept.allowances
     values = kept.values(q, times)
-    step = _INSTANT * u
-    rates = (kept.values(q + step, times) - kept.values(q - step, times)) / (2.0 * _INSTANT)
-    short = (rates < -_KEPT_SHARE * kept.rate * (values - need)).any(axis=1)
+    ahead, behind = robot.integrate(q, u, _INSTANT), robot.integrate(q, u, -_INSTANT)
+    rates = (kept.values(ahead, times) - kept.values(behind, times)) / (2.0 * _INSTANT)
+    short = np.asarray(rates < -_KEPT_SHARE * kept.rate * (values - need)).any(axis=1)
     loss = brake * kept.period
     rests = np.floor(np.abs(u) / loss)
     needed = np.minimum(values, need)
@@ -155,12 +167,9 @@ def _too_fast(
         count = np.minimum(np.ceil(share * rests.max(axis=1, keepdims=True)), rests)
         with np.errstate(invalid="ignore"):
             lost = np.where(count > 0, 0.5 * loss * count * (count + 1.0), 0.0)
-        there = q + kept.period * np.sign(u) * ((count + 1.0) * np.abs(u) - lost)
+        there = robot.integrate(q, np.sign(u) * ((count + 1.0) * np.abs(u) - lost), kept.period)
         short |= (kept.values(there, times) < needed).any(axis=1)
-    for begin, end in zip(begins[short], ends[short], strict=True):
-        first = np.searchsorted(grid, begin, side="right") - 1
-        near[max(first, 0) : np.searchsorted(grid, end) + 1] = True
-    return near & (speeds > _CREEP)
+    return short
 
 
 def _instants(grid: Array, speeds: Array) -> Array:
@@ -173,9 +182,9 @@ class _Path:
 
     waypoints = None
 
-    def __init__(self, way: SmoothWay) -> None:
+    def __init__(self, way: SmoothWay | BasePath, n: int) -> None:
         self._way = way
-        self.dof: int = way.points.shape[2]
+        self.dof = n
         self.path_interval: Array = np.array([0.0, way.begins[-1]])
 
     def __call__(self, lengths: ArrayLike, order: int = 0) -> Array:
@@ -198,7 +207,7 @@ def _speed_limit(toppra: Any, fastest: Array, n: int) -> Any:
     return SpeedLimit()
 
 
-def _grid(part: SmoothWay) -> Array:
+def _grid(part: SmoothWay | BasePath) -> Array:
     """Return lengths at which a part is looked at: ends of its pieces, and between them."""
     step = min(_STEP, part.begins[-1] / _LEAST_POINTS)
     inner = [
@@ -209,7 +218,7 @@ def _grid(part: SmoothWay) -> Array:
 
 
 def _grid_and_limit(
-    part: SmoothWay, kept: PreparedConstraints, velocity: Array, approach: float
+    part: SmoothWay | BasePath, kept: PreparedConstraints, velocity: Array, approach: float
 ) -> tuple[Array, Array]:
     """Return a grid, and how fast the way may be passed at its points.
 
@@ -220,8 +229,7 @@ def _grid_and_limit(
     rounds = 0
     while True:
         q, along, _ = part.at(grid)
-        with np.errstate(divide="ignore"):
-            turning = (velocity / np.abs(along)).min(axis=1)
+        turning = _turning(kept.robot, along, velocity)
         fastest = np.clip(np.minimum(_approaching(kept, q, grid, approach), turning), _CREEP, None)
         narrow = fastest < turning
         size = np.diff(grid)
@@ -241,3 +249,14 @@ def _approaching(kept: PreparedConstraints, q: Array, grid: Array, approach: flo
     nearer = np.maximum(np.vstack([shrinks, shrinks[-1:]]), np.vstack([shrinks[:1], shrinks]))
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(nearer > 0, approach * kept.rate * room / nearer, np.inf).min(axis=1, initial=np.inf)
+
+
+def _turning(robot: Robot, along: Array, velocity: Array) -> Array:
+    """Return the speeds at which no input, and no rim of a base, is faster than it may be."""
+    with np.errstate(divide="ignore"):
+        fastest = (velocity / np.abs(along)).min(axis=1)
+        for drive in robot.drives:
+            i = int(drive[0])
+            rim = np.abs(along[:, i]) + drive[RIM_LEVER] * np.abs(along[:, i + 2])
+            fastest = np.minimum(fastest, velocity[i] / rim)
+    return fastest

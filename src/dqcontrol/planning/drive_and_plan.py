@@ -1,8 +1,11 @@
-"""Goals of arms on bases that cannot move sideways: the base drives, then the arm goes on by certified edges."""
+"""Goals of arms on bases that cannot move sideways: the base drives, and the arm sets off before that arrives."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,9 +15,14 @@ from dqcontrol.arrays import Array
 from dqcontrol.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import PlanError, UnreachableGoalError, as_array
+from dqcontrol.geometry import FloorMap
+from dqcontrol.planning.base_path import BasePath
 from dqcontrol.planning.certified_edges import CertifiedEdges
+from dqcontrol.planning.constraint_timing import WayTiming, constraint_timing, is_braked
+from dqcontrol.planning.narrow_passes import narrow_passes
 from dqcontrol.planning.plan import EFFORT, as_goal, as_law_keeps, checked_start, plan
-from dqcontrol.planning.plan_to import PlanTo, ResumedWay
+from dqcontrol.planning.plan_to import PlanTo, limits_of_ways, samples_of
+from dqcontrol.planning.smooth_way import SmoothWay
 from dqcontrol.planning.standing_base import driven_coordinates
 from dqcontrol.references.drive_to import (
     AROUND_TRIES,
@@ -24,14 +32,118 @@ from dqcontrol.references.drive_to import (
     check_around,
     clear_of_floor,
     goal_configurations,
-    instants_of,
     ways_around,
 )
-from dqcontrol.references.ways_around import folded_posture
+from dqcontrol.references.reference import NO_CORNERS
+from dqcontrol.references.ways_around import WaysAround, across, folded_posture
 from dqcontrol.robots import Robot
+from dqcontrol.robots.kinematics.driving import TURNING_RADIUS
 from dqcontrol.world import floor_around, stands
 
 _PLACES = 16  # where the base may stand, that are planned from: an arm's plan that fails takes about a second
+_NARROW_PLACES = 4  # of these, through passes that are narrow
+_BEGINS = 9  # instants at which base and arm may set off, that are looked at: an eighth of what may be gained
+_MARK = 0.1  # s: of a motion, from where it is halved until it is proved
+_STANDS = 1e-9  # rad or m: a fold that is none
+
+
+class _Leg(NamedTuple):
+    """A part of the way: of the base or of the arm alone, from a time on."""
+
+    way: SmoothWay | BasePath
+    timing: WayTiming
+    begin: float
+
+    @property
+    def end(self) -> float:
+        return self.begin + float(self.timing.times[-1])
+
+    def lengths(self, times: Array) -> Array:
+        return self.timing.at(np.maximum(times - self.begin, 0.0))[0]
+
+    def at(self, times: Array) -> tuple[Array, Array, Array]:
+        """Return configurations, rates of the coordinates that inputs move, and their rates, (N, n) each."""
+        length, speed, rate = self.timing.at(np.maximum(times - self.begin, 0.0))
+        moves = ((times >= self.begin) & (times <= self.end))[:, None]
+        q, along, bend = self.way.at(length)
+        u, change = along * speed[:, None], bend * speed[:, None] ** 2 + along * rate[:, None]
+        return q, np.where(moves, u, 0.0), np.where(moves, change, 0.0)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DriveAndPlan(PlannedWay):
+    """The motion of a robot whose base drives and whose arm sets off before that arrives; from `drive_and_plan`.
+
+    Parameters
+    ----------
+    legs
+        What base and arm go, each with its own timing.
+    arm
+        The last of these, with what is proved of all of the way as its certificate.
+
+    Attributes
+    ----------
+    driven, begins
+        How long it takes until the base rests at its goal, and until the arm sets off to its goal, s.
+    """
+
+    plans_around = True
+
+    legs: tuple[_Leg, ...]
+    arm: PlanTo
+    robot: Robot = field(init=False)
+    duration: float = field(init=False)
+    corners: Array = field(init=False)
+    driven: float = field(init=False)
+    begins: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        values = {
+            "robot": self.arm.robot,
+            "duration": max(leg.end for leg in self.legs),
+            "corners": NO_CORNERS,
+            "driven": max(leg.end for leg in self.legs if isinstance(leg.way, BasePath)),
+            "begins": self.legs[-1].begin,
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def __str__(self) -> str:
+        """Return what becomes of it, in a line."""
+        goes_on = f"the arm sets off after {self.begins:.3g} s"
+        return f"{self.driven:.3g} s of driving, {goes_on}, {self.duration:.3g} s in all; {self.arm.plan}"
+
+    def configurations(self, times: ArrayLike) -> Array:
+        """Return the robot's configurations at times (N,), s: shape (N, n)."""
+        return self._at(as_array("times", times))[0]
+
+    def mean_inputs(self, times: ArrayLike, period: float) -> Array:
+        """Return the means of the robot's inputs from times (N,), s, to a period later: shape (N, m)."""
+        begins = as_array("times", times)
+        moved = sum(
+            leg.way.driven(leg.lengths(begins + period)) - leg.way.driven(leg.lengths(begins))
+            for leg in self.legs
+        )
+        return np.asarray(moved)[:, self.robot.input_coordinates] / period
+
+    def motion(self, times: Array) -> Array:
+        """Return samples (N, 21); see `Reference.motion`."""
+        q, u, change = self._at(times)
+        return samples_of(self.robot, q, u, change)
+
+    def gone(self, times: Array) -> tuple[Array, Array]:
+        """Return configurations (N, n), and how far each input has gone back and forth, (N, m)."""
+        gone = sum(leg.way.travelled(leg.lengths(times)) for leg in self.legs)
+        return self._at(times)[0], np.asarray(gone)[:, self.robot.input_coordinates]
+
+    def _at(self, times: Array) -> tuple[Array, Array, Array]:
+        """Return configurations (N, n), inputs and their rates (N, m): each leg moves what no other moves meanwhile."""
+        found = [leg.at(times) for leg in self.legs]
+        starts = [leg.way.at(np.zeros(1))[0] for leg in self.legs]
+        q = starts[0] + sum(each[0] - start for each, start in zip(found, starts, strict=True))
+        u, change = (sum(each[k] for each in found) for k in (1, 2))
+        inputs = self.robot.input_coordinates
+        return q, np.asarray(u)[:, inputs], np.asarray(change)[:, inputs]
 
 
 def drive_and_plan(
@@ -45,12 +157,13 @@ def drive_and_plan(
     clearance: float = 0.0,
     speed_fraction: float = 0.9,
     approach: float = 0.9,
-) -> PlannedWay:
+) -> PlanTo | DriveAndPlan:
     """Return the way of a robot whose base cannot move sideways to a goal of its end effector.
 
     Where the arm reaches the goal from where the base stands, only the arm goes. Else the base drives as by `DriveTo`,
-    with its arm folded, to the nearest place from which a plan of the arm leads on, and rests there. What is driven is
-    looked at each 0.1 s, what the arm goes then is proved.
+    with its arm folded, to the nearest place from which a plan of the arm leads on. Base and arm are timed as `PlanTo`
+    times, each on its own path; the base sets off while the arm still folds, and the arm to its goal while the base
+    still drives, as early as all of the way is proved to keep the constraints and the law lets all of it pass.
 
     Parameters
     ----------
@@ -82,36 +195,83 @@ def drive_and_plan(
     kept, target = as_law_keeps(robot, constraints), as_goal(robot, goal)
     edges = CertifiedEdges(robot, kept, clearance)
     first = checked_start(edges, as_array("start", start, (robot.configuration_size,)))
-    edges = edges.eased_at(first)
+    edges, kept = edges.eased_at(first), edges.kept
 
-    def planned(q: Array) -> PlanTo:
-        found = plan(robot, kept, q, target, seed, effort, clearance=clearance)
+    def planned(q: Array, to: Array | DualQuaternion) -> PlanTo:
+        found = plan(robot, kept, q, to, seed, effort, clearance=clearance)
         return PlanTo(found, speed_fraction, approach)
 
     try:
-        return planned(first)
+        return planned(first, target)
     except PlanError as error:
         if isinstance(target, np.ndarray) and error.reason != "unreachable":
             raise
         last = error
-    for tried, way in enumerate(_drives(edges, first, target, speed_fraction)):
+    driven = driven_coordinates(robot)
+    folded = np.where(driven, first, folded_posture(robot, first))
+    folds = [] if np.abs(folded - first).max() < _STANDS else [planned(first, folded)]
+    limits = limits_of_ways(robot, kept, speed_fraction)
+    for tried, path in enumerate(_paths(edges, first, folded, target, speed_fraction)):
         try:
-            return ResumedWay(way, way.duration, planned(way.configurations([way.duration])[0]))
+            arm = planned(path.at(path.begins[-1:])[0][0], target)
         except PlanError as error:
             last = error
+        else:
+            timing = constraint_timing(path, kept, *limits, approach)
+            way = _without_rests(edges, folds, path, timing, arm)
+            if way is not None:
+                return way
         if tried + 1 == _PLACES:
             break
     raise last
 
 
-def _drives(
-    edges: CertifiedEdges, start: Array, goal: Array | DualQuaternion, speed_fraction: float
-) -> Iterator[DriveTo]:
-    """Yield ways to where the arm, folded, is near a goal and clear of what is kept."""
+def _without_rests(
+    edges: CertifiedEdges, folds: list[PlanTo], path: BasePath, timing: WayTiming, arm: PlanTo
+) -> DriveAndPlan | None:
+    """Return the way on which base and arm set off as early as it keeps everything; None if none does."""
+    before = [_Leg(each.plan.way, each.timing, 0.0) for each in folds]
+    folding = before[0].end if before else 0.0
+    base = _Leg(path, timing, folding)
+    if before:
+        for begin in np.linspace(0.0, folding, _BEGINS)[:-1]:
+            sooner = base._replace(begin=float(begin))
+            if _proved(edges, (*before, sooner), arm) is not None:
+                base = sooner
+                break
+    earliest = min(max(folding, base.end - arm.duration), base.end)
+    for begin in np.linspace(earliest, max(base.end, folding), _BEGINS):
+        legs = (*before, base, _Leg(arm.plan.way, arm.timing, float(begin)))
+        if (way := _proved(edges, legs, arm)) is not None:
+            return way
+    return None
+
+
+def _proved(edges: CertifiedEdges, legs: tuple[_Leg, ...], arm: PlanTo) -> DriveAndPlan | None:
+    """Return the way of some legs if it keeps what is asked, all of it, and the law lets it pass."""
+    way = DriveAndPlan(legs, arm)
+    count = max(2, int(way.duration / _MARK) + 1)
+    room = edges.least_room_on(way.gone, np.linspace(0.0, way.duration, count))
+    if room.least < 0:
+        return None
+    kept = edges.kept
+    _, _, brake = limits_of_ways(edges.robot, kept, 1.0)
+    samples = np.arange(0.0, way.duration, kept.period)
+    u = way.mean_inputs(samples, kept.period)
+    if is_braked(kept, way.configurations(samples), u, brake[edges.robot.input_coordinates]).any():
+        return None
+    proved = replace(arm.plan.certificate, room=room.least, label=room.label)
+    return replace(way, arm=replace(arm, plan=replace(arm.plan, certificate=proved)))
+
+
+def _paths(
+    edges: CertifiedEdges, start: Array, folded: Array, goal: Array | DualQuaternion, speed_fraction: float
+) -> Iterator[BasePath]:
+    """Yield paths of the base to where the arm, folded, is near a goal, proved to keep all that is kept."""
     robot, given = edges.robot, edges.kept.given
     found = goal[None] if isinstance(goal, np.ndarray) else _reaching(robot, start, goal)
     driven = driven_coordinates(robot)
-    places = np.where(driven, found, folded_posture(robot, start))
+    places = np.where(driven, found, folded)
     places = places[edges.room_at(places)[0] >= 0]
     limits = (speed_fraction, given.acceleration)
     bodies = given.world.bodies if given.world else {}
@@ -119,13 +279,55 @@ def _drives(
     if names:
         floor = floor_around(given.world, names, "constraints.clear_of")
         check_around(robot, start, floor)
-        places = clear_of_floor(floor, robot, places, CLEARANCE)
-        ways = ways_around(DriveTo, robot, start, places, limits, floor, CLEARANCE)
+        reachable, places = places, clear_of_floor(floor, robot, places, CLEARANCE)
+        ways = chain(
+            ways_around(DriveTo, robot, start, places, limits, floor, CLEARANCE),
+            _narrow_ways(edges, folded, reachable, limits, floor),
+        )
     else:
         ways = (DriveTo(robot, start, place, *limits) for place in places)
+    first, inputs = int(robot.drives[0, 0]), robot.input_coordinates
     for way in ways:
-        if (edges.room_at(instants_of(way))[0] >= 0).all():
-            yield way
+        path = BasePath(folded, first, way.base_pieces)
+        if not len(path.pieces):
+            continue
+        marks = np.linspace(0.0, path.begins[-1], max(2, int(path.begins[-1] / _MARK) + 1))
+
+        def motion(lengths: Array, path: BasePath = path) -> tuple[Array, Array]:
+            return path.at(lengths)[0], path.travelled(lengths)[:, inputs]
+
+        if edges.least_room_on(motion, marks).least >= 0:
+            yield path
+
+
+def _narrow_ways(
+    edges: CertifiedEdges,
+    start: Array,
+    places: Array,
+    limits: tuple[float, ArrayLike | None],
+    floor: FloorMap,
+) -> Iterator[DriveTo]:
+    """Yield ways to the nearest places through what is so narrow that a base has to be led straight on."""
+    robot, first = edges.robot, int(edges.robot.drives[0, 0])
+    if (robot.drives[:, TURNING_RADIUS] > 0).any():
+        return
+    radius, here = across(robot, start) + edges.kept.given.margin, start[first : first + 2]
+    near = np.linalg.norm(places[:, first : first + 2] - here, axis=1)
+    for place in places[np.argsort(near, kind="stable")[:_NARROW_PLACES]]:
+        via: list[Array] = []
+        at = here
+        passes = [(a[first : first + 2], b[first : first + 2]) for a, b in narrow_passes(edges, start, place)]
+        for begin, end in [*passes, (place[first : first + 2], None)] if passes else []:
+            corners = np.vstack([at, begin, *floor.polygons])
+            within = np.array([corners.min(axis=0) - 1.0, corners.max(axis=0) + 1.0])
+            between = WaysAround(floor, at, radius, within).to(begin)
+            if between is None:
+                break
+            via += between if end is None else [*between, begin, end]
+            at = begin if end is None else end
+        else:
+            if via:
+                yield DriveTo(robot, start, place, *limits, via=via)
 
 
 def _reaching(robot: Robot, start: Array, goal: DualQuaternion) -> Array:

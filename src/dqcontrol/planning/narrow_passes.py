@@ -1,4 +1,4 @@
-"""Straight passes of bases that move sideways through what is hardly wider than they are; no random edge finds them."""
+"""Straight passes of bases through what is hardly wider than they are; no random edge finds them."""
 
 from __future__ import annotations
 
@@ -10,20 +10,22 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.geometry import Box
 from dqcontrol.planning.certified_edges import CertifiedEdges
-from dqcontrol.references.ways_around import WaysAround, across, folded_posture
+from dqcontrol.references.ways_around import WaysAround, across, body_points, folded_posture
 from dqcontrol.robots import Robot
 from dqcontrol.world import floor_around, stands
 
 _STEP = 0.02  # m: between points of a way that are asked for room to turn
 # m and rad: how far beside the line of a pass, and how far turned, others are tried: ways on grids bend in doors
+_LOOKED = 16  # configurations of a pass of a base that drives, which is proved with the rest of its way
 _ASIDE, _TURNED = np.linspace(-0.2, 0.2, 81), np.radians(np.linspace(-24.0, 24.0, 25))
 
 
 def narrow_passes(edges: CertifiedEdges, start: Array, goal: Array) -> list[tuple[Array, Array]]:
-    """Return certified edges through narrow places on the way from a configuration (n,) to another, in their order.
+    """Return edges through narrow places on the way from a configuration (n,) to another, in their order.
 
     A disc as wide as the base's narrower side goes first; where its way leaves no room to turn, the base passes
-    straight on, its longer side ahead, with the arm as it is or else folded.
+    straight on, its longer side ahead, with the arm as it is or else folded; these are certified. Where a base drives,
+    it passes with the arm as it is, and samples alone say that it is clear.
     """
     robot, given = edges.robot, edges.kept.given
     bodies = given.world.bodies if given.world else {}
@@ -34,7 +36,7 @@ def narrow_passes(edges: CertifiedEdges, start: Array, goal: Array) -> list[tupl
     first = robot.bases[0][0]
     here, there = start[first : first + 2], goal[first : first + 2]
     floor = floor_around(given.world, names, "constraints.clear_of")
-    radius = float(half.min()) + given.margin
+    radius = float(half[1] if len(robot.drives) else half.min()) + given.margin
     corners = np.vstack([here, there, *floor.polygons])
     within = np.array([corners.min(axis=0) - 1.0, corners.max(axis=0) + 1.0])
     via = WaysAround(floor, here, radius, within).to(there)
@@ -51,20 +53,27 @@ def narrow_passes(edges: CertifiedEdges, start: Array, goal: Array) -> list[tupl
         ]
     )
     clear = floor.clearance(points)
-    for arm in (start, folded_posture(robot, start)):
+    for arm in (start,) if len(robot.drives) else (start, folded_posture(robot, start)):
         tight = np.diff(np.r_[False, clear < across(robot, arm) + given.margin, False].astype(int))
         places = zip(np.flatnonzero(tight > 0) - 1, np.flatnonzero(tight < 0), strict=True)
         ends = [points[[max(int(i), 0), min(int(j), len(points) - 1)]] for i, j in places]
-        found = [_pass_between(edges, arm, *each, sideways=half[1] > half[0]) for each in ends]
+        found = [
+            _pass_between(edges, arm, *each, sideways=half[1] > half[0] and not len(robot.drives))
+            for each in ends
+        ]
         if found and all(each is not None for each in found):
             return [each for each in found if each is not None]
     return []
 
 
 def _half_sizes(robot: Robot) -> Array | None:
-    """Return half of the length and width of a robot's only base, a box that moves sideways; None of others."""
-    if len(robot.bases) != 1 or len(robot.drives) or robot.shapes is None:
+    """Return half of the length and width of a robot's only base: a box that moves sideways, or any that drives."""
+    if len(robot.bases) != 1 or robot.shapes is None:
         return None
+    if len(robot.drives):
+        body = body_points(robot, np.zeros(robot.configuration_size))
+        own = ~body.carried
+        return (np.abs(body.points[own, :2]) + body.radius[own, None]).max(axis=0) if own.any() else None
     frame = robot.bases[0][0] + 3
     boxes = [
         each.shape for each in robot.shapes.shapes if each.frame == frame and isinstance(each.shape, Box)
@@ -75,7 +84,7 @@ def _half_sizes(robot: Robot) -> Array | None:
 def _pass_between(
     edges: CertifiedEdges, arm: Array, begin: Array, end: Array, *, sideways: bool
 ) -> tuple[Array, Array] | None:
-    """Return the certified edge with the most room near the line from one place, (2,), to another."""
+    """Return the edge with the most room near the line from one place, (2,), to another."""
     first = edges.robot.bases[0][0]
     half = 0.5 * math.dist(begin, end)
     along = (end - begin) / max(2.0 * half, 1e-9)
@@ -90,6 +99,11 @@ def _pass_between(
     ends = np.tile(arm, (2, len(turn), 1))
     ends[:, :, first : first + 2] = middles - way, middles + way
     ends[:, :, first + 2] = heading + turn
-    found = edges.clear(ends[0], ends[1])
-    best = int(np.where(found.certified, found.room, -np.inf).argmax())
-    return (ends[0, best], ends[1, best]) if found.certified[best] else None
+    if len(edges.robot.drives):
+        looked = ends[0][:, None] + np.linspace(0, 1, _LOOKED)[:, None] * (ends[1] - ends[0])[:, None]
+        rooms = edges.room_at(looked.reshape(-1, len(arm)))[0].reshape(-1, _LOOKED).min(axis=1)
+    else:
+        found = edges.clear(ends[0], ends[1])
+        rooms = np.where(found.certified, found.room, -np.inf)
+    best = int(rooms.argmax())
+    return (ends[0, best], ends[1, best]) if rooms[best] >= 0 else None

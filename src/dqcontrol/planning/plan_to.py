@@ -102,6 +102,30 @@ _STEP = 1e-5  # rad or m along the way: rounding and curvature each take 10⁻¹
 _RAMP = 0.5  # s: no input reaches its full speed sooner, where nothing says how fast it may
 
 
+def limits_of_ways(
+    robot: Robot, kept: PreparedConstraints, speed_fraction: float
+) -> tuple[Array, Array, Array]:
+    """Return speed, acceleration and braking that coordinates may have, each (n,); see `constraint_timing`.
+
+    Raises
+    ------
+    ValueRangeError
+        If the fraction is none, or an input has no velocity limit.
+    """
+    fraction = _share("speed_fraction", speed_fraction)
+    velocity, driven = robot.limits.velocity, driven_coordinates(robot)
+    unknown = np.isinf(velocity) & ~driven[robot.input_coordinates]
+    if unknown.any():
+        name = robot.input_names[int(unknown.argmax())]
+        raise ValueRangeError(f"robot: {name} of {robot.name} has no velocity limit to plan with")
+    asked = robot.acceleration_limits("constraints.acceleration", kept.given.acceleration)
+    acceleration = np.where(np.isfinite(asked), asked, velocity / _RAMP)
+    limits = np.ones((3, robot.configuration_size))  # y of a base that drives, which moves as v and ω say
+    limits[:, robot.input_coordinates] = fraction * velocity, fraction * acceleration, asked
+    limits[:2][np.isinf(limits[:2])] = 1.0  # of a base that stands any
+    return limits[0], limits[1], limits[2]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class PlanTo(PlannedWay):
     """The hand's motion while its robot goes a planned way; `laws.GuidedProportional` follows it.
@@ -161,19 +185,8 @@ class PlanTo(PlannedWay):
 
     def __post_init__(self) -> None:
         robot, kept = self.plan.robot, self.plan.kept
-        fraction, approach = _share("speed_fraction", self.speed_fraction), _share("approach", self.approach)
-        velocity, driven = robot.limits.velocity, driven_coordinates(robot)
-        unknown = np.isinf(velocity) & ~driven[robot.input_coordinates]
-        if unknown.any():
-            name = robot.input_names[int(unknown.argmax())]
-            raise ValueRangeError(f"robot: {name} of {robot.name} has no velocity limit to plan with")
-        asked = robot.acceleration_limits("constraints.acceleration", kept.given.acceleration)
-        acceleration = np.where(np.isfinite(asked), asked, velocity / _RAMP)
-        limits = np.ones((3, robot.configuration_size))  # of a base that stands any
-        limits[:, robot.input_coordinates] = fraction * velocity, fraction * acceleration, asked
-        limits[:, driven] = 1.0
-        fastest, hardest, brake = limits
-        timing = constraint_timing(self.plan.way, kept, fastest, hardest, brake, approach)
+        limits = limits_of_ways(robot, kept, self.speed_fraction)
+        timing = constraint_timing(self.plan.way, kept, *limits, _share("approach", self.approach))
         values = {
             "robot": robot,
             "duration": float(timing.times[-1]),
@@ -286,15 +299,7 @@ class PlanTo(PlannedWay):
         inputs = self.robot.input_coordinates
         u = (along * speed[:, None])[:, inputs]
         change = (bend * speed[:, None] ** 2 + along * rate[:, None])[:, inputs]
-        jacobian = self.robot.twist_jacobian(q)
-        step = _STEP * (along * np.sign(speed)[:, None])  # by differences: of trees no formula of it is known
-        ahead, behind = self.robot.twist_jacobian(q + step), self.robot.twist_jacobian(q - step)
-        turns = (ahead - behind) * (np.abs(speed) / (2.0 * _STEP))[:, None, None]
-        out = np.zeros((len(times), SAMPLE_SIZE))
-        out[:, POSE] = self.robot.fkm(q)
-        out[:, TWIST] = np.einsum("kij,kj->ki", jacobian, u)
-        out[:, TWIST_RATE] = np.einsum("kij,kj->ki", jacobian, change) + np.einsum("kij,kj->ki", turns, u)
-        return out
+        return samples_of(self.robot, q, u, change)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -354,6 +359,20 @@ class ResumedWay(PlannedWay):
         if self.before is not None and early.any():
             found[early] = of(self.before, times[early])
         return found
+
+
+def samples_of(robot: Robot, q: Array, u: Array, change: Array) -> Array:
+    """Return samples (N, 21) of a robot at configurations (N, n) with inputs (N, m) and the change of these."""
+    sizes = np.maximum(np.linalg.norm(u, axis=1, keepdims=True), 1e-12)
+    ways = u / sizes  # by differences: of trees no formula of the Jacobian's rate is known
+    ahead, behind = (robot.twist_jacobian(robot.integrate(q, ways, step)) for step in (_STEP, -_STEP))
+    turns = (ahead - behind) * (sizes / (2.0 * _STEP))[:, :, None]
+    out = np.zeros((len(q), SAMPLE_SIZE))
+    out[:, POSE] = robot.fkm(q)
+    out[:, TWIST] = np.einsum("kij,kj->ki", robot.twist_jacobian(q), u)
+    out[:, TWIST_RATE] = np.einsum("kij,kj->ki", robot.twist_jacobian(q), change)
+    out[:, TWIST_RATE] += np.einsum("kij,kj->ki", turns, u)
+    return out
 
 
 def _share(field_name: str, value: float) -> float:

@@ -54,6 +54,19 @@ class SmoothWay(NamedTuple):
         q = (1 - t) ** 2 * a + 2 * t * (1 - t) * c + t**2 * b
         return q, 2 * ((1 - t) * (c - a) + t * (b - c)) / size, 2 * (a - 2 * c + b) / size**2
 
+    def driven(self, lengths: Array) -> Array:
+        """Return where coordinates are at lengths (N,) of the way, (N, n)."""
+        return self.at(lengths)[0]
+
+    def travelled(self, lengths: Array) -> Array:
+        """Return how far each coordinate has gone back and forth at lengths (N,) of the way, (N, n)."""
+        begins = self.begins
+        piece = np.clip(np.searchsorted(begins, lengths, side="right") - 1, 0, len(self.lengths) - 1)
+        t = np.clip((lengths - begins[piece]) / self.lengths[piece], 0.0, 1.0)
+        whole = _gone(self.points, np.ones(len(self.points)))
+        before = np.vstack([np.zeros_like(whole[:1]), np.cumsum(whole, axis=0)])
+        return before[piece] + _gone(self.points[piece], t)
+
     def parts(self) -> list[SmoothWay]:
         """Return it taken apart at its corners."""
         ends = [0, *self.corners, len(self.lengths)]
@@ -94,3 +107,16 @@ def smooth_way(edges: CertifiedEdges, corners: Array) -> SmoothWay:
 
 def _blend(corner: Array, before: Array, after: Array, radius: float) -> Array:
     return np.array([corner - radius * before, corner, corner + radius * after])
+
+
+def _gone(points: Array, t: Array) -> Array:
+    """Return how far coordinates go back and forth on pieces (N, 3, n) up to shares t (N,): each turns once at most."""
+    a, c, b = (points[:, k] for k in range(3))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn = np.nan_to_num((a - c) / (a - 2.0 * c + b), nan=0.0, posinf=0.0, neginf=0.0)
+    turn = np.clip(turn, 0.0, t[:, None])
+
+    def moved(at: Array) -> Array:
+        return 2.0 * at * (1.0 - at) * (c - a) + at**2 * (b - a)
+
+    return np.abs(moved(turn)) + np.abs(moved(np.broadcast_to(t[:, None], a.shape)) - moved(turn))

@@ -28,7 +28,8 @@ def standing(constraints: Constraints, time: float = 0.0) -> Constraints:
     """Return constraints in which nothing moves, as a plan at a time (s) sees them.
 
     Of a shape that moves as announced, the ball around it is swept along what is left of its path: exact for balls,
-    more than enough for others. What moves unannounced stands where it is.
+    more than enough for others. What moves unannounced stands where it is. What a hand holds at the time stays in
+    it, and what it does not hold stands where it is.
 
     Raises
     ------
@@ -40,7 +41,10 @@ def standing(constraints: Constraints, time: float = 0.0) -> Constraints:
     moving = {
         name for name, each in moves.items() if each and (each.velocity is not None or each.path is not None)
     }
-    if not moving:
+    passing = {
+        name for name, each in constraints.held.items() if each.held.since > 0 or each.held.until is not None
+    }
+    if not moving and not passing:
         return constraints
     for name, sight in constraints.sights.items():
         if sight.target in moving:
@@ -48,14 +52,36 @@ def standing(constraints: Constraints, time: float = 0.0) -> Constraints:
                 f"constraints.sights.{name}.target: '{sight.target}' moves; a plan needs one that stands"
             )
     assert constraints.world is not None
-    bodies, clear_of = {name: bodies_now[name] for name in constraints.holds}, {}
+    bodies = {name: bodies_now[name] for name in constraints.held}
+    clear_of = {}
+    for name in passing:
+        if (body := _as_held(bodies.pop(name), time)) is not None:
+            bodies[name] = body
     for name, kept in constraints.obstacles.items():
-        body = constraints.world.bodies[name]
         if name in moving:
-            body = _swept(name, kept, time) if kept.moves.announced else _stopped(body, kept.moves, time)
-        bodies[name] = body
+            body = bodies_now[name]
+            bodies[name] = (
+                _swept(name, kept, time) if kept.moves.announced else _stopped(body, kept.moves, time)
+            )
+        elif name not in passing:
+            bodies[name] = bodies_now[name]
+        elif name not in bodies:
+            continue
         clear_of[name] = kept.clear if isinstance(constraints.clear_of, dict) else ClearOf()
     return msgspec.structs.replace(constraints, world=World(bodies=bodies), clear_of=clear_of)
+
+
+def _as_held(body: Body, time: float) -> Body | None:
+    """Return a body in the hand, or out of it, for good, as it is at a time (s); None if nobody knows where it is."""
+    held = body.held
+    assert held is not None
+    if held.since <= time < held.ends:
+        return msgspec.structs.replace(
+            body, held=msgspec.structs.replace(held, since=0.0, until=None, put=None)
+        )
+    at = body.put_down if time >= held.ends else body
+    never = msgspec.structs.replace(held, since=math.inf, until=None, put=None)
+    return None if at is None else msgspec.structs.replace(at, held=never)
 
 
 class _SweptPiece(NamedTuple):

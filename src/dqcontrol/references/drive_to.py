@@ -321,6 +321,14 @@ class DriveTo(PlannedWay):
         return gained @ self._inputs / period
 
     @property
+    def base_pieces(self) -> Array:
+        """Lengths and angles of what its only base drives, one turn, line or arc a row, shape (K, 2), m and rad."""
+        first = int(self.robot.drives[0, 0])
+        count = len(self._inputs) - (1 if self.folded is None else 2)  # the rest is what joints go
+        pieces = self._inputs[:count, first : first + 2]
+        return pieces[np.abs(pieces).max(axis=1) > 0]
+
+    @property
     def detour(self) -> tuple[float, float]:
         """How far the base drives around obstacles, and how far its goal is, m; both 0 if it drives straight there."""
         if not self.via:

@@ -1,7 +1,9 @@
 from .body import (
     Body as Body,
+    Held as Held,
     Hinge as Hinge,
     Motion as Motion,
+    SetDown as SetDown,
     Slide as Slide,
     Solid as Solid,
     Watch as Watch,

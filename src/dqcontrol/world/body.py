@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Annotated, ClassVar
 
+import msgspec
 import numpy as np
 from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
@@ -34,7 +35,7 @@ _BY_PHYSICS = ("free", "hinge", "slide")
 _FASTEST = 20.0  # m/s: nothing that a robot works beside moves faster; a path that does has a jump
 
 
-class Solid(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Solid(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=True):
     """One shape, given by the key that says its kind, and where it is.
 
     Parameters
@@ -105,7 +106,7 @@ class Solid(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
         assert self.box is not None
         return np.full(3, self.box) if isinstance(self.box, float | int) else np.array(self.box)
 
-    @property
+    @cached_property
     def shapes(self) -> list[Shape]:
         """All that it consists of, in the inertial frame.
 
@@ -114,17 +115,15 @@ class Solid(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
         Error
             If it has no shape, or its file cannot be read.
         """
+        return [each.moved(self.pose) for each in self._own_shapes()]
+
+    def _own_shapes(self) -> Sequence[Shape]:
         kind = self.kind
         if kind == "map":
-            return [
-                each.moved(self.pose)
-                for each in _boxes_of_map(str(self.map), self.height, map_version(str(self.map)))
-            ]
+            return _boxes_of_map(str(self.map), self.height, map_version(str(self.map)))
         if kind == "mesh":
-            return [each.moved(self.pose) for each in hulls(str(self.mesh))]
-        if kind == "container":
-            return [each.moved(self.pose) for each in self._walls()]
-        return [self._convex().moved(self.pose)]
+            return hulls(str(self.mesh))
+        return self._walls() if kind == "container" else [self._convex()]
 
     def _convex(self) -> Shape:
         if self.sphere is not None:
@@ -329,6 +328,70 @@ class Watch(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
         return -math.expm1(-1 / (self.rate * self.filter_time)) if self.filter_time else 1.0
 
 
+class SetDown(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where a body stands once it is let go, in the inertial frame.
+
+    Parameters
+    ----------
+    position, rpy
+        m and rad.
+    """
+
+    spec_key: ClassVar[str] = "world.held.put"
+    position: Place
+    rpy: Angles = (0.0, 0.0, 0.0)
+
+
+class Held(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """When and how an end effector holds a body: from then on its shapes are shapes of the robot.
+
+    Parameters
+    ----------
+    since
+        s; before that it stands where it is.
+    until
+        s; to the end if omitted.
+    position, rpy
+        Of the body in the end effector's axes, m and rad.
+    frame
+        Which frame of a tree holds it, ``left`` or ``right`` of two arms.
+    put
+        Where it is afterwards; nobody knows it if omitted.
+    within
+        How far it may be from there in the hand when it is gripped, and from ``put`` when it is let go, m.
+
+    Raises
+    ------
+    ValueRangeError
+        If it ends before it begins.
+    """
+
+    spec_key: ClassVar[str] = "world.held"
+    since: Annotated[float, Meta(ge=0, description="s")] = 0.0
+    until: Annotated[float, Meta(gt=0, description="s")] | None = None
+    position: Place = (0.0, 0.0, 0.0)
+    rpy: Angles = (0.0, 0.0, 0.0)
+    frame: Annotated[str, Meta(min_length=1, max_length=60)] | None = None
+    put: SetDown | None = None
+    within: Size = 0.01
+
+    def __post_init__(self) -> None:
+        if self.until is not None and self.until <= self.since:
+            raise ValueRangeError(f"held.until: must be after since, {self.since:g} s, got {self.until:g} s")
+        if self.put is not None and self.until is None:
+            raise ShapeError("held.put: it is held to the end; give 'until', when it is let go")
+
+    @property
+    def grasp(self) -> Array:
+        """Pose of the body in the end effector's axes, unit dual quaternion (8,)."""
+        return algebra.pose(algebra.rotation_from_rpy(self.rpy), self.position)
+
+    @property
+    def ends(self) -> float:
+        """When it is let go, s; infinite if never."""
+        return math.inf if self.until is None else self.until
+
+
 class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Something in the world: without further keys it stands still.
 
@@ -348,6 +411,8 @@ class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
         It gives way by that, N/m and N·s/m, along the face that is pressed, and comes back; also while it moves.
     watch
         How the pose of one that physics moves is measured; nobody knows it if omitted.
+    held
+        When an end effector holds it, and how; never if omitted.
 
     Examples
     --------
@@ -366,8 +431,9 @@ class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
     stiffness: Annotated[float, Meta(gt=0, description="N/m")] | None = None
     damping: Annotated[float, Meta(ge=0, description="N·s/m")] = 0.0
     watch: Watch | None = None
+    held: Held | None = None
 
-    @property
+    @cached_property
     def role(self) -> str:
         """``fixed``, ``moving`` as it says, ``free``, on a ``hinge`` or ``slide``, or ``springy``, moving or not.
 
@@ -392,6 +458,10 @@ class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
         role = found[0] if found else "free" if self.mass is not None else "fixed"
         if self.watch is not None and role not in _BY_PHYSICS:
             raise ShapeError(f"watch: measures where physics moves a body, and this is {role}; take it away")
+        if self.held is not None and (role not in ("fixed", "free") or self.kind in ("plane", "map")):
+            raise ShapeError(f"held: no hand holds a {self.kind} that is {role}; take it away")
+        if self.held is not None and self.watch is not None:
+            raise ShapeError("held: says where the body is, and so does 'watch'; give one of them")
         return role
 
     @property
@@ -404,6 +474,18 @@ class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
     def is_moved_by_physics(self) -> bool:
         """Whether nobody says where it is but a simulation, or what measures it."""
         return self.role in _BY_PHYSICS
+
+    @property
+    def is_recorded(self) -> bool:
+        """Whether a recording alone says where it was in a run: physics moved it, or a hand held it."""
+        return self.is_moved_by_physics or self.held is not None
+
+    @property
+    def put_down(self) -> Body | None:
+        """It as it stands once a hand has let it go; None if nobody knows where."""
+        if self.held is None or self.held.put is None:
+            return None
+        return msgspec.structs.replace(self, position=self.held.put.position, rpy=self.held.put.rpy)
 
     def holds(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Return which points, shape (…, 3), m, lie inside a container that stands where it started."""
@@ -426,11 +508,9 @@ class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
         own = {key: getattr(self, key) for key in (*SHAPES, "height", "chamfer")}
         return [Solid(**own), *self.parts]
 
-    @property
-    def shapes(self) -> list[Shape]:
-        """All that it consists of at the start, in the inertial frame."""
-        found = super().shapes
+    def _own_shapes(self) -> Sequence[Shape]:
+        found = [*super()._own_shapes()]
         for k, part in enumerate(self.parts):
             with error_prefix(f"parts[{k}]"):
-                found += [each.moved(self.pose) for each in part.shapes]
+                found += part.shapes
         return found

@@ -30,7 +30,7 @@ def poses_of(name: str, body: Body, times: Array, readings: Mapping[str, Array])
     >>> dqc.algebra.translation(poses_of("ball", ball, np.array([0.0, 2.0]), {})).tolist()
     [[1.0, 0.0, 0.0], [1.0, 1.0, 0.0]]
     """
-    if body.role == "free" and f"{name}_position" in readings:
+    if (body.role == "free" or body.held is not None) and f"{name}_position" in readings:
         return algebra.pose(readings[f"{name}_quaternion"], readings[f"{name}_position"])
     start = np.tile(body.pose, (len(times), 1))
     if body.hinge is not None and f"{name}_angle" in readings:
