@@ -14,7 +14,7 @@ LOCKED := $(if $(CI),-c ci.lock)
 # Without bytecode kept beside them, each process that a test starts would compile all modules anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-all test-oldest test-newest lint style types pytest pytest-all docs gallery chromium lerobot format bench lock release-check clean
+.PHONY: demo test test-all test-oldest test-newest lint style types pytest pytest-all docs gallery chromium lerobot format bench lock release-check mutants clean
 .DEFAULT_GOAL := help
 
 help:
@@ -25,6 +25,7 @@ help:
 	@echo "make lerobot   install LeRobot (5 GB) beside, so that make test-all tests with it"
 	@echo "make test-oldest, make test-newest   the tests with the oldest and the newest dependencies"
 	@echo "make lock      write anew which versions CI installs (ci.lock)"
+	@echo "make mutants FOLDER=supervisor   change the code of a package in a thousand places: do its tests see it?"
 	@echo "make release-check   build wheel and sdist, install the wheel elsewhere and run it, check types and layout"
 	@echo "make docs      build the documentation as a site: results/docs/index.html"
 	@echo "make bench     compare speed with Pinocchio, MuJoCo, DQ Robotics, Pink, Mink and C, physics with real time"
@@ -56,6 +57,8 @@ LEROBOT := $(VENV)-lerobot
 LEROBOT_PYTHON ?= python3.12
 
 $(LEROBOT)/lerobot: pyproject.toml
+	@$(LEROBOT_PYTHON) -c 'import venv, ensurepip' 2>/dev/null \
+	  || { echo "LeRobot needs Python 3.12 or newer: make LEROBOT_PYTHON=/path/to/python3.12 lerobot" >&2; exit 1; }
 	@$(LEROBOT_PYTHON) -m venv $(LEROBOT)
 	@echo "installing LeRobot in $(LEROBOT) (about 5 GB)"
 	@$(LEROBOT)/bin/python -m pip install --disable-pip-version-check --no-input 'lerobot[dataset,kinematics]==0.6.1' -e '.[physics]' -e lerobot_plug
@@ -145,6 +148,21 @@ release-check: $(VENV)/test $(RELEASE)/tools
 	@$(RELEASE)/bin/zizmor --offline --quiet .github
 	@$(BIN)/pyright --threads 2 --project pyproject.toml
 	@$(BIN)/python tools/check_release.py dist
+
+# A package's code with a thousand slips, one at a time and in a copy, against its own tests (CONTRIBUTING.md).
+FOLDER := supervisor
+MUTANTS := results/mutants/$(FOLDER)
+MUTATE := $(abspath $(UV)) tool run -q --from 'cosmic-ray>=8.7'
+
+mutants: $(VENV)/test $(RELEASE)/tools
+	@rm -rf $(MUTANTS) && mkdir -p $(MUTANTS) && cp -r pyproject.toml src tests examples tools $(MUTANTS)
+	@sed 's|FOLDER|$(FOLDER)|; s|python |$(abspath $(BIN))/python |' tools/mutants.toml >$(MUTANTS)/mutants.toml
+	@cd $(MUTANTS) && export PYTHONPATH=src:tools INTERPRETED=$(FOLDER) && \
+	  $(abspath $(BIN))/python -m pytest -n 0 tests/$(FOLDER) && \
+	  $(MUTATE) cosmic-ray init mutants.toml session.sqlite && \
+	  $(MUTATE) cr-filter-operators session.sqlite mutants.toml && \
+	  $(MUTATE) cosmic-ray exec mutants.toml session.sqlite && \
+	  $(MUTATE) cr-report --show-diff --surviving-only session.sqlite
 
 PEERS := $(VENV)-bench
 

@@ -25,11 +25,11 @@ from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.files.plain_data import yaml_text
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop.simulate import simulate_prepared
-from dqcontrol.measures.margins import AT_LIMIT
+from dqcontrol.measures.metrics import AT_LIMIT
 from dqcontrol.references import Previewed
 from dqcontrol.tuning import hypervolume, nondominated, search_front
 from dqcontrol.tuning.law_search import LawSearch, ready_problem
-from dqcontrol.tuning.simplex_search import SimplexSearch
+from dqcontrol.tuning.searches import SimplexSearch
 from dqcontrol.tuning.tune_spec import Front, read_tune
 
 START = [0, 0.6, 0, 1.6, 0, 0.6, 0]

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from servo_simulator import answer, encoder, multisine
 
-from dqcontrol.logs.servos.commanded import CommandedLog
 from dqcontrol.logs.servos.joint_gates import identify_joint
+from dqcontrol.logs.servos.replay import CommandedLog
 
 RESOLUTIONS = (0.0, 3.8e-4, 1.5e-3)  # rad
 BAD = ("idle", "clamped", "ambiguous")

@@ -10,7 +10,7 @@ import pytest
 import zstandard
 
 from dqcontrol.errors import Error, FileFormatError
-from dqcontrol.figures import urdf_shapes
+from dqcontrol.figures import robot_bodies
 from dqcontrol.files.yaml_file import LARGEST_YAML, read_yaml
 from dqcontrol.logs.joint_log import read_joint_log
 from dqcontrol.recording import load_record
@@ -48,7 +48,7 @@ def test_sizes_are_looked_at_before_reading(tmp_path, monkeypatch):
     archive = tmp_path / "mesh.zip"
     archive.write_bytes(b"PK")
     with pytest.raises(FileFormatError, match=r"mesh\.zip: is no mesh that is read here \(allowed: dae, stl"):
-        urdf_shapes._loaded(archive)
+        robot_bodies._loaded(archive)
 
 
 @pytest.mark.parametrize("honest", [True, False])
@@ -107,7 +107,7 @@ WRITE = """
     from dqcontrol.recording import save_record
     from dqcontrol.recording.export import export_record
     from dqcontrol.experiments.results_folder import new_folder
-    from dqcontrol.films.clip_file import write_clip
+    from dqcontrol.films.clip import write_clip
     from dqcontrol.files.whole_file import whole_file
     from dqcontrol.errors import writing
 

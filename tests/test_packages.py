@@ -1,6 +1,7 @@
 """The order of the code base: one name for one thing, and no package that holds all the others."""
 
 import ast
+import re
 from collections import Counter
 from pathlib import Path
 
@@ -14,11 +15,11 @@ LOADERS = {"import_module", "__import__", "find_spec", "resolve_name"}
 
 def test_no_two_classes_have_one_name():
     classes = Counter(
-        node.name
+        name
         for path in FILES
-        for node in ast.parse(path.read_text(encoding="utf-8")).body
-        if isinstance(node, ast.ClassDef)
+        for name in re.findall(r"^class (\w+)", path.read_text(encoding="utf-8"), re.MULTILINE)
     )
+    assert classes.total() > 500
     assert [name for name, count in classes.items() if count > 1] == []
 
 
@@ -43,14 +44,17 @@ def test_no_layer_is_reached_by_the_name_of_a_module():
     """What `import_module` loads, lint-imports does not see: it is for other packages, and for what users name."""
     found = []
     for path in FILES:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        text = path.read_text(encoding="utf-8")
+        if not any(loader in text for loader in LOADERS):
+            continue
+        for node in ast.walk(ast.parse(text)):
             if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] in LOADERS:
-                text = "".join(
+                name = "".join(
                     part.value
                     for argument in [*node.args, *(each.value for each in node.keywords)]
                     for part in ast.walk(argument)
                     if isinstance(part, ast.Constant) and isinstance(part.value, str)
                 )
-                if text.startswith(("..", "dqcontrol")):
+                if name.startswith(("..", "dqcontrol")):
                     found.append(f"{path.relative_to(ROOT)}:{node.lineno}: {ast.unparse(node)}")
     assert found == []

@@ -13,8 +13,7 @@ from dqcontrol.browser.layout import ASPECT, FIELD, extent, places, step_back, v
 from dqcontrol.browser.numbers import numbers
 from dqcontrol.browser.run_view_model import wheel_angles
 from dqcontrol.errors import FileFormatError
-from dqcontrol.figures.robot_bodies import DARK, robot_shapes
-from dqcontrol.figures.urdf_shapes import mesh_file, pose_matrix, urdf_shapes
+from dqcontrol.figures.robot_bodies import DARK, mesh_file, pose_matrix, robot_shapes, urdf_shapes
 from dqcontrol.loop import Record
 from dqcontrol.robots.poses import pose7
 

@@ -133,6 +133,12 @@ def test_a_pointer_drags_the_target_and_the_arm_follows(browser, tmp_path):
     playing = Playing(browser, tmp_path)
     session, tab = playing.session, playing.tab
     try:
+        numbers = (
+            "Object.values(__viserTestpoints.uplots).map(each => each.chart.axes[0]._values?.length ?? 0)"
+        )
+        playing.until(
+            lambda: min(tab.evaluate(numbers)) >= 2
+        )  # on the time axis of each chart, before anything moves
         start, axis = session.live.state.pose, 1
         target = session.live.target.copy()
         while np.abs(session.live.target - target).max() < 0.01:  # a machine that is busy may miss the arrow

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dqcontrol.figures.solids import Surface, ball, box, rod
+from dqcontrol.figures.robot_bodies import Surface, ball, box, rod
 
 trimesh = pytest.importorskip("trimesh")
 TURN = trimesh.transformations.random_rotation_matrix(np.array([0.1, 0.7, 0.4]))[:3, :3]

@@ -56,7 +56,7 @@ def test_evaluate_prints_the_metrics_and_writes_the_results(run, here, monkeypat
     assert {"record.mcap", "report.html", "metrics.json"} <= {p.name for p in (here / "found").iterdir()}
     assert call(line, monkeypatch, capsys)[0] == 2  # nothing is overwritten unasked
     assert call(f"{line} --force", monkeypatch, capsys)[0] == 1
-    code, out, _ = call("dqcontrol compare run found", monkeypatch, capsys)
+    code, out, _ = call("dqcontrol compare run found --wide", monkeypatch, capsys)
     assert code == 0
     assert "end of the log" in out
 

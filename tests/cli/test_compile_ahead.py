@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 import dqcontrol
-from dqcontrol.cli import compile_ahead
+from dqcontrol.cli import doctor_command
 from dqcontrol.experiments.prepared_experiment import prepare
 
 
-@pytest.mark.parametrize("case", compile_ahead.CASES)
+@pytest.mark.parametrize("case", doctor_command.CASES)
 def test_each_case_is_a_spec(case):
-    assert len(prepare(compile_ahead.case_spec(case)).cases) == 1
+    assert len(prepare(doctor_command.case_spec(case)).cases) == 1
 
 
 @pytest.mark.slow

@@ -16,7 +16,7 @@ from obstacles import around, box, column, plane, sphere
 
 import dqcontrol as dqc
 from dqcontrol.loop.simulate import simulate_prepared
-from dqcontrol.measures.deadlock import deadlocks
+from dqcontrol.measures.held import deadlocks
 from dqcontrol.robots.command_mode import AT_ONCE
 
 ARM = dqc.load_robot("panda")

@@ -4,13 +4,13 @@ import subprocess
 import sys
 import time
 
-from dqcontrol.experiments.working_folder import working_folder
+from dqcontrol.experiments.results_folder import working_folder
 
 # What a program gives its study as `progress`: on a busy machine it is seen late that there is something to kill.
 WAITS = """
 import signal, sys
 from pathlib import Path
-from dqcontrol.experiments.working_folder import working_folder
+from dqcontrol.experiments.results_folder import working_folder
 
 def wait_once_trials_are_kept(done, total):
     if list(working_folder(Path(sys.argv[2])).glob("part-*.parquet")):

@@ -10,7 +10,7 @@ import pytest
 from test_sweep import study
 
 from dqcontrol.errors import Error
-from dqcontrol.experiments import cluster as cluster_room, run_sweep_to, sweep
+from dqcontrol.experiments import processes, run_sweep_to, sweep
 
 pytest.importorskip("pyarrow")
 pytest.importorskip("distributed")
@@ -70,7 +70,7 @@ def test_workers_of_another_version_are_refused(tmp_path, cluster, monkeypatch):
 
 @pytest.mark.slow
 def test_addresses_without_a_scheduler_are_one_line(tmp_path, monkeypatch, capfd):
-    monkeypatch.setattr(cluster_room, "_PATIENCE", 0.5)
+    monkeypatch.setattr(processes, "_PATIENCE", 0.5)
     with socket.socket() as closed:
         closed.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{closed.getsockname()[1]}"

@@ -5,8 +5,8 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.figures.distances_plot import distances
-from dqcontrol.measures.deadlock import deadlocks
-from dqcontrol.reports.run_verdicts import run_verdicts
+from dqcontrol.measures.held import deadlocks
+from dqcontrol.reports.run_report import run_verdicts
 
 SPEC = {
     "name": "walled",

@@ -7,7 +7,7 @@ import yaml
 
 import dqcontrol as dqc
 from dqcontrol.experiments.prepared_experiment import prepare
-from dqcontrol.reports.run_verdicts import run_verdicts
+from dqcontrol.reports.run_report import run_verdicts
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 CASES = {

@@ -9,17 +9,17 @@ from study_specs import spec
 
 import dqcontrol as dqc
 from dqcontrol.errors import Error, ExistsError, FileFormatError
-from dqcontrol.experiments import journal, load_study, run_study_to, trials
-from dqcontrol.experiments.journal import Journal
+from dqcontrol.experiments import load_study, run_study, run_study_to, trials
 from dqcontrol.experiments.prepared_experiment import prepare
-from dqcontrol.experiments.working_folder import working_folder
+from dqcontrol.experiments.results_folder import working_folder
+from dqcontrol.experiments.run_study import Journal
 
 pytest.importorskip("pyarrow")
 pytestmark = pytest.mark.usefixtures("without_pictures")
 
 IMPATIENT = """
-from dqcontrol.experiments import journal, run_study_to, trials
-journal._EVERY, trials._CHUNK = 0.0, 0.01  # s between parts, s of work at once
+from dqcontrol.experiments import run_study, run_study_to, trials
+run_study._EVERY, trials._CHUNK = 0.0, 0.01  # s between parts, s of work at once
 run_study_to(sys.argv[1], sys.argv[2], jobs=int(sys.argv[3]), progress=wait_once_trials_are_kept)
 """
 
@@ -164,7 +164,7 @@ def test_a_start_that_was_cut_short_starts_again(tmp_path):
 
 
 def test_a_damaged_part_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr(journal, "_EVERY", float("inf"))  # one part, however slow the machine is
+    monkeypatch.setattr(run_study, "_EVERY", float("inf"))  # one part, however slow the machine is
     interrupt(spec(), tmp_path / "noise", 4)
     (path,) = working_folder(tmp_path / "noise").glob("part-*.parquet")
     path.write_bytes(path.read_bytes()[:-20])
@@ -186,7 +186,7 @@ def test_a_journal_of_ones_own_stays_and_answers_at_once(tmp_path, monkeypatch):
 
 
 def test_parts_are_written_while_the_study_runs(tmp_path, monkeypatch):
-    monkeypatch.setattr(journal, "_EVERY", 0.0)
+    monkeypatch.setattr(run_study, "_EVERY", 0.0)
     interrupt(spec(), tmp_path / "noise", 4)
     assert len(list(working_folder(tmp_path / "noise").glob("part-*.parquet"))) == 4
     assert run_study_to(spec(), tmp_path / "noise").taken_over == 4

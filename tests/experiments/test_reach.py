@@ -9,8 +9,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.errors import LimitWarning, ReachError
-from dqcontrol.experiments.prepared_experiment import prepare
-from dqcontrol.experiments.reach import check_reach
+from dqcontrol.experiments.prepared_experiment import check_reach, prepare
 
 Q0 = [0, 0.6, 0, 1.6, 0, 0.6, 0]
 SHOULDER = np.array([0, 0, 0.34])

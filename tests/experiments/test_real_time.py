@@ -16,7 +16,7 @@ from dqcontrol import cli
 from dqcontrol.compiled import compile
 from dqcontrol.errors import Error, ExistsError, ShapeError
 from dqcontrol.experiments import load_run, run_in_real_time
-from dqcontrol.experiments.streamed_run import StreamedRun
+from dqcontrol.experiments.real_time import StreamedRun
 from dqcontrol.loop import Clock
 from dqcontrol.measures.task_range import RANGE
 from dqcontrol.plants import CompiledPlant

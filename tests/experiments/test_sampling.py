@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dqcontrol.errors import Error
-from dqcontrol.experiments.sampling import Range, Sampling
+from dqcontrol.experiments.sweep import Range, Sampling
 
 OVER = {
     "law.gain": {"low": 0.1, "high": 1000, "scale": "log"},

@@ -11,9 +11,9 @@ import dqcontrol as dqc
 from dqcontrol import cli
 from dqcontrol.errors import Error, ExistsError, FileFormatError, UnknownNameError, ValueRangeError
 from dqcontrol.experiments import load_study, rank, run_sweep as conduct_sweep, run_sweep_to, sweep
+from dqcontrol.experiments.results_folder import working_folder
 from dqcontrol.experiments.spec import as_spec
 from dqcontrol.experiments.sweep import REFUSED, read_sweep
-from dqcontrol.experiments.working_folder import working_folder
 from dqcontrol.figures import sweep_figure
 
 pytest.importorskip("pyarrow")

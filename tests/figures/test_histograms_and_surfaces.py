@@ -6,8 +6,8 @@ from mpl_toolkits.mplot3d import Axes3D
 from test_plots import drawn
 
 from dqcontrol.errors import ShapeError, ValueRangeError
-from dqcontrol.figures.histograms import histogram
-from dqcontrol.figures.surfaces import surface, surface_figure
+from dqcontrol.figures.distributions import histogram
+from dqcontrol.figures.studies import surface, surface_figure
 
 pytestmark = pytest.mark.filterwarnings("error")
 Q, R = [1, 10, 20, 30, 40, 50, 60, 70], [0.05, 0.1, 0.5, 1, 5, 10, 50, 100]  # [P16 Table 5 of Appendix D]

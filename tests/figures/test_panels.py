@@ -5,9 +5,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from dqcontrol.figures import errors
-from dqcontrol.figures.figure_files import encoded
-from dqcontrol.figures.outline import outline
 from dqcontrol.figures.panels import PanelAxes, PanelFigure
+from dqcontrol.figures.paths import outline
+from dqcontrol.figures.save import encoded
 from dqcontrol.figures.style import new_figure
 
 

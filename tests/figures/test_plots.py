@@ -263,7 +263,7 @@ def test_commands_load_only_what_they_need():
 @pytest.mark.slow
 def test_a_styled_figure_does_without_pyplot_and_is_drawn_once_a_format():
     code = """
-from dqcontrol.figures.figure_files import encoded
+from dqcontrol.figures.save import encoded
 from dqcontrol.figures.style import new_figure, styled
 figure = styled(lambda: new_figure(3, 2))()
 draw, drawn = figure.draw, []

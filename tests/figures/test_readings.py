@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from dqcontrol.errors import ShapeError
-from dqcontrol.figures.readings import limit_margins, readings
+from dqcontrol.figures.plots import limit_margins, readings
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import Signal
 from dqcontrol.robots.limits import Limits

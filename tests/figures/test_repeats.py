@@ -3,7 +3,7 @@ import pytest
 from test_plots import drawn
 
 from dqcontrol.errors import ShapeError, UnknownNameError
-from dqcontrol.figures.repeats_plot import gain_figure, repeats_figure
+from dqcontrol.figures.studies import gain_figure, repeats_figure
 
 pytestmark = pytest.mark.filterwarnings("error")
 T_OF_3 = 4.302653  # Student's t for 95 % and three repeats

@@ -10,7 +10,7 @@ from dqcontrol.algebra import translation
 from dqcontrol.cli.clip_command import clip
 from dqcontrol.errors import ExistsError, FileFormatError, MissingExtraError, ShapeError, ValueRangeError
 from dqcontrol.films.clip import _film, _moments, render_clip, render_strip, render_whole
-from dqcontrol.films.film_physics import with_rolling_wheels
+from dqcontrol.films.film import with_rolling_wheels
 from dqcontrol.films.offscreen import offscreen
 from dqcontrol.plants import CompliantPlant, Gripper, MobilePlant
 from dqcontrol.world import Body, Motion, World

@@ -16,7 +16,7 @@ def lerobot(tmp_path):
     if not PYTHON.is_file():
         pytest.skip(f"{PYTHON} is missing; make lerobot installs LeRobot (5 GB)")
 
-    def run(*arguments, timeout=240):
+    def run(*arguments, timeout=900):
         done = subprocess.run(
             [PYTHON, *map(str, arguments)],
             capture_output=True,

@@ -1,8 +1,11 @@
 """Rates from which joints stop in time: what is surely slow enough."""
 
-import numpy as np
+from fractions import Fraction
 
-from dqcontrol.limits.braking import fastest_stoppable, surely_stops
+import numpy as np
+import pytest
+
+from dqcontrol.limits.braking import braked, braking_share, fastest_stoppable, largest_share, surely_stops
 
 
 def test_what_surely_stops_does():
@@ -25,3 +28,43 @@ def test_nothing_is_sure_without_numbers_to_say_it():
         (1.0, 0.1, 0.0),
     ):
         assert not surely_stops(room, rate, acceleration, 0.01)
+
+
+def test_it_is_sure_from_a_hundredth_of_the_room_on():
+    needed = 0.5 * (0.5 + 2 * 2.0 * 0.01) / (2 * 2.0)
+    assert surely_stops(1.0101 * needed, 0.5, 2.0, 0.01)
+    assert not surely_stops(1.0099 * needed, 0.5, 2.0, 0.01)
+
+
+@pytest.mark.parametrize(("ratio", "least", "most"), [(0.9e12, -1e-9, 1e-9), (1.1e12, 1e-7, 4e-6)])
+def test_beyond_ten_to_the_twelve_periods_squared_the_formula_without_sampling_stays_below(
+    ratio, least, most
+):
+    """Exactly, in fractions: the way of braking from the rate, and the room that it leaves."""
+    room, period = Fraction(1), Fraction(float((1 / ratio) ** 0.5))
+    rate = Fraction(fastest_stoppable(1.0, 1.0, float(period)))
+    count = -(-rate // period)
+    way = period * (count * rate - period * count * (count - 1) / 2)
+    assert least <= 1 - way / room <= most
+
+
+@pytest.mark.parametrize(
+    ("least", "asked"),
+    [
+        (0.1, [1.0, 0.5, 0.25, 0.125, 0.0625, 0.0]),
+        (0.125, [1.0, 0.5, 0.25, 0.125, 0.0]),
+        (0.2, [1.0, 0.5, 0.25, 0.125, 0.0]),
+    ],
+)
+def test_shares_are_halved_down_to_the_first_below_the_least(least, asked):
+    seen = []
+    assert largest_share(lambda parts, share: seen.append(share), None, least)[0] == 0.0
+    assert seen == asked
+    for kept in asked:
+        assert largest_share(lambda parts, share, kept=kept: share <= kept, None, least) == (kept, True)
+
+
+@pytest.mark.parametrize(("rate", "after"), [(0.5, 0.3), (-0.5, -0.3), (0.2, 0.0), (-0.1, 0.0), (0.0, 0.0)])
+def test_a_period_of_braking(rate, after):
+    assert braked(rate, 0.2) == pytest.approx(after)
+    assert rate * (1 - braking_share(rate, 0.2)) == pytest.approx(after)

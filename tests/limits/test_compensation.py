@@ -112,7 +112,7 @@ def test_a_true_model_leaves_the_loop_its_margin():
         ({"compensation": {"observer": 0}}, "observer"),
         ({"compensation": {"delay": [0.1, 0.2]}}, "limits.compensation.delay: expected one number or 7"),
         (
-            {"compensation": {"delay": "100 s", "observer": 1}},
+            {"compensation": {"delay": "20.01 s", "observer": 1}},
             "limits.compensation.delay: must be ≤ 2000 periods",
         ),
     ],

@@ -48,8 +48,8 @@ def test_what_is_expected_is_what_is_found(tmp_path):
     """Of 40 logs of the motion by another simulator, lag and delay scatter as said."""
     from pathlib import Path
 
-    from dqcontrol.logs.servos.commanded import CommandedLog
     from dqcontrol.logs.servos.joint_gates import identify_joint
+    from dqcontrol.logs.servos.replay import CommandedLog
 
     rng = np.random.default_rng(20261122)
     arm = dqc.SerialArm.from_dh([0], [0.1], [0.2], [0])

@@ -13,11 +13,10 @@ from servo_simulator import GRID, answer, encoder, lagged, multisine, played, se
 import dqcontrol as dqc
 from dqcontrol.errors import FileFormatError, ValueRangeError
 from dqcontrol.logs.servos import second_order_response as second
-from dqcontrol.logs.servos.commanded import CommandedLog
-from dqcontrol.logs.servos.encoder_noise import resolution_of
-from dqcontrol.logs.servos.joint_fit import sandwich
+from dqcontrol.logs.servos.joint_fit import resolution_of, sandwich
 from dqcontrol.logs.servos.joint_gates import JointIdentification, identify_joint
 from dqcontrol.logs.servos.lag_response import BY_DELAY, BY_LAG, OUTPUT, held, joined, lag_response
+from dqcontrol.logs.servos.replay import CommandedLog
 from dqcontrol.logs.servos.second_order_response import BY_BANDWIDTH, BY_DAMPING, second_order_response
 from dqcontrol.plants import Servo, load_servo
 from dqcontrol.robots import Inertia, SerialArm
@@ -424,7 +423,7 @@ def test_a_table_without_column_names_and_a_file_of_another_robot_are_said(tmp_p
 def test_the_twin_of_a_log_does_what_the_robot_did(tmp_path):
     """Saved as two runs that `dqcontrol compare` reads, with the report beside them."""
     from dqcontrol.experiments import load_runs
-    from dqcontrol.reports.identification_report import write_identification_report
+    from dqcontrol.reports.search_reports import write_identification_report
 
     rng = np.random.default_rng(SEED)
     time = np.arange(1500) * 0.008

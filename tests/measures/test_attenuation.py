@@ -10,8 +10,14 @@ import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.errors import Error
 from dqcontrol.laws import DampedInverse, HInfinity, HInfinityTracking, LinearQuadraticDQ
-from dqcontrol.measures.attenuation import Attenuation, Gammas, PremiseError, attenuation, attenuation_table
-from dqcontrol.measures.attenuation_cases import verify_attenuation
+from dqcontrol.measures.attenuation import (
+    Attenuation,
+    Gammas,
+    PremiseError,
+    attenuation,
+    attenuation_table,
+    verify_attenuation,
+)
 from dqcontrol.plants import ConstantTwist, Disturbance, SinusoidalTwist, WorstCase
 
 pytestmark = pytest.mark.usefixtures(

@@ -9,8 +9,7 @@ import dqcontrol as dqc
 from dqcontrol.experiments import check
 from dqcontrol.experiments.run import run
 from dqcontrol.laws import OwnLaw, Proportional
-from dqcontrol.measures.linearised_law import NumericLoop, linearise_law
-from dqcontrol.measures.stability import gain_limits
+from dqcontrol.measures.stability import NumericLoop, gain_limits, linearise_law
 from dqcontrol.plants import Integrator, MujocoPlant, OwnPlant, Servo
 from dqcontrol.references import SetPoint
 from dqcontrol_theses.variants import Cascade

@@ -248,3 +248,9 @@ def test_speeds_that_fit_no_inputs_are_named():
     )
     with pytest.raises(ShapeError, match="limits: expected 7"):
         evaluate(record, car.limits)
+
+
+@pytest.mark.parametrize(("first", "is_known"), [(0.9e-6, False), (1.1e-6, True)])
+def test_an_error_of_less_than_a_micrometre_has_no_direction_to_overshoot_in(first, is_known):
+    found = evaluate(record(np.linspace(0, 1, 3), along_x(first * np.array([1.0, -0.5, 0.0]))))
+    assert np.isfinite(found.position_overshoot) == is_known

@@ -8,7 +8,7 @@ import pytest
 
 from dqcontrol.errors import ShapeError, UnknownNameError
 from dqcontrol.measures.metric_tables import METRIC_COLUMNS
-from dqcontrol.measures.repeat_tables import differences_table, means_table, repeatability_table
+from dqcontrol.measures.repeats import differences_table, means_table, repeatability_table
 from dqcontrol.tables.tables import PlusMinus
 
 ERRORS = {"K": [3.0, 3.2, 3.4, 3.6], "HIR": [1.5, 1.6, 1.9, 1.8]}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dqcontrol.errors import ShapeError, ValueRangeError
-from dqcontrol.measures.statistics import mean_of, paired_difference, spread_ratio
+from dqcontrol.measures.repeats import mean_of, paired_difference, spread_ratio
 
 # Student, The probable error of a mean, Biometrika 6 (1908): hours of sleep gained with two drugs, ten patients.
 DEXTRO = [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0]

@@ -11,7 +11,7 @@ from dqcontrol.experiments import check
 from dqcontrol.experiments.run_comparison import summary
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.task_result import task_result
-from dqcontrol.reports.run_verdicts import run_verdicts
+from dqcontrol.reports.run_report import run_verdicts
 
 IIWA = {"name": "task", "robot": "iiwa7", "start": [0, 0.6, 0, 1.6, 0, 0.6, 0], "period": 0.01}
 AX18 = {"name": "task", "robot": "ax18", "start": [0.2, -0.3, 1.3, -1.0, 0.3], "period": 0.01}
@@ -281,3 +281,11 @@ def test_a_singularity_is_in_the_way_from_half_of_the_error_on(sideways, is_sing
     q, poses = np.zeros((50, 7)), np.tile(pose, (50, 1))
     resting = Record(samples[:, -1], q, q, q, poses, samples, arm.joint_names)
     assert task_result(resting, robot=arm).is_singular == is_singular
+
+
+@pytest.mark.parametrize(("at", "outcome"), [(890, "reached"), (910, "not reached")])
+def test_the_last_tenth_of_the_rest_decides(at, outcome):
+    goal = np.full(1001, 0.5)
+    hand = goal - 0.1 * (np.arange(1001) == at)
+    hand[0] = 0.0
+    assert task_result(record_of(goal, hand)).outcome == outcome

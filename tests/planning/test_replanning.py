@@ -233,7 +233,7 @@ def test_a_report_and_pictures_say_when_and_why_it_was_planned_again():
     from dqcontrol.browser.run_view_model import Track
     from dqcontrol.figures import path_3d
     from dqcontrol.figures.distances_plot import distances
-    from dqcontrol.measures.plans_of_run import apart_at_plans, plans_of_run
+    from dqcontrol.measures.held import apart_at_plans, plans_of_run
 
     robot, way, crossed = scene()
     with pytest.warns(NoteWarning, match="planned again"):

@@ -9,8 +9,7 @@ import dqcontrol as dqc
 from dqcontrol.errors import DivergedError, FileFormatError, ShapeError, ValueRangeError
 from dqcontrol.files.yaml_file import convert
 from dqcontrol.plants import CompliantPlant, RunningPlant
-from dqcontrol.plants.compliant.controller_file import load_controllers
-from dqcontrol.plants.compliant.joint_constants import gravity_bodies
+from dqcontrol.plants.compliant.controller_file import gravity_bodies, load_controllers
 from dqcontrol.robots.files.load import load_robot
 
 mujoco: Any = pytest.importorskip("mujoco")

@@ -9,7 +9,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.loop import Record
 from dqcontrol.loop.signals import Signal
-from dqcontrol.measures.contact import RECOVERED, peak_contact, recovery_time
+from dqcontrol.measures.metrics import RECOVERED, peak_contact, recovery_time
 from dqcontrol.plants import CompliantPlant, Push
 from dqcontrol.plants.compliant.controller_file import load_controllers
 from dqcontrol.plants.compliant.elastic_model import joint_inertia

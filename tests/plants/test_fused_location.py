@@ -7,8 +7,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.plants import Camera, MobilePlant, WheeledBase
-from dqcontrol.plants.mobile.live_camera import FusedSight, Sight
-from dqcontrol.plants.mobile.odometry import Odometry
+from dqcontrol.plants.mobile.odometry import FusedSight, Odometry, Sight
 
 DRIVE = dqc.DifferentialDrive(0.05, 0.1)
 START, PERIOD, STEPS = np.array([1.0, -0.5, 2.5]), 0.02, 400

@@ -9,8 +9,7 @@ from dqcontrol.errors import DivergedError, MissingExtraError, ShapeError, Value
 from dqcontrol.plants.mujoco import MujocoPlant
 from dqcontrol.plants.mujoco.mujoco_model import add_inertias, compiled, skeleton
 from dqcontrol.plants.plant import RunningPlant
-from dqcontrol.robots.files.installed import package_files
-from dqcontrol.robots.files.load import load_robot
+from dqcontrol.robots.files.load import load_robot, package_files
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.serial_arm import SerialArm
 

@@ -8,7 +8,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.errors import FallenError, ValueRangeError
-from dqcontrol.figures.tilted_base import recorded_frames
+from dqcontrol.figures.paths import recorded_frames
 from dqcontrol.loop.record import has_failed
 from dqcontrol.plants import MobilePlant, WheeledBase
 from dqcontrol.plants.mobile.running_gear import running_gear

@@ -15,7 +15,7 @@ from dqcontrol.errors import ValueRangeError
 from dqcontrol.files.plain_data import yaml_text
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.plants import Gripper, GripperEvent, MujocoPlant, Pads
-from dqcontrol.reports.run_verdicts import _held_box as held_box
+from dqcontrol.reports.run_report import _held_box as held_box
 from dqcontrol.world import Body
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -5,7 +5,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.cli.compare_command import compare
 from dqcontrol.experiments.run_comparison import unit_of_way
-from dqcontrol.reports import saved_figures
+from dqcontrol.reports import redrawn
 
 SPEC = {
     "name": "units",
@@ -35,6 +35,6 @@ def test_figures_of_revolute_arms_say_rad(tmp_path, monkeypatch, record):
     assert given == ["rad"]
     if record == "all":
         folders = sorted((tmp_path / "study/runs").glob("*")) or [tmp_path / "study"]
-        saved_figures.figures_of_results(folders)
+        redrawn.figures_of_results(folders)
         compare(*folders, out=tmp_path / "compared")
         assert given == ["rad"] * 3

@@ -6,7 +6,7 @@ import pytest
 from gallery import run
 
 from dqcontrol.errors import ExistsError
-from dqcontrol.figures import errors, figure_files, path_3d
+from dqcontrol.figures import errors, path_3d, save
 from dqcontrol.reports import write_report
 from dqcontrol.tables.table_cells import Ratio, VerdictCell
 from dqcontrol.tables.tables import Column, Table
@@ -110,7 +110,7 @@ def test_verdicts_have_marks_and_words_beside_their_colours(tmp_path):
 
 @pytest.mark.slow
 def test_a_figure_of_too_many_strokes_is_shown_in_pixels(tmp_path, monkeypatch):
-    monkeypatch.setattr(figure_files, "_LARGEST_SVG", 10_000)
+    monkeypatch.setattr(save, "_LARGEST_SVG", 10_000)
     page, _ = written(tmp_path, "Large", figures={"errors": errors(run())})
     assert page.links[0].startswith("data:image/png;base64,")
 

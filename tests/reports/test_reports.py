@@ -24,8 +24,8 @@ from dqcontrol.loop import Timing
 from dqcontrol.loop.signals import Signal
 from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.reports import rewrite_reports
-from dqcontrol.reports.provenance import command, evaluation_command, origins
-from dqcontrol.reports.run_verdicts import run_verdicts
+from dqcontrol.reports.about import command, evaluation_command, origins
+from dqcontrol.reports.run_report import run_verdicts
 from dqcontrol.reports.study_report import study_verdicts
 from dqcontrol.supervisor.interventions import INTERVENTIONS, VELOCITY
 from dqcontrol.tables.tables import Column, Table

@@ -8,7 +8,7 @@ import pytest
 from pinocchio_oracle import ARMS, UrdfOracle, model_of, pose_matrix, symmetric
 
 from dqcontrol.robots import Inertia, SerialArm, load_robot, load_urdf
-from dqcontrol.robots.files.installed import package_files
+from dqcontrol.robots.files.load import package_files
 
 URDFS = {  # file, base, tip
     "panda": ("panda_description/urdf/panda.urdf", "panda_link0", "panda_hand"),

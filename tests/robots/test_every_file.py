@@ -5,7 +5,7 @@ from collections import Counter
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol.robots.files.installed import installed_robot_files
+from dqcontrol.robots.files.load import installed_robot_files
 
 
 @pytest.mark.slow

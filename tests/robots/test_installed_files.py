@@ -11,7 +11,7 @@ import dqcontrol as dqc
 from dqcontrol.cli import main
 from dqcontrol.errors import FileFormatError, MissingExtraError, UnknownNameError
 from dqcontrol.robots import load_robot
-from dqcontrol.robots.files.installed import installed_robot_files, package_files
+from dqcontrol.robots.files.load import installed_robot_files, package_files
 
 ARM = """<mujoco model="lever"><compiler angle="radian"/><worldbody><body name="bar"><joint name="hinge"/>
 <geom size="0.1" pos="0.3 0 0"/><site name="hand" pos="0.5 0 0"/>

@@ -216,7 +216,7 @@ def outermost(points, shapes):
 def test_shapes_of_the_panda_and_its_hand_hold_their_meshes():
     """Links 5 and 6 by two capsules each: corners of the meshes, and points of their faces."""
     trimesh = pytest.importorskip("trimesh")
-    from dqcontrol.robots.files.installed import installed_file
+    from dqcontrol.robots.files.load import installed_file
 
     urdf = installed_file("example-robot-data:panda_description/urdf/panda.urdf")
     assert urdf is not None

@@ -9,7 +9,7 @@ import pytest
 from dqcontrol.errors import FileFormatError, MissingExtraError, ShapeError, UnknownNameError
 from dqcontrol.robots import load_robot, robot_names
 from dqcontrol.robots.files import load
-from dqcontrol.robots.files.installed import package_files
+from dqcontrol.robots.files.load import package_files
 
 PANDA = "example-robot-data:panda_description/urdf/panda.urdf"
 

@@ -8,7 +8,7 @@ import dqcontrol as dqc
 from dqcontrol.figures.robot_bodies import robot_shapes
 from dqcontrol.geometry import Box, Capsule, Sphere
 from dqcontrol.robots.collision_shapes import collision_shapes
-from dqcontrol.robots.files.mjcf_geometry import geom_mesh, mjcf_geoms, shown_geoms
+from dqcontrol.robots.files.mjcf import geom_mesh, mjcf_geoms, shown_geoms
 
 TEXT = """<mujoco model="shapes">
 <asset><mesh name="wedge" vertex="0 0 0 0.2 0 0 0 0.1 0 0 0 0.1"/><material name="red" rgba="1 0 0 1"/></asset>

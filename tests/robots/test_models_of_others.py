@@ -9,7 +9,7 @@ from pinocchio_oracle import pose_matrix
 from dqcontrol import algebra
 from dqcontrol.errors import ShapeError, UnknownNameError
 from dqcontrol.robots import SerialArm, load_robot
-from dqcontrol.robots.files.installed import package_files
+from dqcontrol.robots.files.load import package_files
 
 dqrobotics = pytest.importorskip("dqrobotics")
 theirs = pytest.importorskip("dqrobotics.robots")

@@ -9,7 +9,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.errors import FileFormatError, UnknownNameError
 from dqcontrol.robots import PoseTask, load_tree
-from dqcontrol.robots.files.installed import package_files
+from dqcontrol.robots.files.load import package_files
 from dqcontrol.robots.files.urdf import urdf_tree
 
 SOME = (

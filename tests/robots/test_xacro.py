@@ -7,8 +7,7 @@ import pytest
 from dqcontrol.cli import main
 from dqcontrol.errors import FileFormatError, MissingExtraError
 from dqcontrol.robots import describe, load_robot
-from dqcontrol.robots.files.mesh_files import missing_meshes, missing_note
-from dqcontrol.robots.files.package_folders import PACKAGES
+from dqcontrol.robots.files.urdf_xml import PACKAGES, missing_meshes, missing_note
 
 NAMESPACE = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
 ARM = f"""<robot name="arm" {NAMESPACE}>
@@ -60,7 +59,7 @@ def test_what_is_missing_is_named(arm):
 @pytest.mark.parametrize("bomb", ["9**9**9", "len([1] * 10**11)", "len('a' * 10**12)"])
 def test_an_expression_without_end_is_refused(arm, bomb, monkeypatch):
     pytest.importorskip("xacro")
-    monkeypatch.setattr("dqcontrol.robots.files.xacro_file._MOST_SECONDS", 1.0)
+    monkeypatch.setattr("dqcontrol.robots.files.urdf_xml._MOST_SECONDS", 1.0)
     arm.write_text(ARM.replace("0.1 * 2", bomb))
     with pytest.raises(FileFormatError, match=r"within 1 s|cannot expand it"):
         load_robot(arm)

@@ -23,10 +23,9 @@ from dqcontrol.loop.control import Phase
 from dqcontrol.ros2 import base_transform, controller_loop, localisation as localisation_module
 from dqcontrol.ros2.controller_node import ControllerNode
 from dqcontrol.ros2.interfaces import BASE_COMMANDS, base_port
-from dqcontrol.ros2.loading import load
+from dqcontrol.ros2.loading import RobotParts, load
 from dqcontrol.ros2.messages import NANOSECONDS, stamp_of
 from dqcontrol.ros2.robot_node import RobotNode
-from dqcontrol.ros2.robot_parts import RobotParts
 from dqcontrol_theses.silva2017.whole_body_graph import graph_spec
 
 START = [0.2, -0.1, 0.4, 0, -0.9, 0.9, 0.9, 0]

@@ -6,9 +6,9 @@ import pytest
 from dqcontrol.algebra import translation
 from dqcontrol.errors import Error
 from dqcontrol.loop.control import Control, Phase
+from dqcontrol.ros2.diagnostics import PeriodMonitor
 from dqcontrol.ros2.loading import load
 from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, Stamps
-from dqcontrol.ros2.period_monitor import PeriodMonitor
 
 SPEC = {
     "name": "tiny", "robot": "iiwa7", "start": [0, 0.6, 0, 1.6, 0, 0.6, 0], "period": 0.01,

@@ -13,8 +13,8 @@ from rclpy.parameter import Parameter
 from dqcontrol.cli import main
 from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.ros2 import middleware
-from dqcontrol.ros2.gain_check import check_stable
 from dqcontrol.ros2.loading import load
+from dqcontrol.ros2.tuning import check_stable
 
 
 @pytest.fixture

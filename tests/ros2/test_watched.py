@@ -399,7 +399,7 @@ with counted_interrupts() as interrupts:
 """
 LAUNCHER = f"""
 import subprocess, sys, threading, time
-from dqcontrol.ros2.launch import end_with_parent
+from dqcontrol.ros2.repeated_motion import end_with_parent
 
 def launch():
     global launched

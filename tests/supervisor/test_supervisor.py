@@ -620,7 +620,7 @@ def test_weight_and_bias_of_a_declared_payload_are_no_contact(arm):
 def test_a_localisation_that_jumps_stops_and_one_that_corrects_itself_does_not(form):
     body = dqc.load_robot("little-john").in_form(form)
     supervisor = Supervisor(acceleration=5.0, **FREE).prepare(body, 0.05)
-    q, forwards = np.array([0, 0, 0.7, 0, -0.9, 0.9, 0.9, 0]), np.zeros(body.input_size)
+    q, forwards = np.array([3.0, 5.0, 0.7, 0, -0.9, 0.9, 0.9, 0]), np.zeros(body.input_size)
     forwards[0] = 0.3
 
     def drive(state, places):

@@ -18,8 +18,8 @@ from dqcontrol.loop.signals import Signal
 from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.references.points_file import DUAL_QUATERNION
 from dqcontrol.tuning import Convergence, learn_to
+from dqcontrol.tuning.learning.convergence import LoopShape, loop_shape
 from dqcontrol.tuning.learning.learnt_motion import TRACKED_POSE, hand_error, motion_of, shifted_poses
-from dqcontrol.tuning.learning.loop_response import LoopShape, loop_shape
 from dqcontrol.tuning.learning.run_learning import _outcome
 
 START = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])

@@ -9,8 +9,8 @@ import dqcontrol as dqc
 from dqcontrol.laws.law import Law
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.repeated_loop import RepeatedLoop
+from dqcontrol.measures.metric_tables import NUMBERS, RunMeasure
 from dqcontrol.measures.metrics import evaluate
-from dqcontrol.measures.run_numbers import NUMBERS, RunMeasure
 
 START = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
 PANDA = np.array([0, -0.6, 0, -2.2, 0, 1.6, 0.8])

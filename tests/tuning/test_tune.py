@@ -21,14 +21,13 @@ from dqcontrol.errors import (
 from dqcontrol.experiments.feasibility import path_demand
 from dqcontrol.experiments.gain_advice import advise_gains
 from dqcontrol.experiments.spec import read_spec
-from dqcontrol.measures.margins import AT_LIMIT
+from dqcontrol.measures.metrics import AT_LIMIT
 from dqcontrol.measures.stability import gain_limits, stability_limit
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.tuning import hypervolume, nondominated, search_front, tune_to
-from dqcontrol.tuning.front_search import _added_areas
 from dqcontrol.tuning.law_evaluation import held_out_scenes
 from dqcontrol.tuning.law_search import LawSearch
-from dqcontrol.tuning.simplex_search import SimplexSearch
+from dqcontrol.tuning.searches import SimplexSearch, _added_areas
 from dqcontrol.tuning.tune_spec import read_tune
 
 

@@ -272,3 +272,23 @@ def test_plans_keep_clear_of_what_stands_on_the_floor():
         floor_around(world, ["cube"], "reference.clear_of")
     with pytest.raises(dqc.Error, match=r"reference.clear_of: there is nothing in the world"):
         floor_around(None, "all", "reference.clear_of")
+
+
+def test_shapes_of_bodies_are_made_a_few_times_however_many_bodies_there_are(monkeypatch):
+    made, own = [], Body._own_shapes
+    monkeypatch.setattr(Body, "_own_shapes", lambda body: (made.append(body), own(body))[1])
+    balls = {f"ball {k}": {"sphere": 0.02, "position": [1.5, 0.1 * k, 0.5]} for k in range(40)}
+    spec = {
+        "name": "balls",
+        "robot": "panda",
+        "start": [0, -0.3, 0, -2.0, 0, 1.8, 0.7],
+        "period": 0.01,
+        "duration": 0.02,
+        "reference": {"kind": "circle", "radius": 0.05, "duration": 4},
+        "law": {"kind": "proportional", "gain": 5},
+        "plant": {"kind": "integrator"},
+        "world": balls,
+        "constraints": {"clear_of": "all"},
+    }
+    dqc.run(spec)
+    assert len(made) <= 4 * len(balls)

@@ -7,8 +7,7 @@ import dqcontrol as dqc
 from dqcontrol.algebra import matrix_from_pose
 from dqcontrol.cli.convert_command import convert
 from dqcontrol.experiments.spec import read_spec
-from dqcontrol.experiments.spec.world_file import world_text
-from dqcontrol.experiments.spec.world_formats import foreign_text
+from dqcontrol.experiments.spec.world_file import foreign_text, world_text
 from dqcontrol.geometry import FloorMap, Sphere, distance, load_map, save_map
 from dqcontrol.world import Body, Hinge, Slide, Solid, World, floor_around
 

@@ -10,8 +10,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.browser.run_view_model import Track
 from dqcontrol.constraints.constraint_view import NEAR
-from dqcontrol.figures.robot_bodies import Colour
-from dqcontrol.figures.solids import Surface, ball, box, rod
+from dqcontrol.figures.robot_bodies import Colour, Surface, ball, box, rod
 from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, InfiniteCylinder, Plane, Shape, Sphere
 from dqcontrol.world.whereabouts import poses_of
 

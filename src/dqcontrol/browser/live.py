@@ -18,7 +18,7 @@ from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute
 from dqcontrol.loop import Clock, Record
 from dqcontrol.recording import RecordStream
-from dqcontrol.recording.mcap_topics import COMMAND, MEASURED, SAMPLE, STATES
+from dqcontrol.recording.mcap_writer import COMMAND, MEASURED, SAMPLE, STATES
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
 

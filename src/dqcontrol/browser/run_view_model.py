@@ -11,10 +11,9 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.constraints.constraint_view import ConstraintView, NearestPair
 from dqcontrol.constraints.constraints import Constraints
-from dqcontrol.figures.tilted_base import recorded_frames
-from dqcontrol.figures.tip_paths import desired_in_room, tip_paths
+from dqcontrol.figures.paths import desired_in_room, recorded_frames, tip_paths
 from dqcontrol.loop.record import Record
-from dqcontrol.measures.plans_of_run import PlanOfRun, apart_at_plans, plans_of_run
+from dqcontrol.measures.held import PlanOfRun, apart_at_plans, plans_of_run
 from dqcontrol.robots import Robot, TreeRobot
 from dqcontrol.robots.dh import compose, shift
 from dqcontrol.robots.poses import pose7

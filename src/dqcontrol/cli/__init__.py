@@ -160,7 +160,7 @@ def _without_values(arguments: list[str]) -> list[str]:
     if found[_COLUMNS]:
         os.environ[screen.COLUMNS] = ",".join(found[_COLUMNS])
     if found[_PACKAGE]:
-        from dqcontrol.robots.files.package_folders import add_packages  # only now: it loads NumPy
+        from dqcontrol.robots.files.urdf_xml import add_packages  # only now: it loads NumPy
 
         add_packages(found[_PACKAGE])
     return rest

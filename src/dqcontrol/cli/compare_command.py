@@ -46,8 +46,8 @@ def compare(
     from dqcontrol.experiments.run_comparison import MEANS, unit_of_way, write_table
     from dqcontrol.measures import means_table
     from dqcontrol.reports import write_report
-    from dqcontrol.reports.compared_runs import figures_of_several, surroundings_of
-    from dqcontrol.reports.provenance import RERUN_FOLDER, command, origins
+    from dqcontrol.reports.about import RERUN_FOLDER, command, origins
+    from dqcontrol.reports.study_report import figures_of_several, surroundings_of
 
     if not folders:
         raise Error("compare: give at least one folder of a run")

@@ -104,7 +104,7 @@ def _write_dataset(
 ) -> None:
     from dqcontrol.errors import ShapeError, ValueRangeError
     from dqcontrol.files.lerobot_dataset import Episode, whole_rate, write_dataset
-    from dqcontrol.recording.motion_columns import at_rate
+    from dqcontrol.recording.export import at_rate
 
     if fps is not None and fps < 1:
         raise ValueRangeError(f"--fps: must be ≥ 1, got {fps}")
@@ -134,7 +134,7 @@ def _motions(
     from dqcontrol.experiments import load_run
     from dqcontrol.experiments.load_results import run_folders
     from dqcontrol.logs import read_joint_log
-    from dqcontrol.recording.motion_columns import motion_columns, record_columns
+    from dqcontrol.recording.export import motion_columns, record_columns
     from dqcontrol.robots import load_robot
 
     if robot is not None:

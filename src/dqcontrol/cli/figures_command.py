@@ -37,8 +37,8 @@ def figures(
     from dqcontrol.errors import Error
     from dqcontrol.experiments.results_folder import check_new, new_folder
     from dqcontrol.figures import column_width, save_figures
-    from dqcontrol.figures.figure_files import PAPER_DPI
-    from dqcontrol.reports.saved_figures import figures_of_results
+    from dqcontrol.figures.save import PAPER_DPI
+    from dqcontrol.reports.redrawn import figures_of_results
 
     if not folders:
         raise Error("figures: give at least one folder of a run or a study")

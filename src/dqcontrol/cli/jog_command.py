@@ -53,8 +53,8 @@ def jog(
     from dqcontrol.experiments.driven import prepare_live, recorded_live
     from dqcontrol.loop.interrupts import first_interrupt
     from dqcontrol.loop.targets import Speeds
-    from dqcontrol.recording.black_box_folder import FOLDER
-    from dqcontrol.references.points_writer import PointsWriter
+    from dqcontrol.recording.mcap import FOLDER
+    from dqcontrol.references.points_file import PointsWriter
 
     keyboard = Keyboard()
     speeds = Speeds(as_positive("speed", speed), as_positive("angular_speed", angular_speed))

@@ -176,7 +176,7 @@ def wheels(
     track
         Where the file does not tell, m.
     """
-    from dqcontrol.cli.wheels_listing import list_wheels
+    from dqcontrol.cli.robots_listing import list_wheels
 
     list_wheels(source, drive, wheel_radius, track)
 
@@ -208,7 +208,7 @@ def shapes(
     pairs
         List all pairs, how near they come and why they are left out.
     """
-    from dqcontrol.cli.shapes_listing import list_shapes
+    from dqcontrol.cli.robots_listing import list_shapes
 
     list_shapes(source, base_link, tip_link, write, picture, every_pair=pairs)
 

@@ -58,7 +58,7 @@ def run(
     """
     from dqcontrol.errors import DivergedError, ShapeError
     from dqcontrol.experiments import read_spec, run_study_to
-    from dqcontrol.experiments.working_folder import working_folder
+    from dqcontrol.experiments.results_folder import working_folder
 
     folder = out or Path("results") / read_spec(spec)[0].name
     if compiled and not real_time:

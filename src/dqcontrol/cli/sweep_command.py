@@ -36,8 +36,8 @@ def sweep(
         Number that says which points are best, as in runs.parquet.
     """
     from dqcontrol.experiments import run_sweep_to
+    from dqcontrol.experiments.results_folder import working_folder
     from dqcontrol.experiments.sweep import read_sweep
-    from dqcontrol.experiments.working_folder import working_folder
 
     folder = out or Path("results") / read_sweep(spec).name
     try:

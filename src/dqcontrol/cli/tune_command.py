@@ -39,7 +39,7 @@ def tune(
     scheduler
         Address of a Dask scheduler, as tcp://127.0.0.1:8786, whose workers search.
     """
-    from dqcontrol.experiments.working_folder import working_folder
+    from dqcontrol.experiments.results_folder import working_folder
     from dqcontrol.tuning import tune_to
     from dqcontrol.tuning.tune_spec import read_tune
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -243,7 +244,7 @@ PerInput = (
 )
 
 
-class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=True):
     """What a law's command is made to keep; see the page on constraints.
 
     Parameters
@@ -345,9 +346,9 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
                 )
         return chosen
 
-    @property
+    @cached_property
     def obstacles(self) -> dict[str, KeptBody]:
-        """The bodies that are kept clear of, by name, with their shapes, which are made anew each time.
+        """The bodies that are kept clear of, by name, with their shapes.
 
         What a hand is to hold comes last.
         """

@@ -24,6 +24,7 @@ from .results_folder import (
     SPEC_FILE as SPEC_FILE,
     check_new as check_new,
     new_folder as new_folder,
+    working_folder as working_folder,
 )
 from .run import (
     Run as Run,
@@ -47,4 +48,3 @@ from .spec import (
 from .spec.world_file import load_world as load_world
 from .study import Study as Study
 from .worked_parts import work_through as work_through
-from .working_folder import working_folder as working_folder

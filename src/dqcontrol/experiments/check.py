@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -10,22 +11,26 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from dqcontrol.arrays import Array
+from dqcontrol.constraints.constraints import Constraints
 from dqcontrol.errors import DivergedError, NoteWarning, StabilityWarning
 from dqcontrol.experiments.contact_check import contact_table
 from dqcontrol.experiments.feasibility import run_remarks, task_remarks
-from dqcontrol.experiments.mesh_cost import mesh_remarks
 from dqcontrol.experiments.prepared_experiment import Combination, Names, PreparedExperiment, prepare
 from dqcontrol.experiments.spec import AnyPlant, Spec
+from dqcontrol.geometry import Hull, distance_kernels as kernels
 from dqcontrol.limits import CommandLimits, Compensation
-from dqcontrol.measures.linearised_law import NumericLoop, linearise_law
 from dqcontrol.measures.stability import (
     MOST_STATES,
     GainLimits,
     LoopGain,
+    NumericLoop,
     Verdict,
     damped_overshoot,
     gain_limits,
+    linearise_law,
     overshoot,
     spectral_radius,
     with_integral,
@@ -37,6 +42,56 @@ from dqcontrol.plants.plant import command_mode
 from dqcontrol.robots import Robot
 from dqcontrol.tables.table_cells import VerdictCell, known
 from dqcontrol.tables.tables import Column, Table
+
+_REPEATS = 20
+
+
+def mesh_remarks(setting: PreparedExperiment) -> Iterator[str]:
+    """Give in one line for each body made of several convex parts that constraints keep clear of what these cost."""
+    told: set[str] = set()
+    for case in setting.cases:
+        kept = case.variant.law.constraints
+        if kept is None:
+            continue
+        for name in kept.obstacles:
+            if name not in told and (words := mesh_cost(case.scene.robot, kept, name)):
+                told.add(name)
+                yield words
+
+
+def mesh_cost(robot: Robot, constraints: Constraints, name: str) -> str:
+    """Return what the convex parts of a body cost a step, where it has several; empty otherwise.
+
+    Parameters
+    ----------
+    robot
+        Whose links are kept clear of it, where they are at rest in all coordinates 0.
+    constraints
+        That keep them.
+    name
+        Of the body.
+    """
+    hulls = [shape for shape in constraints.obstacles[name].shapes if isinstance(shape, Hull)]
+    if robot.shapes is None or len(hulls) < 2:
+        return ""
+    links = [shape.row for shape in robot.shapes.moved(robot, np.zeros(robot.configuration_size))]
+    rows = np.zeros((len(links), kernels.SHAPE))
+    for row, link in zip(rows, links, strict=True):
+        row[:] = link
+    found, spent = np.empty((len(links), kernels.FOUND)), 0.0
+    for hull in hulls:
+        parts = np.tile(hull.row, (len(links), 1))
+        kernels.distances(rows, parts, found)
+        begin = time.process_time()
+        for _ in range(_REPEATS):
+            kernels.distances(rows, parts, found)
+        spent += (time.process_time() - begin) / _REPEATS
+    corners = sum(len(hull.points) for hull in hulls)
+    return (
+        f"constraints.clear_of.{name}: {len(hulls)} convex parts with {corners} corners; all their distances from "
+        f"{len(links)} links take {1e6 * spent:.2g} µs here, each time that a step looks at them; far ones are left out"
+    )
+
 
 _FREE = CommandLimits(velocity=False)
 _HORIZON = 2.0  # s, in which what matters of an observer is seen

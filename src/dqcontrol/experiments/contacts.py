@@ -23,13 +23,12 @@ from dqcontrol.loop.record import Record
 from dqcontrol.plants import MobilePlant, Plant
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot, SerialArm, TwoArms, WholeBody
-from dqcontrol.robots.bases import CLEARANCE, Chassis, DifferentialDrive
+from dqcontrol.robots.bases import CLEARANCE, Chassis, DifferentialDrive, RollerBase
 from dqcontrol.robots.collision_shapes import known_shapes
 from dqcontrol.robots.files.urdf import UrdfTree
 from dqcontrol.robots.files.urdf_xml import CheckedXml
 from dqcontrol.robots.link_shapes import LinkShape, moved_rows
 from dqcontrol.robots.robot import base_coordinates
-from dqcontrol.robots.roller_bases import RollerBase
 from dqcontrol.world import World
 
 HAND = "end effector"

@@ -12,10 +12,10 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
+from dqcontrol.experiments.real_time import StreamedRun
 from dqcontrol.experiments.results_folder import SPEC_FILE
 from dqcontrol.experiments.run import as_run
 from dqcontrol.experiments.spec import read_data
-from dqcontrol.experiments.streamed_run import StreamedRun
 from dqcontrol.files.yaml_file import parse_yaml, read_text
 from dqcontrol.loop.live import Live
 from dqcontrol.loop.targets import Speeds

@@ -21,7 +21,7 @@ from dqcontrol.laws import (
     ProportionalFeedforward,
 )
 from dqcontrol.laws.null_space import BestHeading
-from dqcontrol.measures.margins import AT_LIMIT, UNSEEN
+from dqcontrol.measures.metrics import AT_LIMIT, UNSEEN
 
 Trials = Sequence[Mapping[str, Any]]  # metrics of the repeats of one case
 

@@ -33,7 +33,7 @@ from dqcontrol.laws import (
 )
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.simulate import simulate_prepared
-from dqcontrol.measures.margins import least_margin
+from dqcontrol.measures.metrics import least_margin
 from dqcontrol.measures.task_range import inverse_of, lost_share
 from dqcontrol.measures.task_result import FOLLOWED, SETTLED, TaskResult, task_result
 from dqcontrol.planning.branches import continued

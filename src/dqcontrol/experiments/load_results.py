@@ -5,19 +5,63 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated, Literal
 
 import yaml
+from msgspec import Meta
 
 from dqcontrol.errors import Error, FileFormatError, suggest_file
-from dqcontrol.experiments.evaluation_spec import saved_evaluation
 from dqcontrol.experiments.results_folder import SPEC_FILE
 from dqcontrol.experiments.row_file import Row, read_rows
 from dqcontrol.experiments.run import Run
-from dqcontrol.experiments.spec import read_data, read_spec
+from dqcontrol.experiments.spec import RobotSpec, read_data, read_spec
+from dqcontrol.experiments.spec.reference_spec import Part
 from dqcontrol.experiments.spec.spec_files import use_copies
 from dqcontrol.experiments.study import ROWS, Study
-from dqcontrol.files.yaml_file import parse_yaml, read_text
+from dqcontrol.files.text_file import read_text
+from dqcontrol.files.yaml_file import convert, parse_yaml
+from dqcontrol.loop import Record
 from dqcontrol.recording import load_record
+
+
+class EvaluationSpec(Part, frozen=True, kw_only=True):
+    """What was evaluated, as ``spec.yaml`` of its results holds it; see `dqcontrol.logs.evaluate_log`."""
+
+    log: str
+    robot: RobotSpec
+    reference: str | None = None
+    reference_topic: str | None = None
+    joints: list[str] | None = None
+    joint_topic: str | None = None
+    command_topic: str | None = None
+    angles: Literal["rad", "deg"] | None = None
+    reference_joints: str | list[str] | None = None
+    missing: Literal["interpolate", "skip"] = "interpolate"
+    align: bool = False
+    start: Annotated[float, Meta(description="s")] = 0.0
+    duration: Annotated[float, Meta(gt=0, description="s")] | None = None
+    skip_initial: Annotated[float, Meta(ge=0, description="s")] = 0.0
+    low_pass: Annotated[float, Meta(gt=0, description="Hz")] | None = None
+
+
+class _SavedEvaluation(Part, frozen=True, kw_only=True):
+    evaluation: EvaluationSpec
+
+
+def saved_evaluation(spec: Path, record: Record) -> Run:
+    """Return what `Run.save` has written of an evaluation: the content of ``spec.yaml`` and its record.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is none of an evaluation.
+    """
+    text = read_text(spec)
+    data = parse_yaml(spec, text)
+    use_copies(data, spec.parent)
+    what = convert(spec, data, _SavedEvaluation).evaluation
+    robot = what.robot.load()
+    return Run(text, robot, record, what.skip_initial, Path(what.log).stem, low_pass=what.low_pass)
 
 
 def load_run(folder: str | Path) -> Run:

@@ -12,9 +12,9 @@ from dqcontrol import algebra
 from dqcontrol.constraints.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import ShapeError, ValueRangeError, error_prefix, unknown_name
-from dqcontrol.experiments.spec.reference_base import Part
+from dqcontrol.experiments.spec.reference_spec import Part
 from dqcontrol.loop.record import Record
-from dqcontrol.measures.contact import contact_force
+from dqcontrol.measures.metrics import contact_force
 from dqcontrol.plants.mujoco.world_model import DEPTH, FORCE, ITSELF, LINK
 from dqcontrol.robots import Robot
 from dqcontrol.world import World

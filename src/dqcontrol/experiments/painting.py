@@ -32,10 +32,10 @@ from dqcontrol.planning.branches import first_through
 from dqcontrol.planning.certified_edges import CertifiedEdges
 from dqcontrol.plants import Plant, Servo
 from dqcontrol.references import Drawing, JerkLimited, Reference, Sequence as InSequence, StraightStroke
+from dqcontrol.references.drawing.drawing import PenStroke, box_of, scaled
 from dqcontrol.references.drawing.drawing_file import parse_drawing
-from dqcontrol.references.drawing.pen_strokes import PenStroke, box_of, scaled
 from dqcontrol.references.drawing.svg_file import load_svg
-from dqcontrol.references.plane import Plane, plane_axes
+from dqcontrol.references.planar import Plane, plane_axes
 from dqcontrol.references.sample import POSE
 from dqcontrol.references.strokes import PenPath, Stroke
 from dqcontrol.robots import Robot, load_robot, postures

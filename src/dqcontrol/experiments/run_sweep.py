@@ -15,7 +15,13 @@ from dqcontrol.experiments.prepared_experiment import program
 from dqcontrol.experiments.processes import checked_jobs, in_processes
 from dqcontrol.experiments.ranking import BEST_BY, Ranking, rank
 from dqcontrol.experiments.result_pages import result_pages
-from dqcontrol.experiments.results_folder import SPEC_FILE, check_new, new_folder
+from dqcontrol.experiments.results_folder import (
+    SPEC_FILE,
+    WorkingFolder,
+    check_new,
+    new_folder,
+    working_folder,
+)
 from dqcontrol.experiments.row_file import join_files, parquet, write_whole
 from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec.reference_spec import ObjectSpec
@@ -23,7 +29,6 @@ from dqcontrol.experiments.spec.spec_files import copy_inputs
 from dqcontrol.experiments.study import ROWS
 from dqcontrol.experiments.sweep import Sweep, read_sweep, sweep_of_text
 from dqcontrol.experiments.trials import WORTH_PROCESSES, Batch, precompile
-from dqcontrol.experiments.working_folder import WorkingFolder, working_folder
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.measures.metric_tables import number_column
 
@@ -152,7 +157,7 @@ CarryOut = Callable[[Iterable[Task]], Iterator[tuple[int, int, bytes]]]
 def _workers(sweep: Sweep, jobs: int | None, scheduler: str | None) -> Iterator[CarryOut]:
     """Give what runs tasks: a cluster, processes, or this one."""
     if scheduler is not None:
-        from dqcontrol.experiments.cluster import connect, on_cluster
+        from dqcontrol.experiments.processes import connect, on_cluster
 
         with connect(scheduler) as client:
             yield lambda tasks: on_cluster(client, Task.run, tasks)

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from dqcontrol.errors import DivergedError, LimitWarning
-from dqcontrol.experiments.noise import noise_model
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
 from dqcontrol.experiments.processes import in_processes
 from dqcontrol.experiments.result_pages import result_pages
@@ -20,20 +19,57 @@ from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE, folder_names
 from dqcontrol.experiments.row_file import Row, write_rows
 from dqcontrol.experiments.run import Run, execute
 from dqcontrol.experiments.run_comparison import MEANS, MOST_CURVES, summary_of, unit_of_way, write_table
-from dqcontrol.experiments.spec import read_spec
+from dqcontrol.experiments.spec import Spec, read_spec
 from dqcontrol.experiments.spec.spec_files import copy_inputs
 from dqcontrol.experiments.trials import Trial, trial_folder
 from dqcontrol.experiments.verdict import headline, verdict_of
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop import Record
 from dqcontrol.loop.record import has_failed, thinned
-from dqcontrol.measures.repeat_tables import (
+from dqcontrol.measures.repeats import (
     confidence_table,
     differences_table,
     means_table,
     repeatability_table,
 )
 from dqcontrol.tables.tables import Table
+
+
+def noise_model(spec: Spec) -> str:
+    """Return what is drawn from each repeat's seed: the encoders of the plants and random disturbances.
+
+    Examples
+    --------
+    >>> from dqcontrol.experiments import read_spec
+    >>> spec, _ = read_spec({
+    ...     "name": "noise", "robot": "iiwa7", "start": [0, 0.6, 0, 1.6, 0, 0.6, 0], "period": 0.01,
+    ...     "reference": {"kind": "circle", "radius": 0.07, "duration": 2},
+    ...     "law": {"kind": "proportional", "gain": 10},
+    ...     "plant": {"kind": "servo", "encoder_noise": 1e-4, "encoder_resolution": 1e-3},
+    ... })
+    >>> noise_model(spec)
+    'white encoder noise of 0.0001 rad before rounding to 0.001 rad'
+    """
+    plants = spec.plant_by_label
+    parts = []
+    for label, plant in plants.items():
+        noise, step = map(_size, plant.encoder_errors())
+        said = [f"white encoder noise of {noise} rad"] if noise else []
+        said += [f"{'before ' if noise else 'encoders '}rounding to {step} rad"] if step else []
+        if said:
+            parts.append(f"{label}: {' '.join(said)}" if len(plants) > 1 else " ".join(said))
+    if spec.disturbance is not None:
+        parts.append("the spec's disturbance")
+    return "; ".join(parts) or "none"
+
+
+def _size(value: float | list[float]) -> str:
+    """Return a size as text, several as their range; empty for none."""
+    sizes = value if isinstance(value, list) else [value]
+    if not any(sizes):
+        return ""
+    return f"{min(sizes):g}" if min(sizes) == max(sizes) else f"{min(sizes):g} … {max(sizes):g}"
+
 
 ROWS = "runs.parquet"
 _WORTH_PROCESSES = 4  # runs whose figures take longer than starting processes

@@ -17,18 +17,16 @@ from dqcontrol.controller import PreparedTasks
 from dqcontrol.experiments.contacts import HAND, contacts_of
 from dqcontrol.experiments.outcome import Expectation, felt, judge_outcome, length_text
 from dqcontrol.experiments.spec import Spec
-from dqcontrol.experiments.spec.reference_base import ReferenceSpec
+from dqcontrol.experiments.spec.reference_spec import ReferenceSpec
 from dqcontrol.laws import Law, PartialProportional
 from dqcontrol.loop.constraint_signals import DISTANCE, PRESSURE, ROOM, held_poses
 from dqcontrol.loop.record import Record, has_failed, row_norms
-from dqcontrol.measures.deadlock import deadlocks
-from dqcontrol.measures.margins import AT_LIMIT, UNSEEN, joint_margins
-from dqcontrol.measures.metrics import Metrics
+from dqcontrol.measures.held import deadlocks
+from dqcontrol.measures.metrics import AT_LIMIT, UNSEEN, Metrics, joint_margins
 from dqcontrol.measures.task_result import TaskResult, further_results
 from dqcontrol.plants import MobilePlant, MujocoPlant, Plant
 from dqcontrol.plants.mobile.running_mobile import SLIDING
-from dqcontrol.plants.mujoco.gripper import GRIPPER_OPENING
-from dqcontrol.plants.mujoco.pads import GRIP_FORCE
+from dqcontrol.plants.mujoco.gripper import GRIP_FORCE, GRIPPER_OPENING
 from dqcontrol.plants.wrist import TOUCH_FORCE
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot

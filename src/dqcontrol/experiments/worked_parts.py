@@ -14,8 +14,8 @@ import msgspec
 from dqcontrol.compiled.kernel_cache import source_hash
 from dqcontrol.experiments.prepared_experiment import program
 from dqcontrol.experiments.processes import in_processes
+from dqcontrol.experiments.results_folder import WorkingFolder
 from dqcontrol.experiments.row_file import write_whole
-from dqcontrol.experiments.working_folder import WorkingFolder
 
 P = TypeVar("P")
 R = TypeVar("R")

@@ -12,18 +12,17 @@ from typing import Any
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.experiments.check import warn_unstable
 from dqcontrol.experiments.failure_hints import warn_of_failures
+from dqcontrol.experiments.real_time import StreamedRun
 from dqcontrol.experiments.results_folder import told_first
 from dqcontrol.experiments.run import Run, as_run
-from dqcontrol.experiments.streamed_run import StreamedRun
 from dqcontrol.export.controller_parts import ControllerParts, controller_parts
 from dqcontrol.export.loop_hosts import END, STOP, LoopHost, LoopRows, Over, ProcessHost, ThreadHost
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.loop import Record, Timing
-from dqcontrol.loop.black_box import SECONDS
 from dqcontrol.loop.interrupts import first_interrupt
-from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.signals import Signal
-from dqcontrol.loop.supervision import Watch
+from dqcontrol.loop.supervision import SECONDS, Watch
+from dqcontrol.loop.trace import SampleSink
 from dqcontrol.plants.plant import CompiledPlant
 from dqcontrol.plants.running_plant import running_plant
 from dqcontrol.references.sample import TIME

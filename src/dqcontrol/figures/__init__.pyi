@@ -2,45 +2,45 @@ from .base_paths import (
     base_path as base_path,
     superimposed as superimposed,
 )
-from .compared import (
-    compare_inputs as compare_inputs,
-    compare_joints as compare_joints,
-    compare_poses as compare_poses,
+from .distributions import (
+    histogram as histogram,
+    parity as parity,
+    timing_histogram as timing_histogram,
+    timing_table as timing_table,
 )
-from .criteria import (
-    compare_criteria as compare_criteria,
-    criteria_side_by_side as criteria_side_by_side,
-)
-from .disturbances import disturbance as disturbance
-from .figure_files import save_figures as save_figures
-from .histograms import histogram as histogram
-from .lyapunov_plot import lyapunov as lyapunov
-from .parity_plot import parity as parity
 from .paths import (
     compare_paths as compare_paths,
     path_3d as path_3d,
 )
 from .plots import (
     compare_errors as compare_errors,
+    compare_inputs as compare_inputs,
+    compare_joints as compare_joints,
+    compare_poses as compare_poses,
     control_signals as control_signals,
+    disturbance as disturbance,
     errors as errors,
     joint_angles as joint_angles,
-    pose_coefficients as pose_coefficients,
-)
-from .readings import (
     limit_margins as limit_margins,
+    pose_coefficients as pose_coefficients,
     readings as readings,
-)
-from .repeats_plot import (
-    gain_figure as gain_figure,
-    repeats_figure as repeats_figure,
+    task_errors as task_errors,
 )
 from .robot_picture import robot_picture as robot_picture
 from .save import (
     comparison_figures as comparison_figures,
     run_figures as run_figures,
     save_comparison as save_comparison,
+    save_figures as save_figures,
     save_plots as save_plots,
+)
+from .searches import search_figure as search_figure
+from .studies import (
+    gain_figure as gain_figure,
+    repeats_figure as repeats_figure,
+    surface as surface,
+    surface_figure as surface_figure,
+    sweep_figure as sweep_figure,
 )
 from .style import (
     COLOURS as COLOURS,
@@ -48,15 +48,9 @@ from .style import (
     column_width as column_width,
     new_figure as new_figure,
 )
-from .surfaces import (
-    surface as surface,
-    surface_figure as surface_figure,
+from .theory import (
+    compare_criteria as compare_criteria,
+    criteria_side_by_side as criteria_side_by_side,
+    lyapunov as lyapunov,
+    range_condition as range_condition,
 )
-from .sweeps import sweep_figure as sweep_figure
-from .task_range_plot import range_condition as range_condition
-from .tasks import task_errors as task_errors
-from .timing_plot import (
-    timing_histogram as timing_histogram,
-    timing_table as timing_table,
-)
-from .tuning_plots import search_figure as search_figure

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
-from dqcontrol.figures.outline import outline, outlined
+from dqcontrol.figures.paths import outline, outlined, recorded_frames
 from dqcontrol.figures.style import DESIRED, NEUTRAL, PANE, legend_below, line_style, new_figure, styled
 from dqcontrol.figures.surroundings import corners_of, draw_flat, draw_in_space, entries, faces_near
-from dqcontrol.figures.tilted_base import recorded_frames
 from dqcontrol.loop.record import Record
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.serial_arm import SerialArm

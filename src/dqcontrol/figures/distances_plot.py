@@ -19,7 +19,7 @@ from dqcontrol.figures.style import (
     styled,
 )
 from dqcontrol.loop.constraint_signals import PRESSURE, ROOM, SLACK
-from dqcontrol.measures.plans_of_run import PlanOfRun, plans_of_run
+from dqcontrol.measures.held import PlanOfRun, plans_of_run
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -22,8 +22,8 @@ from matplotlib.ticker import NullLocator
 from matplotlib.transforms import Bbox, IdentityTransform
 
 from dqcontrol.arrays import Array
-from dqcontrol.figures.figure_files import encoded
-from dqcontrol.figures.outline import outline
+from dqcontrol.figures.paths import outline
+from dqcontrol.figures.save import encoded
 from dqcontrol.figures.style import TICKS
 
 _PAD, _GAP = 0.06, 0.12  # in: around everything, and between the labels of neighbouring panels

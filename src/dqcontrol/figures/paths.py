@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
-from dqcontrol.figures.outline import outlined
 from dqcontrol.figures.style import (
     DESIRED,
     DOUBLE,
@@ -23,12 +24,86 @@ from dqcontrol.figures.style import (
 )
 from dqcontrol.figures.surroundings import corners_of, draw_flat, draw_in_space, entries, faces_near
 from dqcontrol.loop.record import Record
-from dqcontrol.measures.plans_of_run import PlanOfRun, apart_at_plans, plans_of_run
+from dqcontrol.measures.held import PlanOfRun, apart_at_plans, plans_of_run
+from dqcontrol.plants.channels import BASE_POSITION, BASE_QUATERNION
+from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.tree_robot import TreeRobot
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from dqcontrol.constraints.constraints import Constraints
+
+
+_PIECES = (
+    800  # of a curve: one a pixel of a figure across a page, 7.16 in at 96 dots an inch less its margins
+)
+
+
+def outline(curves: Array) -> NDArray[np.intp] | None:
+    """Return rows that show each peak of curves (N, k); None where all N are needed.
+
+    Of each piece these are the first, the last, and those with the least and the largest value of each curve.
+    """
+    count, width = curves.shape
+    step = -(-count // _PIECES)
+    if step <= 2 * width + 2:
+        return None
+    whole = count - count % step
+    first = np.arange(0, whole, step)
+    pieces = curves[:whole].reshape(-1, step, width)
+    found = [first, first + step - 1, np.arange(whole, count)]
+    for peaks in (pieces.argmin(axis=1), pieces.argmax(axis=1)):
+        found.append((first[:, None] + peaks).ravel())
+    return np.unique(np.concatenate(found))
+
+
+def outlined(points: Array) -> Array:
+    """Return those of many points (N, k) that show each of their peaks; see `outline`."""
+    kept = outline(points)
+    return points if kept is None else points[kept]
+
+
+def tip_paths(robot: Robot, record: Record) -> list[Array]:
+    """Return positions (N, 3), m, of the end effector; of a tree those of all tips, and of what two of them hold."""
+    if not isinstance(robot, TreeRobot) or not np.isfinite(record.q).all():
+        return [record.position]
+    tips = algebra.translation(robot.frames(record.q)[:, list(robot.ends)])
+    between = [record.position] if robot.task.kind == "absolute" else []
+    return [*np.moveaxis(tips, 1, 0), *between]
+
+
+def desired_in_room(robot: Robot, q: Array, desired: Array) -> Array:
+    """Return desired poses (N, 8) at configurations (N, n) in the room: relative ones are seen from the second hand."""
+    if not isinstance(robot, TreeRobot) or robot.task.kind != "relative" or not np.isfinite(q).all():
+        return desired
+    return algebra.multiply(robot.pose_of(robot.task.frames[1], q), desired)
+
+
+def recorded_frames(robot: Robot, record: Record, samples: NDArray[np.int_] | slice) -> Array:
+    """Return the frames of a robot at some samples, tilted and lifted as its base was, (…, n + 1, 8).
+
+    Without a recorded pose of the base they are those of `Robot.frames`.
+    """
+    frames = robot.frames(record.q[samples])
+    lean = base_motion(record, samples)
+    return frames if lean is None else algebra.multiply(lean[..., None, :], frames)
+
+
+def base_motion(record: Record, samples: NDArray[np.int_] | slice) -> Array | None:
+    """Return what moves an upright base to where it was at some samples, (…, 8); None if that is not recorded."""
+    if BASE_POSITION not in record.readings or BASE_QUATERNION not in record.readings:
+        return None
+    x, y, heading = record.q[samples, :3].T
+    still = np.zeros_like(x)
+    upright = algebra.pose(
+        np.stack([np.cos(heading / 2), still, still, np.sin(heading / 2)], axis=1),
+        np.stack([x, y, still], axis=1),
+    )
+    rotation = record.readings[BASE_QUATERNION].values[samples]
+    unit = rotation / np.linalg.norm(rotation, axis=1)[:, None]
+    true = algebra.pose(unit, record.readings[BASE_POSITION].values[samples])
+    return algebra.multiply(true, algebra.conjugate(upright))
 
 
 _FLAT = 0.05  # a path counts as planar if it is this many times thinner than long

@@ -1,17 +1,26 @@
-"""Bodies to draw: meshes that move with the frames of a robot."""
+"""Bodies to draw: meshes that move with the frames of a robot.
+
+Rods, balls and boxes are made here. `trimesh` makes them, too; but what it imports takes 1.5 s of a processor's time
+(NetworkX, SciPy), as much as all else from `dqcontrol play` to a robot that moves. It is imported where files with
+meshes are read.
+"""
 
 from __future__ import annotations
 
+import functools
+import io
+import warnings
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.figures.solids import Surface, box, rod
-from dqcontrol.figures.urdf_shapes import placed_shapes, pose_matrix, urdf_shapes
+from dqcontrol.errors import FileFormatError, NoteWarning
+from dqcontrol.files.input_file import read_whole
 from dqcontrol.robots import (
     CarLikeBase,
     DifferentialDrive,
@@ -24,10 +33,235 @@ from dqcontrol.robots import (
 )
 from dqcontrol.robots.dh import compose
 from dqcontrol.robots.files.description import foot_below, joint_range, rod_radii
+from dqcontrol.robots.files.mjcf import geom_mesh, shown_geoms
+from dqcontrol.robots.files.urdf import UrdfTree, origin_matrix
+from dqcontrol.robots.files.urdf_xml import CheckedXml, mesh_file, missing_note
 from dqcontrol.robots.kinematics.kinematics_kernels import PRISMATIC
-from dqcontrol.robots.poses import inverse7
-from dqcontrol.robots.robot import base_coordinates
+from dqcontrol.robots.poses import inverse7, pose7
+from dqcontrol.robots.robot import PlacedLinks, base_coordinates
 from dqcontrol.robots.whole_body import Drive, Mover, parts_with_offsets
+
+_SECTIONS = 40  # around an axis
+_RINGS = 10  # of half a ball
+
+
+class Surface(NamedTuple):
+    """A closed surface: vertices (V, 3), m, and faces (F, 3) of their indices, anticlockwise from outside.
+
+    Vertices at an edge stand there once for each side, so that edges are drawn as edges and curves are drawn round.
+    """
+
+    vertices: Array
+    faces: NDArray[np.int64]
+
+    @classmethod
+    def joined(cls, solids: Iterable[Surface]) -> Surface:
+        """Return several as one: fewer and larger ones are quicker to draw."""
+        parts = list(solids)
+        firsts = np.cumsum([0, *(len(each.vertices) for each in parts)])
+        return cls(
+            np.concatenate([each.vertices for each in parts]),
+            np.concatenate([each.faces + first for each, first in zip(parts, firsts, strict=False)]),
+        )
+
+
+def rod(start: ArrayLike, end: ArrayLike, radius: float, *, round_ends: bool = False) -> Surface:
+    """Return a cylinder between two points, or a capsule about them; a ball where they are the same.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> np.ptp(rod([0, 0, 0], [0, 0, 1], 0.25, round_ends=True).vertices, axis=0).tolist()
+    [0.5, 0.5, 1.5]
+    """
+    start, end = np.asarray(start, np.float64), np.asarray(end, np.float64)
+    length = float(np.linalg.norm(end - start))
+    if round_ends:
+        angle = 0.5 * np.pi * np.linspace(0.0, 1.0, _RINGS + 1)
+        up, out = radius * np.sin(angle), radius * np.cos(angle)
+        out[-1] = 0.0
+        first = np.column_stack([-up[::-1], out[::-1]])
+        bands = [np.vstack([first, np.column_stack([length + up, out])[0 if length else 1 :]])]
+    else:
+        ends = [[0.0, 0.0], [0.0, radius], [length, radius], [length, 0.0]]
+        bands = [np.array(ends[i : i + 2]) for i in range(3)]
+    axis = (end - start) / length if length > 0 else np.array([0.0, 0.0, 1.0])
+    solid = Surface.joined(_turned(band, axis) for band in bands)
+    return Surface(solid.vertices + start, solid.faces)
+
+
+def ball(centre: ArrayLike, radius: float) -> Surface:
+    """Return a ball."""
+    return rod(centre, centre, radius, round_ends=True)
+
+
+def box(size: ArrayLike, centre: ArrayLike = (0.0, 0.0, 0.0), axes: ArrayLike | None = None) -> Surface:
+    """Return a box with edges of these lengths, (3,), m, along the columns of ``axes`` (3, 3).
+
+    Examples
+    --------
+    >>> len(box([1, 2, 3]).vertices)
+    24
+    """
+    corners, faces = [], []
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        for sign in (-1.0, 1.0):
+            first = len(corners)
+            for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+                corner = np.zeros(3)
+                corner[[i, j, k]] = sign, sign * a, b
+                corners.append(corner)
+            faces += [[first, first + 1, first + 2], [first, first + 2, first + 3]]
+    turn = np.eye(3) if axes is None else np.asarray(axes, np.float64)
+    vertices = (0.5 * np.array(corners) * np.asarray(size, np.float64)) @ turn.T + np.asarray(
+        centre, np.float64
+    )
+    return Surface(vertices, np.array(faces, np.int64))
+
+
+def _turned(profile: Array, axis: Array) -> Surface:
+    """Return what a line of points [along, out], (K, 2), m, passes over as it turns about an axis (3,)."""
+    across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    across /= np.linalg.norm(across)
+    angle = 2 * np.pi * np.arange(_SECTIONS) / _SECTIONS
+    ring = np.outer(np.cos(angle), across) + np.outer(np.sin(angle), np.cross(axis, across))
+    along, out = profile.T
+    vertices = along[:, None, None] * axis + out[:, None, None] * ring
+    k, a = np.meshgrid(np.arange(len(profile) - 1), np.arange(_SECTIONS), indexing="ij")
+    b = (a + 1) % _SECTIONS
+    near, far = k * _SECTIONS, (k + 1) * _SECTIONS
+    below = np.stack([near + a, near + b, far + b], axis=-1)[out[:-1] > 0]
+    above = np.stack([near + a, far + b, far + a], axis=-1)[out[1:] > 0]
+    return Surface(vertices.reshape(-1, 3), np.concatenate([below.reshape(-1, 3), above.reshape(-1, 3)]))
+
+
+Drawn = tuple[int, Any, tuple[int, int, int]]
+
+_PLAIN = (200, 203, 208)
+_MESHES = ("dae", "stl", "obj", "ply", "off", "glb")  # none that is an archive, which may hold any amount
+_LARGEST_MESH = 200_000_000  # bytes
+
+
+def urdf_shapes(path: Path, base_link: str, arm: SerialArm) -> list[Drawn]:
+    """Return the row of `SerialArm.frames` that carries each visual, −1 for the base, its mesh there, and its colour.
+
+    Joints that are not the arm's rest at zero. Without any visuals there are none; nor if a mesh is not found, which a
+    `NoteWarning` names.
+
+    Parameters
+    ----------
+    path
+        The URDF file.
+    base_link
+        Link in whose frame the arm's poses are.
+    arm
+        The chain that was read from it.
+    """
+    tree = UrdfTree(CheckedXml(path))
+    frames = arm.frames(np.zeros(arm.configuration_size))[:-1]
+    homes = [np.eye(4), *(pose_matrix(pose7("frame", frame)) for frame in frames)]
+    places = tree.places(arm.joint_names)
+    links = {link: (place, carrier) for link, place, carrier in places}
+    to_base = np.linalg.inv(links[base_link][0])
+    drawn: list[Drawn] = []
+    for link, (place, carrier) in links.items():
+        for visual in tree.links[link].visuals:
+            at = np.linalg.inv(homes[carrier]) @ to_base @ place @ origin_matrix(visual)
+            try:
+                pieces = list(_geometry(path, visual))
+            except FileNotFoundError:
+                warnings.warn(missing_note(path), NoteWarning, stacklevel=2)
+                return []
+            for mesh, colour in pieces:
+                drawn.append((carrier - 1, mesh.copy().apply_transform(at), colour))
+    return drawn
+
+
+def _geometry(urdf: Path, visual: Any) -> Iterator[tuple[Any, tuple[int, int, int]]]:
+    """Yield the pieces of a visual, and their colours."""
+    import trimesh
+
+    shape, colour = visual.geometry, _material(visual)
+    if shape.box is not None:
+        yield trimesh.creation.box(shape.box.size), colour or _PLAIN
+    elif shape.cylinder is not None:
+        cylinder = trimesh.creation.cylinder(shape.cylinder.radius, shape.cylinder.length, sections=40)
+        yield cylinder, colour or _PLAIN
+    elif shape.sphere is not None:
+        yield trimesh.creation.icosphere(3, shape.sphere.radius), colour or _PLAIN
+    elif shape.mesh is not None:
+        scale = np.ones(3) if shape.mesh.scale is None else np.broadcast_to(shape.mesh.scale, 3)
+        for mesh, own in _loaded(mesh_file(urdf, shape.mesh.filename)):
+            yield mesh.copy().apply_transform(np.diag([*scale, 1.0])), colour or own
+
+
+def _material(visual: Any) -> tuple[int, int, int] | None:
+    colour = visual.material.color if visual.material is not None else None
+    if colour is None or colour.rgba is None:
+        return None
+    r, g, b = (round(255 * float(c)) for c in colour.rgba[:3])
+    return r, g, b
+
+
+@functools.cache
+def _loaded(path: Path) -> list[tuple[Any, tuple[int, int, int]]]:
+    """Return the meshes of a file with their colours."""
+    import trimesh
+
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in _MESHES:
+        raise FileFormatError(f"{path}: is no mesh that is read here (allowed: {', '.join(_MESHES)})")
+    data = read_whole(path, _LARGEST_MESH)
+    if kind == "dae" and any(
+        word in data.replace(b"\0", b"").upper() for word in (b"<!DOCTYPE", b"<!ENTITY")
+    ):
+        raise FileFormatError(f"{path}: declares a document type or entities, refused for safety")
+    try:
+        scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=kind)
+    except Exception as error:  # readers of damaged files raise anything
+        raise FileFormatError(f"{path}: cannot be read as a mesh: {error}") from None
+    return [(mesh, _own_colour(mesh)) for mesh in scene.dump() if hasattr(mesh, "faces")]
+
+
+def _own_colour(mesh: Any) -> tuple[int, int, int]:
+    if not mesh.visual.defined:
+        return _PLAIN
+    material = getattr(mesh.visual, "material", None)
+    r, g, b = (material if material is not None else mesh.visual).main_color[:3]
+    return int(r), int(g), int(b)
+
+
+def pose_matrix(pose: Array) -> Array:
+    """Return the homogeneous matrix of a pose (7,), [quaternion, position]."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = algebra.matrix_from_rotation(pose[:4]), pose[4:]
+    return matrix
+
+
+def placed_shapes(placed: PlacedLinks) -> list[Drawn]:
+    """Return what links of a URDF or MJCF file look like: the row of `Robot.frames`, −1 for the base, mesh and colour.
+
+    Without any visuals there are none; nor if a mesh is not found, which a `NoteWarning` names.
+    """
+    drawn: list[Drawn] = []
+    if placed.path.suffix.lower() == ".xml":
+        for geom in shown_geoms(placed.path):
+            frame = placed.frames[geom.body]
+            drawn.append((frame.joint, geom_mesh(geom).apply_transform(pose_matrix(frame.pose)), geom.colour))
+        return drawn
+    links = UrdfTree(CheckedXml(placed.path)).links
+    for name, frame in placed.frames.items():
+        for visual in links[name].visuals if name in links else ():
+            at = pose_matrix(frame.pose) @ origin_matrix(visual)
+            try:
+                pieces = list(_geometry(placed.path, visual))
+            except FileNotFoundError:
+                warnings.warn(missing_note(placed.path), NoteWarning, stacklevel=2)
+                return []
+            drawn += [(frame.joint, mesh.copy().apply_transform(at), colour) for mesh, colour in pieces]
+    return drawn
+
 
 Colour = tuple[int, int, int]
 

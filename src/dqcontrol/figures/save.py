@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from dqcontrol.errors import ExistsError, unknown_name
 from dqcontrol.figures.base_paths import base_path, has_base, superimposed
-from dqcontrol.figures.criteria import compare_criteria
 from dqcontrol.figures.distances_plot import distances
-from dqcontrol.figures.disturbances import disturbance
-from dqcontrol.figures.figure_files import check_figure_files, save_figures
-from dqcontrol.figures.lyapunov_plot import lyapunov
+from dqcontrol.figures.distributions import timing_histogram
 from dqcontrol.figures.paths import compare_paths, path_3d
-from dqcontrol.figures.plots import compare_errors, control_signals, errors, joint_angles, pose_coefficients
-from dqcontrol.figures.readings import has_margins, has_readings, limit_margins, readings
-from dqcontrol.figures.task_range_plot import range_condition
-from dqcontrol.figures.tasks import has_tasks, task_errors
-from dqcontrol.figures.timing_plot import timing_histogram
+from dqcontrol.figures.plots import (
+    compare_errors,
+    control_signals,
+    disturbance,
+    errors,
+    has_margins,
+    has_readings,
+    has_tasks,
+    joint_angles,
+    limit_margins,
+    pose_coefficients,
+    readings,
+    task_errors,
+)
+from dqcontrol.figures.theory import compare_criteria, lyapunov, range_condition
 from dqcontrol.loop.clock import Timing
 from dqcontrol.loop.constraint_signals import ROOM
 from dqcontrol.loop.record import Record
@@ -32,6 +41,98 @@ if TYPE_CHECKING:
 
     from dqcontrol.constraints.constraints import Constraints
     from dqcontrol.measures.lyapunov import Certificate
+
+
+FORMATS = ("pdf", "png", "svg")
+PAPER_DPI = 300  # of PNG files for papers
+_LARGEST_SVG = 1_500_000  # bytes in a page; beyond that its picture in pixels is smaller
+_SCREEN_DPI = 160
+_SETTINGS: Any = {
+    "svg.hashsalt": "dqcontrol",  # the same run gives the same bytes
+    "svg.fonttype": "path",  # other machines may lack the font
+    "pdf.fonttype": 42,  # TrueType: journals refuse type 3
+}
+_DATES = {"pdf": "CreationDate", "svg": "Date"}
+
+
+def check_figure_files(names: Sequence[str], folder: Path, formats: Sequence[str]) -> None:
+    """Raise if figures of these names must not be written.
+
+    Raises
+    ------
+    UnknownNameError
+        If a format does not exist.
+    ExistsError
+        If a file exists.
+    """
+    for kind in formats:
+        if kind not in FORMATS:
+            raise unknown_name("formats", kind, FORMATS)
+    for path in (folder / f"{name}.{kind}" for name in names for kind in formats):
+        if path.exists():
+            raise ExistsError(f"{path}: exists already; choose another folder or remove it")
+
+
+def save_figures(
+    figures: Mapping[str, Figure],
+    folder: str | Path,
+    formats: Sequence[str] = ("png",),
+    dpi: float = _SCREEN_DPI,
+) -> list[Path]:
+    """Write figures into a folder.
+
+    Parameters
+    ----------
+    figures
+        By file name without suffix.
+    folder
+        Made if missing; must not hold files of these names.
+    formats
+        Any of ``"png"``, ``"svg"``, ``"pdf"``.
+    dpi
+        Dots an inch of PNG files.
+
+    Returns
+    -------
+    The files: all formats of the first figure, and so on.
+
+    Raises
+    ------
+    ExistsError
+        If a file exists; then none is written.
+    UnknownNameError
+        If a format does not exist.
+
+    Examples
+    --------
+    >>> save_figures({"errors": errors(run.record)}, "out", ["pdf", "png"])  # doctest: +SKIP
+    """
+    folder = Path(folder)
+    check_figure_files(list(figures), folder, formats)
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for name, figure in figures.items():
+        for kind in formats:
+            written.append(folder / f"{name}.{kind}")
+            written[-1].write_bytes(encoded(figure, kind, dpi))
+    return written
+
+
+def encoded(figure: Figure, kind: str, dpi: float = _SCREEN_DPI) -> bytes:
+    """Return the content of a file of one of `FORMATS`."""
+    import matplotlib
+
+    stream, date = io.BytesIO(), _DATES.get(kind)
+    with matplotlib.rc_context(_SETTINGS):
+        figure.savefig(stream, format=kind, dpi=dpi, metadata={date: None} if date else None)
+    return stream.getvalue()
+
+
+def for_page(figure: Figure) -> tuple[str, bytes]:
+    """Return media type and content of a figure in a page: as vectors if they are not too many."""
+    svg = encoded(figure, "svg")
+    return ("image/svg+xml", svg) if len(svg) <= _LARGEST_SVG else ("image/png", encoded(figure, "png"))
+
 
 Draw = Callable[[], "Figure"]
 

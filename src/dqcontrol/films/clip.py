@@ -6,6 +6,8 @@ import contextlib
 import importlib
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +18,7 @@ from dqcontrol.constraints.constraint_view import ConstraintView
 from dqcontrol.constraints.constraints import Constraints
 from dqcontrol.errors import (
     FileFormatError,
+    MissingExtraError,
     ShapeError,
     ValueRangeError,
     as_array,
@@ -23,22 +26,93 @@ from dqcontrol.errors import (
     as_positive,
     writing,
 )
-from dqcontrol.figures.tip_paths import desired_in_room, tip_paths
+from dqcontrol.figures.paths import desired_in_room, tip_paths
 from dqcontrol.files.whole_file import whole_file
-from dqcontrol.films.clip_file import CLIPS, import_av, write_clip
-from dqcontrol.films.film import Film, frames
-from dqcontrol.films.film_arm import film_arm
-from dqcontrol.films.film_physics import film_physics, with_rolling_wheels
-from dqcontrol.films.ghosts import COLOURS
+from dqcontrol.films.drawn_scene import COLOURS
+from dqcontrol.films.film import Film, film_arm, film_physics, frames, with_rolling_wheels
+from dqcontrol.films.offscreen import check_picture_file
 from dqcontrol.films.physics_picture import render_run
-from dqcontrol.films.picture_file import check_picture_file
 from dqcontrol.loop.constraint_signals import DISTANCE
-from dqcontrol.measures.contact import contact_force
-from dqcontrol.measures.plans_of_run import plans_of_run
+from dqcontrol.measures.held import plans_of_run
+from dqcontrol.measures.metrics import contact_force
 from dqcontrol.plants.mobile.mobile_plant import MobilePlant
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.tree_robot import TreeRobot
 from dqcontrol.world import World, stands
+
+CLIPS = (".gif", ".mp4", ".webp")
+Pixels = NDArray[np.uint8]
+
+
+def write_clip(frames: Iterable[Pixels], path: Path, rate: float) -> None:
+    """Write frames, shapes (height, width, 3), as the file's ending says; .gif and .webp play for ever.
+
+    Parameters
+    ----------
+    frames
+        Of one size, for .mp4 even.
+    path
+        Ends in one of `CLIPS`.
+    rate
+        Frames a second.
+
+    Raises
+    ------
+    MissingExtraError
+        If it ends in .mp4 and PyAV is not installed.
+    """
+    if path.suffix.lower() == ".mp4":
+        _write_mp4(frames, path, rate)
+        return
+    image = importlib.import_module("PIL.Image")
+    pictures = [image.fromarray(frame) for frame in frames]
+    more: dict[str, Any] = (
+        {"quality": 75, "method": 4} if path.suffix.lower() == ".webp" else {"optimize": True}
+    )
+    pictures[0].save(
+        path, save_all=True, append_images=pictures[1:], duration=round(1000 / rate), loop=0, **more
+    )
+
+
+def import_av() -> Any:
+    """Return PyAV.
+
+    Raises
+    ------
+    MissingExtraError
+        If it is not installed.
+    """
+    try:
+        return importlib.import_module("av")
+    except ImportError:
+        raise MissingExtraError(
+            "clip: .mp4 needs PyAV; pip install 'dqcontrol[video]', or choose .webp or .gif"
+        ) from None
+
+
+def _write_mp4(frames: Iterable[Pixels], path: Path, rate: float) -> None:
+    """Write frames as H.264, which browsers and presentations play."""
+    av = import_av()
+    with av.open(str(path), "w") as file:
+        stream = file.add_stream(
+            "libx264", rate=Fraction(rate).limit_denominator(1000), options={"crf": "20"}
+        )
+        every = iter(frames)
+        first = next(every)
+        stream.height, stream.width = first.shape[:2]
+        stream.pix_fmt = "yuv420p"
+
+        def add(pixels: Pixels) -> None:
+            file.mux(stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(pixels), format="rgb24")))
+
+        with ThreadPoolExecutor(1) as beside:  # a frame is encoded while the next one is drawn
+            last = beside.submit(add, first)
+            for pixels in every:
+                last.result()
+                last = beside.submit(add, pixels)
+            last.result()
+        file.mux(stream.encode())
+
 
 if TYPE_CHECKING:
     from dqcontrol.loop.record import Record

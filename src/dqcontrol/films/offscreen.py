@@ -6,13 +6,33 @@ import contextlib
 import importlib
 import os
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.errors import MissingExtraError, ValueRangeError, unknown_name
+from dqcontrol.errors import ExistsError, FileFormatError, MissingExtraError, ValueRangeError, unknown_name
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
+
+
+def check_picture_file(target: Path, *, overwrite: bool) -> None:
+    """Say why a picture cannot be saved there, if it cannot.
+
+    Raises
+    ------
+    FileFormatError
+        If its folder does not exist.
+    ExistsError
+        If the file exists and may not be replaced.
+    """
+    if not target.parent.is_dir():
+        raise FileFormatError(f"{target.parent}: there is no such folder for {target.name}")
+    if target.exists() and not overwrite:
+        raise ExistsError(
+            f"{target}: exists already; choose another name, or replace it with --force (overwrite=True)"
+        )
+
 
 BACKENDS = ("egl", "osmesa", "glfw")
 

@@ -13,13 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, as_array
-from dqcontrol.films.drawn_path import add_actual, add_desired
-from dqcontrol.films.framing import framing_of_arm
-from dqcontrol.films.ghosts import add_ghost
+from dqcontrol.films.drawn_scene import add_actual, add_desired, add_ghost
 from dqcontrol.films.link_meshes import add_meshes, link_meshes
-from dqcontrol.films.offscreen import offscreen, render
-from dqcontrol.films.picture_file import check_picture_file
-from dqcontrol.films.scene_background import add_scene_background
+from dqcontrol.films.offscreen import check_picture_file, offscreen, render
+from dqcontrol.films.scene_background import add_scene_background, framing_of_arm
 from dqcontrol.plants.mujoco.mujoco_model import compiled, import_mujoco, skeleton, skeleton_positions
 
 if TYPE_CHECKING:

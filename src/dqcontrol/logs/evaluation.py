@@ -6,32 +6,106 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any, NamedTuple, TypedDict
 
 import msgspec
 import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import NoteWarning, ShapeError, ValueRangeError, as_positive
-from dqcontrol.experiments.evaluation_spec import EvaluationSpec
+from dqcontrol.experiments.load_results import EvaluationSpec
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.spec import RobotSpec, Spec, Start, as_spec, start_configuration
 from dqcontrol.experiments.spec.key_types import kinds_of, numbers_for_quantities
 from dqcontrol.experiments.spec.reference_spec import AnyReference, Part
 from dqcontrol.files.text_file import read_text
 from dqcontrol.files.yaml_file import convert, parse_yaml
-from dqcontrol.logs.alignment import align as align_with
 from dqcontrol.logs.joint_log import JointLog, is_own, read_joint_log
 from dqcontrol.logs.joint_messages import holds_joint_states, is_recording, read_joint_states, read_poses
 from dqcontrol.logs.joint_table import Angles, column_names
-from dqcontrol.logs.missing_cells import Missing
+from dqcontrol.logs.text_table import Missing
 from dqcontrol.loop import Record
 from dqcontrol.recording import load_metadata
 from dqcontrol.references import Points, Reference, SetPoint, load_points
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots import Robot
+
+_LEVER = 0.3  # m; points so far from the end effector's origin turn with it
+_SAMPLES = 500  # of the log that are compared
+_SHIFTS = 400  # that are tried before the best one is refined
+_STILL = 1e-4  # m; motions below it have no time to be found
+
+
+class Alignment(NamedTuple):
+    """When the reference begins, s after the log's first sample; RMS distances of points there and at 0, m."""
+
+    begin: float
+    rms: float
+    unshifted_rms: float
+
+
+def align_with(time: Array, poses: Array, reference: Reference) -> Alignment:
+    """Return the begin of the reference at which it is nearest to the logged poses, over the whole log.
+
+    Compared are three points of the end effector, its origin and one 0.3 m along each of two axes, so that turns count.
+    The reference rests at its ends. Where the robot lags behind, its lag counts as part of the shift.
+
+    Parameters
+    ----------
+    time
+        Of the log, shape (N,), s from 0.
+    poses
+        Of the end effector, shape (N, 8).
+    reference
+        With an end.
+
+    Raises
+    ------
+    ValueRangeError
+        If the reference has no end, or one of the two hardly moves.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> circle = dqc.references.Circle(start=[1, 0, 0, 0, 0, 0, 0, 0], radius=0.1, duration=2.0)
+    >>> late = circle.samples(np.maximum(np.arange(0, 4, 0.01) - 0.7, 0))[:, :8]
+    >>> round(align_with(np.arange(0, 4, 0.01), late, circle).begin, 3)
+    0.7
+    """
+    if not np.isfinite(reference.duration):
+        raise ValueRangeError(
+            "align: the reference has no end and no motion to find in the log; give --start-time"
+        )
+    chosen = np.unique(np.linspace(0, len(time) - 1, _SAMPLES).round().astype(int))
+    at, logged = time[chosen], _points(poses[chosen])
+    grid = np.linspace(0.0, reference.duration, 4 * _SAMPLES)
+    from scipy.optimize import minimize_scalar
+
+    desired = _points(reference.samples(grid)[:, :8])
+    for name, points in (("the reference", desired), ("the logged hand", logged)):
+        if np.ptp(points, axis=0).max() < _STILL:
+            raise ValueRangeError(f"align: {name} hardly moves; give --start-time")
+
+    def cost(begin: float) -> float:
+        shifted = np.column_stack([np.interp(at - begin, grid, each) for each in desired.T])
+        return float(np.mean(np.sum((shifted - logged) ** 2, axis=1)) / 3)
+
+    shifts = np.linspace(-reference.duration, float(time[-1]), _SHIFTS)
+    best = int(np.argmin([cost(shift) for shift in shifts]))
+    bounds = shifts[max(best - 1, 0)], shifts[min(best + 1, _SHIFTS - 1)]
+    found = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 1e-5})
+    return Alignment(float(found.x), float(np.sqrt(found.fun)), float(np.sqrt(cost(0.0))))
+
+
+def _points(poses: Array) -> Array:
+    """Return three points that turn with the end effector, shape (N, 9), m."""
+    frames = algebra.matrix_from_pose(poses)
+    x, y, origin = (frames[:, :3, column] for column in (0, 1, 3))
+    return np.concatenate([origin, origin + _LEVER * x, origin + _LEVER * y], axis=1)
+
 
 STOPPED = "end of the log"
 LOW_PASS = 10.0  # Hz; arms and their tasks are slower, and encoders' noise faster
@@ -104,7 +178,7 @@ def evaluate_log(
     start
         s after the log's first sample.
     align
-        True: find the start at which the reference fits the log best (``dqcontrol.logs.alignment.align``); how late the
+        True: find the start at which the reference fits the log best (`align_with`); how late the
         robot is then no longer counts as error.
     duration
         s from there on; the rest is left out. Default: to the end of the log.

@@ -6,21 +6,179 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError
-from dqcontrol.files.lerobot_dataset import episode_of, only_episode
-from dqcontrol.logs.dataset_log import read_episode_log
+from dqcontrol.files.lerobot_dataset import ACTION, COMMAND, STATE, Dataset, Feature, episode_of, only_episode
 from dqcontrol.logs.joint_messages import held, is_recording, read_commands, read_joint_states
-from dqcontrol.logs.joint_table import Angles, read_joint_table
-from dqcontrol.logs.log_quality import remarks
-from dqcontrol.logs.missing_cells import Missing
+from dqcontrol.logs.joint_table import DEGREES_NOTE, Angles, must_be_degrees, read_joint_table
+from dqcontrol.logs.text_table import Missing
 from dqcontrol.loop import Record
 from dqcontrol.plants.channels import WRENCH_READINGS
 from dqcontrol.recording import load_metadata, load_record
 from dqcontrol.robots import Robot
+
+_GAP = 3.0  # periods
+_FAR = 12.0  # standard deviations of the noise
+_STEPS = 3.0  # times what a joint moves in a period, or the least step that it was ever seen to make
+_LEAST = 1e-3  # rad or m
+_BEYOND = 0.05  # rad or m over a limit
+
+
+def remarks(time: Array, q: Array, robot: Robot, names: Sequence[str]) -> tuple[str, ...]:
+    """Return a line for each thing that is unusual in a log.
+
+    Parameters
+    ----------
+    time
+        Shape (N,), s.
+    q
+        Configurations, shape (N, n), rad or m.
+    robot
+        For its limits and units.
+    names
+        Of its joints.
+    """
+    return (*_gaps(time), *_outliers(time, q, robot, names), *_beyond(q, robot, names))
+
+
+def _gaps(time: Array) -> list[str]:
+    steps = np.diff(time)
+    if len(steps) < 3:
+        return []
+    period = float(np.median(steps))
+    wide = np.flatnonzero(steps > _GAP * period)
+    if not len(wide):
+        return []
+    longest = wide[steps[wide].argmax()]
+    return [
+        f"time: {len(wide)} gap{'s' * (len(wide) > 1)} of more than {_GAP:g} periods of {period:.4g} s, "
+        f"the longest {steps[longest]:.4g} s at {time[longest]:.4g} s"
+    ]
+
+
+def spikes(values: Array) -> Array:
+    """Return by how much each sample stands out from both its neighbours to the same side; 0 where it does not.
+
+    A spike is larger than 12 standard deviations of the noise, as the median of the second differences gives it, and
+    than what the signal moves in three periods.
+    """
+    if len(values) < 5:
+        return np.zeros(len(values))
+    steps = np.diff(values)
+    sizes = np.abs(steps)
+    noise = float(np.median(np.abs(np.diff(steps)))) / (0.6745 * np.sqrt(6))
+    moving = sizes[sizes > 0]
+    quantum = float(moving.min()) if len(moving) else 0.0
+    least = max(_FAR * noise, _STEPS * quantum, _STEPS * float(np.quantile(sizes, 0.9)), _LEAST)
+    found = np.zeros(len(values))
+    out = (steps[:-1] * steps[1:] < 0) & (np.minimum(sizes[:-1], sizes[1:]) > least)
+    found[1:-1][out] = np.minimum(sizes[:-1], sizes[1:])[out]
+    return found
+
+
+def _outliers(time: Array, q: Array, robot: Robot, names: Sequence[str]) -> list[str]:
+    lines = []
+    for i, name in enumerate(names):
+        sizes = spikes(q[:, i])
+        count = int(np.count_nonzero(sizes))
+        if count:
+            unit = "rad" if robot.joint_types[i] == "revolute" else "m"
+            lines.append(
+                f"{name}: {count} sample{'s' * (count > 1)} far from both neighbours, the largest by "
+                f"{sizes.max():.3g} {unit} at {time[sizes.argmax()]:.4g} s; they count in all peaks"
+            )
+    return lines
+
+
+def _beyond(q: Array, robot: Robot, names: Sequence[str]) -> list[str]:
+    limits = robot.limits
+    over = np.maximum(limits.lower - q.min(axis=0), q.max(axis=0) - limits.upper)
+    lines = [f"{names[i]} by {over[i]:.3g}" for i in range(len(names)) if over[i] > _BEYOND]
+    if not lines:
+        return []
+    return [
+        f"joints leave the limits of {robot.name} ({', '.join(lines)} rad or m): other units, zeros or signs?"
+    ]
+
+
+class EpisodeLog(NamedTuple):
+    """What an episode holds of a robot's joints: time (N,) s; positions, commands and commanded positions (N, n)."""
+
+    time: Array
+    q: Array
+    command: Array | None
+    target: Array | None
+    notes: tuple[str, ...]
+
+
+def read_episode_log(
+    path: Path, data: Dataset, number: int, robot: Robot, names: Sequence[str], angles: Angles | None
+) -> EpisodeLog:
+    """Return what an episode holds of the named joints, by ``NAME`` or ``NAME.pos``, without others beside them.
+
+    Raises
+    ------
+    FileFormatError
+        If a joint is missing, or fewer than two samples are there.
+    ValueRangeError
+        If angles without a unit must be degrees, and it cannot be told which.
+    """
+    if STATE not in data.features:
+        raise FileFormatError(f"{path}: has no column {STATE}; it has {', '.join(data.features) or 'none'}")
+    values = data.episode(number)
+    time = values["timestamp"][:, 0]
+    if len(time) < 2 or not (np.diff(time) > 0).all():
+        raise FileFormatError(f"{path}: timestamp: expected at least two samples whose time increases")
+    time = np.arange(len(time)) / data.fps  # stamps are float32: 1e-4 s after half an hour
+    notes: list[str] = []
+    state = data.features[STATE]
+    rows = _rows(path, STATE, state, names, "pos")
+    q = values[STATE][:, rows]
+    units = [state.units[i] for i in rows]
+    if angles is None and must_be_degrees(path, robot, units, q):
+        angles = "deg"
+        notes.append(DEGREES_NOTE)
+    q = q * _scales(robot, units, angles)
+    target = command = None
+    if ACTION in data.features:
+        action = data.features[ACTION]
+        kind = "vel" if all(name.endswith(".vel") for name in action.names) else "pos"
+        rows = _rows(path, ACTION, action, names if kind == "pos" else robot.input_names, kind)
+        told = values[ACTION][:, rows]
+        if kind == "pos":
+            target = told * _scales(robot, [action.units[i] for i in rows], angles)
+        else:
+            command = told
+    if COMMAND in data.features:
+        rows = _rows(path, COMMAND, data.features[COMMAND], robot.input_names, "vel")
+        command = values[COMMAND][:, rows]
+    return EpisodeLog(time, q, command, target, tuple(notes))
+
+
+def _rows(path: Path, column: str, feature: Feature, names: Sequence[str], kind: str) -> list[int]:
+    known: dict[str, int] = {}
+    for i, name in enumerate(feature.names):
+        known.setdefault(name.removesuffix(f".{kind}"), i)
+    missing = [name for name in names if name not in known]
+    if missing:
+        raise FileFormatError(
+            f"{path}: {column}: has no {', '.join(missing)}; it has {', '.join(known)} "
+            "(--joints names the joints as the dataset does, in the robot's order)"
+        )
+    return [known[name] for name in names]
+
+
+def _scales(robot: Robot, units: Sequence[str], angles: Angles | None) -> Any:
+    """Return what turns the numbers of each joint into rad and m."""
+    degrees = [
+        kind == "revolute" and (unit in ("deg", "°") or (not unit and angles == "deg"))
+        for kind, unit in zip(robot.joint_types, units, strict=True)
+    ]
+    return np.where(degrees, np.pi / 180, 1.0)
 
 
 @dataclass(frozen=True, eq=False)

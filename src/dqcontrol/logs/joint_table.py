@@ -16,18 +16,23 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, suggest
 from dqcontrol.files.input_file import open_regular
 from dqcontrol.files.text_file import as_number, read_text
-from dqcontrol.logs.missing_cells import Missing, fill_missing
 from dqcontrol.logs.text_table import (
     ANGLES,
     DELIMITERS,
     EMPTY,
     LENGTHS,
+    TIME_NAMES,
+    TIME_UNITS,
+    Missing,
+    fill_missing,
     find_columns,
     name_and_unit,
+    seconds_from,
     table_rows,
+    time_unit,
     unit_scale,
+    written_stamp,
 )
-from dqcontrol.logs.time_stamps import TIME_NAMES, TIME_UNITS, seconds_from, time_unit, written_stamp
 from dqcontrol.robots import Robot
 
 Angles = Literal["rad", "deg"]

@@ -34,7 +34,7 @@ from dqcontrol.files.plain_data import yaml_text
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.logs.joint_log import JointLog, read_joint_log
 from dqcontrol.logs.joint_messages import is_recording, read_wrenches
-from dqcontrol.logs.servos.joint_motion_files import write_joint_motion
+from dqcontrol.logs.servos.excitation import write_joint_motion
 from dqcontrol.references.minimum_jerk import PEAK_SPEED, progress
 from dqcontrol.robots import Robot, SerialArm, load_robot
 from dqcontrol.tables.tables import Cell, Column, Table

@@ -20,10 +20,9 @@ from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.record import has_failed
 from dqcontrol.loop.replanning import Replanning
-from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.signals import Readings
 from dqcontrol.loop.supervision import Senses, Supervision, most_steps_to_rest
-from dqcontrol.loop.trace import Stop, Trace, empty_records, ended
+from dqcontrol.loop.trace import SampleSink, Stop, Trace, empty_records, ended
 from dqcontrol.plants.disturbance_step import ROW, RunningDisturbance
 from dqcontrol.plants.plant import CompiledPlant
 from dqcontrol.plants.running_plant import PlantProtocol, RunningPlant, running_plant

@@ -14,16 +14,14 @@ from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_arra
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws.law import Law
 from dqcontrol.limits import CommandLimits
-from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.closed_loop import close_loop
 from dqcontrol.loop.constraint_signals import constraint_signals, held_signals
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.replanning import Replanning, plan_signals, refuse_replanning
-from dqcontrol.loop.sample_sink import SampleSink
 from dqcontrol.loop.signals import actuator_command, task_errors
-from dqcontrol.loop.supervision import Supervision, Watch
-from dqcontrol.loop.trace import Stop
+from dqcontrol.loop.supervision import BlackBox, Supervision, Watch
+from dqcontrol.loop.trace import SampleSink, Stop
 from dqcontrol.plants.disturbance import Disturbance
 from dqcontrol.plants.plant import Plant, command_mode, lagging_mode, limits_before
 from dqcontrol.references import Reference

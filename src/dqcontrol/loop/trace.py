@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Protocol
 
 import numpy as np
 from msgspec import Meta
@@ -13,6 +13,37 @@ from dqcontrol.controller.controller import Controller
 from dqcontrol.files.long_array import long_array
 from dqcontrol.loop.signals import Signal
 from dqcontrol.named_fields import NamedFields
+
+
+class SampleSink(Protocol):
+    """Takes samples one by one and returns at once; `dqcontrol.recording.RecordStream` is one.
+
+    Attributes
+    ----------
+    failure
+        Why samples are lost, empty while none is: the loop then stops the robot.
+    """
+
+    failure: str
+
+    def take(
+        self, sample: Array, q: Array, measured: Array, command: Array, interventions: float = 0.0
+    ) -> None:
+        """Take one sample.
+
+        Parameters
+        ----------
+        sample
+            As of ``Sample.data``, shape (21,); the time increases.
+        q, measured
+            True and measured configuration, shape (n,), rad or m.
+        command
+            Inputs after all limits, shape (m,), rad/s or m/s.
+        interventions
+            Code of the supervisor.
+        """
+        ...
+
 
 FARTHEST = 1e4  # rad or m: no robot goes there
 

@@ -4,8 +4,8 @@ from .attenuation import (
     PremiseError as PremiseError,
     attenuation as attenuation,
     attenuation_table as attenuation_table,
+    verify_attenuation as verify_attenuation,
 )
-from .attenuation_cases import verify_attenuation as verify_attenuation
 from .lyapunov import (
     Certificate as Certificate,
     certificate as certificate,
@@ -18,14 +18,14 @@ from .metrics import (
     Metrics as Metrics,
     evaluate as evaluate,
 )
-from .repeat_tables import (
+from .repeats import (
     confidence_table as confidence_table,
     differences_table as differences_table,
+    mean_of as mean_of,
     means_table as means_table,
     repeatability_table as repeatability_table,
 )
 from .stability import gain_limits as gain_limits
-from .statistics import mean_of as mean_of
 from .task_range import (
     TaskRange as TaskRange,
     task_range as task_range,

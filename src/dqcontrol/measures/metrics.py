@@ -10,18 +10,16 @@ from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_positive
-from dqcontrol.files.long_array import row_by_row
+from dqcontrol.files.long_array import BLOCK, row_by_row
 from dqcontrol.files.plain_data import finite_or_none
 from dqcontrol.laws import Law
 from dqcontrol.loop.record import Record, row_norms
 from dqcontrol.loop.signals import ACTUATORS, TASK
-from dqcontrol.measures.contact import peak_contact, recovery_time
-from dqcontrol.measures.low_pass import low_passed
-from dqcontrol.measures.margins import least_margin
 from dqcontrol.measures.run_kernels import (
     GIVEN,
     NUMBERS,
@@ -32,11 +30,131 @@ from dqcontrol.measures.run_kernels import (
 )
 from dqcontrol.measures.task_range import outside_range
 from dqcontrol.measures.task_result import TaskResult, task_result
+from dqcontrol.plants.mujoco.world_model import FORCE
 from dqcontrol.robots import Robot
 from dqcontrol.robots.limits import Limits
 
 if TYPE_CHECKING:
     from dqcontrol.tables.tables import Table
+
+
+_NYQUIST_SHARE = 0.9  # a cut-off above it leaves what there is
+_MOST = 10  # times as many points as samples between which gaps are joined
+
+
+def low_passed(time: Array, values: Array, cutoff: float) -> Array:
+    """Return values without what is faster than a cut-off: Butterworth of order two, forwards and backwards.
+
+    The samples are joined linearly onto equal steps of their median period, filtered, and read at their own times.
+
+    Parameters
+    ----------
+    time
+        Shape (N,), s, increasing.
+    values
+        Shape (N, columns).
+    cutoff
+        Where two passes leave half of an amplitude, Hz.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from dqcontrol.measures.metrics import low_passed
+    >>> time = np.arange(0, 2, 0.005)
+    >>> slow, fast = np.sin(2 * np.pi * time)[:, None], 0.1 * np.sin(2 * np.pi * 80 * time)[:, None]
+    >>> bool(np.abs(low_passed(time, slow + fast, 10.0) - slow)[50:-50].max() < 0.003)
+    True
+    """
+    from scipy.signal import (  # takes as long to load as all of ours: only where it is used
+        butter,
+        sosfiltfilt,
+    )
+
+    if len(time) < 4:
+        return values
+    period = max(float(np.median(np.diff(time))), float(time[-1] - time[0]) / (_MOST * len(time)))
+    if cutoff >= _NYQUIST_SHARE * 0.5 / period:
+        return values
+    even = np.arange(time[0], time[-1] + period / 2, period)
+    sections = butter(2, cutoff, fs=1 / period, output="sos")
+    joined = np.column_stack([np.interp(even, time, column) for column in values.T])
+    reach = min(len(even) - 1, int(np.ceil(1 / (cutoff * period))))
+    smooth = np.asarray(sosfiltfilt(sections, joined, axis=0, padlen=reach))
+    return np.column_stack([np.interp(time, even, column) for column in smooth.T])
+
+
+RECOVERED = 2e-3  # m
+
+
+def contact_force(record: Record) -> NDArray[np.float64] | None:
+    """Return the largest force on any body at each sample, N; None where links touch nothing."""
+    return record.readings[FORCE].values.max(axis=1) if FORCE in record.readings else None
+
+
+def peak_contact(record: Record) -> float:
+    """Return the largest force on a body, N; NaN where links touch nothing."""
+    force = contact_force(record)
+    return math.nan if force is None else float(force.max())
+
+
+def recovery_time(record: Record) -> float:
+    """Return how long after the last contact the end effector is back, s.
+
+    It is back once its distance |p_d − p| stays, to the end of the run, within 2 mm of what it was at the last sample
+    before the first contact. NaN without contact, or if it never is.
+    """
+    force = contact_force(record)
+    touched = np.flatnonzero(force > 0) if force is not None else np.zeros(0, dtype=np.intp)
+    if not len(touched):
+        return math.nan
+    first, last = int(touched[0]), int(touched[-1])
+    error = record.position_error
+    outside = np.flatnonzero(~(error <= error[max(first - 1, 0)] + RECOVERED))  # NaN is outside
+    back = max(last, int(outside[-1]) if len(outside) else 0) + 1
+    return float(record.time[back] - record.time[last]) if back < len(record) else math.nan
+
+
+AT_LIMIT = 1e-3  # rad or m: a joint so near its limit is at it
+UNSEEN = 1e-6  # rad or m beyond a limit: no encoder tells it, and stops in physics give way by less
+
+
+def joint_margins(record: Record, limits: Limits) -> NDArray[np.float64]:
+    """Return each configuration variable's distance from its nearest limit over time, shape (n, N), rad or m.
+
+    It is negative beyond the limit and infinite where there is none.
+
+    Raises
+    ------
+    ShapeError
+        If the limits do not fit the record.
+    """
+    _check_fit(record, limits)
+    q = np.ascontiguousarray(record.q.T)  # NumPy is slow along a long axis of short rows
+    return np.minimum(q - limits.lower[:, None], limits.upper[:, None] - q)
+
+
+def least_margin(record: Record, limits: Limits | None) -> tuple[float, str]:
+    """Return the least distance from a joint limit and that joint's name; NaN without limits or for a diverged run."""
+    if limits is None:
+        return math.nan, ""
+    _check_fit(record, limits)
+    least, largest = np.inf, -np.inf
+    for first in range(0, len(record), BLOCK):
+        q = np.ascontiguousarray(record.q[first : first + BLOCK].T)  # see above
+        least, largest = np.minimum(least, q.min(axis=1)), np.maximum(largest, q.max(axis=1))
+    margins = np.minimum(least - limits.lower, limits.upper - largest)
+    if np.isnan(margins).any() or np.isinf(margins).all():
+        return math.nan, ""
+    nearest = int(margins.argmin())
+    return float(margins[nearest]), record.joint_names[nearest]
+
+
+def _check_fit(record: Record, limits: Limits) -> None:
+    if len(limits.lower) != record.q.shape[1]:
+        raise ShapeError(
+            f"limits: expected {record.q.shape[1]} as in the record's q, got {len(limits.lower)}"
+        )
+
 
 _Part = TypeVar("_Part", "SignalNorms", "Deviation")
 

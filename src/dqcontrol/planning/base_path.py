@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.references.base_ways import rolled
@@ -78,7 +79,7 @@ class BasePath(NamedTuple):
         found[:, [self.first, self.first + 2]] = before[piece] + pieces[piece] * share[:, None]
         return found
 
-    def _piece(self, lengths: Array) -> tuple[Array, Array]:
+    def _piece(self, lengths: Array) -> tuple[NDArray[np.intp], Array]:
         begins = self.begins
         piece = np.clip(np.searchsorted(begins, lengths, side="right") - 1, 0, len(self.pieces) - 1)
         return piece, np.clip((lengths - begins[piece]) / np.diff(begins)[piece], 0.0, 1.0)

@@ -159,7 +159,7 @@ def is_braked(kept: PreparedConstraints, q: Array, u: Array, brake: Array) -> ND
     values = kept.values(q, times)
     ahead, behind = robot.integrate(q, u, _INSTANT), robot.integrate(q, u, -_INSTANT)
     rates = (kept.values(ahead, times) - kept.values(behind, times)) / (2.0 * _INSTANT)
-    short = (rates < -_KEPT_SHARE * kept.rate * (values - need)).any(axis=1)
+    short = np.asarray(rates < -_KEPT_SHARE * kept.rate * (values - need)).any(axis=1)
     loss = brake * kept.period
     rests = np.floor(np.abs(u) / loss)
     needed = np.minimum(values, need)

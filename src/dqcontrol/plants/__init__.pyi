@@ -7,10 +7,10 @@ from .compliant import CompliantPlant as CompliantPlant
 from .compliant.loads_and_faults import (
     EncoderLoss as EncoderLoss,
     Payload as Payload,
+    PayloadCompensation as PayloadCompensation,
     Push as Push,
     WristFault as WristFault,
 )
-from .compliant.payload_compensation import PayloadCompensation as PayloadCompensation
 from .coppeliasim import CoppeliaPlant as CoppeliaPlant
 from .disturbance import (
     BandLimitedTwist as BandLimitedTwist,
@@ -34,8 +34,8 @@ from .mujoco import MujocoPlant as MujocoPlant
 from .mujoco.gripper import (
     Gripper as Gripper,
     GripperEvent as GripperEvent,
+    Pads as Pads,
 )
-from .mujoco.pads import Pads as Pads
 from .own_plant import OwnPlant as OwnPlant
 from .plant import (
     CompiledPlant as CompiledPlant,

@@ -34,15 +34,28 @@ from typing import IO, Any, TypeVar
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ExistsError, FileFormatError
+from dqcontrol.errors import ExistsError, FileFormatError, writing
 from dqcontrol.files.input_file import open_regular
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import Signal
+from dqcontrol.loop.supervision import BlackBox
 from dqcontrol.recording.cdr import Layout, layout_of
 from dqcontrol.recording.mcap_reader import ChunkMessages, read_records
-from dqcontrol.recording.mcap_topics import COMMAND, DISTURBANCE, MEASURED, NUMBERS, READINGS, SAMPLE, STATES
-from dqcontrol.recording.mcap_writer import END, FORMAT, METADATA, SampleWriter, about
+from dqcontrol.recording.mcap_writer import (
+    COMMAND,
+    DISTURBANCE,
+    END,
+    FORMAT,
+    MEASURED,
+    METADATA,
+    NUMBERS,
+    READINGS,
+    SAMPLE,
+    STATES,
+    SampleWriter,
+    about,
+)
 
 T = TypeVar("T")
 
@@ -247,3 +260,49 @@ def _names(metadata: dict[str, str], key: str) -> tuple[str, ...]:
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise FileFormatError(f"{key}: expected a list of names, got {names!r:.80}")
     return tuple(names)
+
+
+FOLDER = "black-box"  # its name in a folder of results
+
+
+def save_black_box(black_box: BlackBox, folder: str | Path, spec: str, stopped: str) -> Path:
+    """Write it as a folder that `dqcontrol figures` and ``view`` read; a number is added if there is one already.
+
+    Parameters
+    ----------
+    black_box
+        With at least one sample.
+    folder
+        Wanted name.
+    spec
+        Text of the experiment.
+    stopped
+        Why the robot stopped.
+
+    Returns
+    -------
+    The folder.
+
+    Raises
+    ------
+    Error
+        If it holds nothing, or cannot be written.
+
+    Examples
+    --------
+    >>> save_black_box(supervision.black_box, "out/black-box", spec, trace.stopped)  # doctest: +SKIP
+    """
+    return save_last_seconds(black_box.record(stopped), folder, spec)
+
+
+def save_last_seconds(record: Record, folder: str | Path, spec: str) -> Path:
+    """Do the same with what `BlackBox.record` gave, which may take seconds."""
+    path, number = Path(folder), 1
+    with writing(folder):
+        while path.exists():
+            number += 1
+            path = Path(f"{folder}-{number}")
+        path.mkdir(parents=True)
+        (path / "spec.yaml").write_text(spec, encoding="utf-8")
+        save_record(record, path / "record.mcap", spec)
+    return path

@@ -1,7 +1,3 @@
-from .circle import (
-    Circle as Circle,
-    Spiral as Spiral,
-)
 from .curve import Curve as Curve
 from .drawing import Drawing as Drawing
 from .drawing.drawing_file import (
@@ -14,9 +10,14 @@ from .drive_to import DriveTo as DriveTo
 from .follow import Follow as Follow
 from .guarded import Guarded as Guarded, OnTouchedPlane as OnTouchedPlane
 from .jerk_limited import JerkLimited as JerkLimited
+from .planar import (
+    Circle as Circle,
+    Search as Search,
+    Spiral as Spiral,
+    Square as Square,
+)
 from .points import Points as Points
-from .points_file import load_points as load_points
-from .position_path import position_path as position_path
+from .points_file import load_points as load_points, position_path as position_path
 from .previewed import Previewed as Previewed
 from .random_goals import random_goals as random_goals
 from .reference import Reference as Reference
@@ -27,13 +28,11 @@ from .sample import (
     TWIST as TWIST,
     Sample as Sample,
 )
-from .search import Search as Search
 from .sequence import (
     Repeat as Repeat,
     Sequence as Sequence,
 )
 from .set_point import SetPoint as SetPoint
-from .square import Square as Square
 from .straight import Straight as Straight
 from .strokes import (
     Arc as Arc,

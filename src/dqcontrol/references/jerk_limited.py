@@ -16,10 +16,170 @@ from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_positive
-from dqcontrol.references.path_length import PathLength, speeds
 from dqcontrol.references.reference import NO_CORNERS, SNAP, Reference
-from dqcontrol.references.s_curve import MotionLimits, progress_at, s_curve
+from dqcontrol.references.rigid_motion import point_motion
 from dqcontrol.references.sample import TWIST, TWIST_RATE
+
+_SLOWEST = 1e-6  # of the greatest speed; who is slower rests
+
+
+class PathLength:
+    """ℓ(σ) = ∫ √(|ṗ|² + λ²|ω|²) dσ of a stretch of a reference without corners, and its inverse.
+
+    ℓ is summed by the trapezium rule with end corrections, h⁵ exact; σ(ℓ) is the quintic that has the right
+    value, slope and curvature at both ends of an interval.
+
+    Parameters
+    ----------
+    reference
+        The motion.
+    start, end
+        Of the stretch, s.
+    margin
+        How long before the end its motion is taken, s: at the end itself it may be that of what follows.
+    radian
+        λ, the metres that a radian counts, m/rad.
+    nodes
+        Of the table.
+
+    Attributes
+    ----------
+    length
+        m.
+
+    Raises
+    ------
+    ValueRangeError
+        If the motion comes to rest within.
+    """
+
+    def __init__(
+        self, reference: Reference, start: float, end: float, margin: float, radian: float, nodes: int
+    ) -> None:
+        self._radian = radian
+        time = np.linspace(start, end, nodes + 1)
+        margin = min(margin, 0.01 * (end - start))
+        slope, bend = self.slope(reference.motion(np.minimum(time, end - margin)))
+        slowest = int(np.argmin(slope))
+        if slope[slowest] < _SLOWEST * slope.max():
+            raise ValueRangeError(
+                f"reference: comes to rest by itself at its {time[slowest]:g} s, where it has no corner: give it "
+                f"without a ramp or stops of its own"
+            )
+        h = np.diff(time)
+        steps = 0.5 * h * (slope[:-1] + slope[1:]) + h * h / 12 * (bend[:-1] - bend[1:])
+        self._time, self._length = time, np.concatenate([[0.0], np.cumsum(steps)])
+        self._slopes, self._bends = 1 / slope, -bend / slope**3  # dσ/dℓ, d²σ/dℓ²
+        self.length: float = float(self._length[-1])
+
+    def inner_time(self, length: Array) -> Array:
+        """Return the times σ (N,), s, at which lengths (N,), m, are reached."""
+        k = np.clip(np.searchsorted(self._length, length, side="right") - 1, 0, len(self._time) - 2)
+        h = self._length[k + 1] - self._length[k]
+        s = np.clip((length - self._length[k]) / h, 0.0, 1.0)
+        rise = self._time[k + 1] - self._time[k]
+        v0, v1 = h * self._slopes[k], h * self._slopes[k + 1]
+        a0, a1 = 0.5 * h * h * self._bends[k], 0.5 * h * h * self._bends[k + 1]
+        # Taylor's terms at the start, then what is left to meet the end.
+        gap, slope, bend = rise - v0 - a0, v1 - v0 - 2 * a0, a1 - a0
+        c3, c4, c5 = 10 * gap - 4 * slope + bend, -15 * gap + 7 * slope - 2 * bend, 6 * gap - 3 * slope + bend
+        return self._time[k] + s * (v0 + s * (a0 + s * (c3 + s * (c4 + s * c5))))
+
+    def slope(self, samples: Array) -> tuple[Array, Array]:
+        """Return dℓ/dσ and d²ℓ/dσ² (N,) of samples (N, 21) of the motion."""
+        _, v, a = point_motion(samples)
+        w, alpha = samples[:, 8:11], samples[:, 14:17]
+        weight = self._radian**2
+        slope = np.sqrt(np.sum(v * v, axis=1) + weight * np.sum(w * w, axis=1))
+        bend = np.sum(v * a, axis=1) + weight * np.sum(w * alpha, axis=1)
+        return slope, np.divide(bend, slope, out=np.zeros_like(bend), where=slope > 0.0)
+
+
+def speeds(samples: Array) -> tuple[Array, Array]:
+    """Return speed, m/s, and angular speed, rad/s, (N,), of samples (N, 21)."""
+    _, v, _ = point_motion(samples)
+    return np.linalg.norm(v, axis=1), np.linalg.norm(samples[:, 8:11], axis=1)
+
+
+# Jerk is +j, 0, −j while speeding up, 0 while cruising and −j, 0, +j while braking. From rest to rest with
+# limits that are the same both ways, these seven phases take the least time that the limits allow.
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """How fast progress may be made: greatest speed, acceleration and jerk, in units per s, s², s³."""
+
+    speed: float
+    acceleration: float
+    jerk: float
+
+
+def phases(length: float, limits: MotionLimits) -> tuple[float, float, float]:
+    """Return how long jerk lasts (each of four times), full acceleration (each of two), and cruising, s.
+
+    Parameters
+    ----------
+    length
+        How far to go, > 0.
+    limits
+        All > 0.
+
+    Examples
+    --------
+    >>> phases(1.0, MotionLimits(speed=0.5, acceleration=1.0, jerk=4.0))
+    (0.25, 0.25, 1.25)
+    """
+    v, a, j = limits.speed, limits.acceleration, limits.jerk
+    ramp = a / j if v * j > a * a else math.sqrt(v / j)
+    flat = max(0.0, v / a - ramp)
+    if length >= v * (2 * ramp + flat):
+        return ramp, flat, length / v - (2 * ramp + flat)
+    if length > 2 * a * (a / j) ** 2:  # brakes before it is at full speed, but at full acceleration
+        ramp = a / j
+        reached = 2 * length / (ramp + math.sqrt(ramp * ramp + 4 * length / a))
+        return ramp, max(0.0, reached / a - ramp), 0.0
+    return math.cbrt(0.5 * length / j), 0.0, 0.0
+
+
+def s_curve(length: float, limits: MotionLimits) -> tuple[Array, float]:
+    """Return the progress over time as cubic pieces, and how long it takes, s.
+
+    Braking mirrors speeding up and is anchored at its end, so that rest is reached exactly.
+
+    Returns
+    -------
+    pieces
+        Shape (n, 6): start of the piece, s; its anchor, s; there the progress, its rate, acceleration and jerk.
+    seconds
+        s.
+    """
+    ramp, flat, cruise = phases(length, limits)
+    rise = 2 * ramp + flat
+    seconds = 2 * rise + cruise
+    rows, time, p, v, a = [], 0.0, 0.0, 0.0, 0.0
+    for duration, jerk in ((ramp, limits.jerk), (flat, 0.0), (ramp, -limits.jerk)):
+        if duration > 0.0:
+            rows.append((time, time, p, v, a, jerk))
+        p += duration * (v + duration * (0.5 * a + duration * jerk / 6))
+        v += duration * (a + duration * 0.5 * jerk)
+        a += duration * jerk
+        time += duration
+    ends = [row[0] for row in rows[1:]] + [rise]
+    braking = [
+        (seconds - end, seconds - begin, length - p, v, -a, jerk)
+        for (begin, _, p, v, a, jerk), end in zip(reversed(rows), reversed(ends), strict=True)
+    ]
+    if cruise > 0.0:
+        rows.append((rise, rise, p, v, 0.0, 0.0))
+    return np.array(rows + braking), seconds
+
+
+def progress_at(pieces: Array, times: Array) -> tuple[Array, Array, Array]:
+    """Return progress, rate and acceleration (N,) of cubic pieces, (N, 6) as of `s_curve`, at times (N,), s."""
+    _, anchor, p, v, a, jerk = pieces.T
+    t = times - anchor
+    return p + t * (v + t * (0.5 * a + t * jerk / 6)), v + t * (a + 0.5 * t * jerk), a + t * jerk
+
 
 _EVEN = 1e-9  # speeds that differ by no more than this fraction are constant
 _AT_REST = 1e-9  # m and rad; who goes less far between two stops rests

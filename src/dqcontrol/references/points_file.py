@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import csv
+import math
 import os
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dqcontrol.algebra import pose, renormalise
+from dqcontrol.algebra import pose, renormalise, rotation, translation
 from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
 from dqcontrol.arrays import Array
-from dqcontrol.errors import FileFormatError, ValueRangeError, as_positive, suggest
+from dqcontrol.errors import ExistsError, FileFormatError, ValueRangeError, as_positive, suggest, writing
 from dqcontrol.files.lerobot_dataset import POSE, Dataset, episode_of, only_episode
 from dqcontrol.files.text_file import as_number, read_text
 from dqcontrol.references.points import Points
+from dqcontrol.references.reference import Reference
 from dqcontrol.references.sample import as_pose
 
 POSITION = ("x", "y", "z")
@@ -179,3 +182,122 @@ def _units(x: Array, lines: list[str], columns: str) -> Array:
             f"{lines[i]}: {columns}: must have norm 1, got {norms[i]:.9g} + ε {along[i]:.6g}"
         )
     return renormalise(x)
+
+
+_LEAST = 1e-3  # s of way between two poses, less is none
+
+
+class PointsWriter:
+    """Appends poses to a file that `load_points` reads, each at once; the file is made with the first one.
+
+    From pose to pose it takes as long as the way does at the speeds given.
+
+    Parameters
+    ----------
+    path
+        A file that does not exist yet.
+    linear, angular
+        Speeds, m/s and rad/s.
+
+    Raises
+    ------
+    ExistsError
+        If the file exists.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> from dqcontrol.references import load_points
+    >>> writer = PointsWriter(pathlib.Path(tempfile.mkdtemp()) / "poses.csv", linear=0.05)
+    >>> writer.add([1, 0, 0, 0, 0, 0, 0, 0]), writer.add([1, 0, 0, 0, 0, 0.1, 0, 0])  # 0.2 m apart
+    (1, 2)
+    >>> load_points(writer.path).duration
+    4.0
+    """
+
+    path: Path
+
+    def __init__(self, path: str | os.PathLike[str], linear: float = 0.1, angular: float = 0.5) -> None:
+        self.path, self._linear, self._angular = Path(path), linear, angular
+        self._time, self._count, self._last = 0.0, 0, np.zeros(8)
+        if self.path.exists():
+            raise ExistsError(f"{path}: exists already; choose another name or remove it")
+
+    def add(self, pose: Array | list[float], note: str = "") -> int:
+        """Append a pose, shape (8,), inertial frame, with a comment; return how many there are.
+
+        Raises
+        ------
+        ValueRangeError
+            If it is the one before.
+        Error
+            If it cannot be written.
+        """
+        new = np.asarray(pose, dtype=np.float64)
+        way = self._way(new) if self._count else 0.0
+        if self._count and way < _LEAST:
+            raise ValueRangeError("pose: is the one before; move the hand first")
+        values = [self._time + way, *translation(new), *rotation(new)]
+        line = ", ".join(f"{value:.9g}" for value in values) + (f"  # {note}" if note else "")
+        heading = "" if self._count else ", ".join(("time", *POSITION, *QUATERNION)) + "\n"
+        with writing(self.path), open(self.path, "a" if self._count else "x", encoding="utf-8") as file:
+            file.write(heading + line + "\n")
+        self._time, self._last, self._count = self._time + way, new, self._count + 1
+        return self._count
+
+    def _way(self, pose: Array) -> float:
+        """Return the time from the last pose, s."""
+        turn = 2.0 * math.acos(min(1.0, abs(float(pose[:4] @ self._last[:4]))))
+        distance = float(np.linalg.norm(translation(pose) - translation(self._last)))
+        return max(distance / self._linear, turn / self._angular)
+
+
+_EXACT = 1e-4  # m that a straight line between two rows may be off
+_FIRST, _MOST = 16, 16_384  # rows
+_TURNED = 1e-6  # of an orientation's numbers: what turns by less does so by rounding
+
+
+def position_path(reference: Reference) -> Array:
+    """Return rows [t, x, y, z] of a reference, shape (N, 4), s and m: shifts from its first position.
+
+    Between rows it is off a straight line by at most 0.1 mm. They are the ``path`` of a `world.Motion`.
+
+    Parameters
+    ----------
+    reference
+        A motion with an end that does not turn.
+
+    Raises
+    ------
+    ValueRangeError
+        If it never ends, turns, or is so long and bent that it takes more than 16 000 rows.
+
+    Examples
+    --------
+    >>> import dqcontrol as dqc
+    >>> circle = dqc.references.Circle(start=[1, 0, 0, 0, 0, 0, 0, 0], radius=0.1, duration=4.0)
+    >>> rows = position_path(circle)
+    >>> rows[[0, -1], 0].tolist()  # s
+    [0.0, 4.0]
+    >>> rows[0, 1:].tolist()  # m
+    [0.0, 0.0, 0.0]
+    """
+    if not math.isfinite(reference.duration):
+        raise ValueRangeError("it never ends; give its duration")
+    rows = _FIRST
+    while True:
+        even = np.linspace(0.0, reference.duration, 2 * rows + 1)
+        times = np.unique(np.concatenate([even[::2], reference.corners]))
+        middles = 0.5 * (times[:-1] + times[1:])
+        poses = reference.samples(np.concatenate([times, middles]))[:, POSE]
+        at, between = np.split(translation(poses), [len(times)])
+        if 1.0 - np.abs(poses[:, :4] @ poses[0, :4]).min() > _TURNED:
+            raise ValueRangeError("it turns, and bodies that move by themselves keep their orientation")
+        off = np.linalg.norm(between - 0.5 * (at[:-1] + at[1:]), axis=1)
+        if off.max() <= _EXACT:
+            return np.column_stack([times, at - at[0]])
+        rows *= 2
+        if rows > _MOST:
+            raise ValueRangeError(
+                f"it takes more than {_MOST:,} straight lines of which none is {1e3 * _EXACT:g} mm off"
+            )

@@ -13,9 +13,9 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.geometry import Box, Capsule, FloorMap, Sphere
 from dqcontrol.robots import Robot, WholeBody
+from dqcontrol.robots.bases import RollerBase
 from dqcontrol.robots.collision_shapes import known_shapes
 from dqcontrol.robots.robot import base_coordinates
-from dqcontrol.robots.roller_bases import RollerBase
 
 _CELL = 0.05  # m
 _MOST_CELLS = 100_000

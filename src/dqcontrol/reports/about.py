@@ -1,10 +1,14 @@
-"""What a report is about, for its head: robot, law with its gains, motion, plant, date, and how it came out."""
+"""What a report is about, for its head, and where its results come from, for its foot."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+import platform
+import shlex
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from datetime import datetime
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,19 +16,90 @@ import msgspec
 
 from dqcontrol.errors import Error
 from dqcontrol.experiments.parameter_units import parameter_unit
+from dqcontrol.experiments.prepared_experiment import sources
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.robots import Robot, describe
-from dqcontrol.robots.files.mesh_files import mesh_names, missing_meshes
+from dqcontrol.robots.files.urdf_xml import mesh_names, missing_meshes
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.whole_body import WholeBody
 from dqcontrol.tables.table_cells import Cell, VerdictCell
+from dqcontrol.tables.tables import Column, Table
 
 if TYPE_CHECKING:
     from dqcontrol.constraints.constraints import Constraints
     from dqcontrol.experiments.run import Run
     from dqcontrol.experiments.spec import Spec
     from dqcontrol.experiments.study import Study
+
+
+RERUN_FOLDER = "again"  # folder that the commands write to
+_LIBRARIES = ("numpy", "numba", "msgspec", "scipy", "mujoco", "matplotlib")
+
+
+def command(name: str, *arguments: str, **options: Any) -> str:
+    """Return a command line with its arguments quoted; options that are None or False are left out.
+
+    Those with several values, in a tuple, are given several times.
+
+    Examples
+    --------
+    >>> command("run", "spec.yaml", real_time=True, jobs=None, out="my results")
+    "dqcontrol run spec.yaml --real-time --out 'my results'"
+    """
+    words = ["dqcontrol", name, *arguments]
+    given = [
+        (key, each)
+        for key, value in options.items()
+        for each in (value if isinstance(value, tuple) else [value])
+    ]
+    for key, value in given:
+        if value is not None and value is not False:
+            words += [f"--{key.replace('_', '-')}", *([] if value is True else [str(value)])]
+    return shlex.join(words)
+
+
+def evaluation_command(evaluation: dict[str, Any]) -> str:
+    """Return the command that measures a log again, from what ``spec.yaml`` says about it."""
+    options = {key: value for key, value in evaluation.items() if key not in ("log", "robot")}
+    robot = evaluation["robot"]
+    ends = {key: robot.get(key) for key in ("base_link", "tip_link")}
+    joints = options.pop("joints")
+    options["start_time"] = options.pop("start", None)
+    options["joints"] = ",".join(joints) if joints else None
+    return command("evaluate", evaluation["log"], robot=robot["source"], **ends, **options, out=RERUN_FOLDER)
+
+
+def origins(data: dict[str, Any]) -> Table:
+    """Return versions and seeds of a spec's results, one a row.
+
+    Parameters
+    ----------
+    data
+        The spec's keys; empty for results without one.
+    """
+    rows = [*_seeds(data), ["dqcontrol", f"{version('dqcontrol')}, sources {sources()}"]]
+    rows += [["Python", platform.python_version()], *_versions()]
+    rows.append(["machine", f"{platform.system()} {platform.machine()}"])
+    return Table([Column("what"), Column("value")], rows)
+
+
+def _seeds(data: dict[str, Any]) -> Iterable[list[str]]:
+    if not {"robot", "robots"} & data.keys():
+        return
+    first, repeats = data.get("seed", 0), data.get("repeats", 1)
+    yield (
+        ["seed", str(first)] if repeats == 1 else ["seeds", f"{first} … {first + repeats - 1}, one a repeat"]
+    )
+    if "sweep" in data:
+        yield ["seed of the points", str(data["sweep"].get("seed", 0))]
+
+
+def _versions() -> Iterable[list[str]]:
+    for name in _LIBRARIES:
+        with suppress(PackageNotFoundError):
+            yield [name, version(name)]
+
 
 Fact = tuple[str, Cell]
 

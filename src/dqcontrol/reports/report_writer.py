@@ -6,11 +6,15 @@ import io
 
 from dqcontrol.figures.paths import path_3d
 from dqcontrol.loop.record import Record
-from dqcontrol.reports.learning_report import write_learning_report as write_learning
 from dqcontrol.reports.run_report import write_run_report as write_run
-from dqcontrol.reports.study_report import write_study_report as write_study
-from dqcontrol.reports.sweep_report import write_sweep_report as write_sweep
-from dqcontrol.reports.tuning_report import write_tuning_report as write_tuning
+from dqcontrol.reports.search_reports import (
+    write_learning_report as write_learning,
+    write_tuning_report as write_tuning,
+)
+from dqcontrol.reports.study_report import (
+    write_study_report as write_study,
+    write_sweep_report as write_sweep,
+)
 
 __all__ = ["path_picture", "write_learning", "write_run", "write_study", "write_sweep", "write_tuning"]
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dqcontrol.experiments.ranking import Ranking
 from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.run_comparison import MOST_CURVES, unit_of_way
@@ -13,14 +14,66 @@ from dqcontrol.experiments.study import Study, by_label
 from dqcontrol.experiments.verdict import verdict_of
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop.record import Record, has_failed
-from dqcontrol.reports.about import about_study
-from dqcontrol.reports.compared_runs import figures_of_several, surroundings_of
-from dqcontrol.reports.provenance import RERUN_FOLDER, command, origins
+from dqcontrol.reports.about import RERUN_FOLDER, about_study, command, origins
+from dqcontrol.reports.report import write_report
 from dqcontrol.tables.table_cells import Cell, VerdictCell
 from dqcontrol.tables.tables import Column, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from dqcontrol.constraints.constraints import Constraints
+    from dqcontrol.experiments.run import Run
+
+
+def surroundings_of(runs: Iterable[Run]) -> Constraints | None:
+    """Return constraints with the obstacles and zones that all runs have that have any; None where these differ."""
+    given = [run.surroundings for run in runs if run.surroundings is not None]
+    alike = all(
+        (each.world, each.clear_of, each.zones) == (given[0].world, given[0].clear_of, given[0].zones)
+        for each in given
+    )
+    return given[0] if given and alike else None
+
+
+def figures_of_several(
+    records: Mapping[str, Record], unit: str, constraints: Constraints | None
+) -> dict[str, Figure]:
+    """Return the figures of records by label, of a dozen of them at most; none without records.
+
+    ``unit`` is that of what the inputs move, see `experiments.run_comparison.unit_of_way`; ``constraints`` are
+    drawn around paths, see `surroundings_of`.
+    """
+    from dqcontrol.figures import comparison_figures
+
+    few = dict(list(records.items())[:MOST_CURVES])
+    return {name: draw() for name, draw in comparison_figures(few, unit, constraints).items()} if few else {}
+
+
+def write_sweep_report(ranking: Ranking, spec: str, folder: Path) -> None:
+    """Write ``report.html`` of a parameter study into an existing folder."""
+    from dqcontrol.figures import sweep_figure
+
+    table, count = ranking.table(), len(ranking.groups)
+    figures = {"sweep": sweep_figure(ranking)} if ranking.placed else {}
+    data = parse_yaml(SPEC_FILE, spec)
+    whole = ranking.placed == count
+    end: list[Cell] = [
+        f"{ranking.placed:,} of {count:,}",
+        VerdictCell("succeeded" if whole else "failed", whole),
+    ]
+    write_report(
+        folder,
+        str(data["name"]),
+        facts=f"{count:,} points, ranked by {ranking.by}",
+        command=command("sweep", SPEC_FILE, by=ranking.by, out=f"{PARENT}/{RERUN_FOLDER}"),
+        verdicts=[Table([Column("Points whose runs ended well"), Column("End")], [end])],
+        tables=[table],
+        figures=figures,
+        spec=spec,
+        origins=origins(data),
+    )
+
 
 _MOST_PANELS = 5  # of the figure of repeats, which has one for each set where there are many
 

@@ -1,7 +1,11 @@
 from .bases import (
+    CarLikeBase as CarLikeBase,
     Chassis as Chassis,
     DifferentialDrive as DifferentialDrive,
     HolonomicBase as HolonomicBase,
+    MecanumBase as MecanumBase,
+    OmniBase as OmniBase,
+    SteeredTricycle as SteeredTricycle,
 )
 from .files.description import (
     Description as Description,
@@ -18,21 +22,18 @@ from .files.robot_file import (
     RobotFile as RobotFile,
     load_robot_file as load_robot_file,
 )
-from .files.tree_file import TreeFile as TreeFile
-from .files.two_arms_file import TwoArmsFile as TwoArmsFile
+from .files.tree_file import TreeFile as TreeFile, TwoArmsFile as TwoArmsFile
 from .files.urdf import load_urdf as load_urdf
 from .files.whole_body_file import WholeBodyFile as WholeBodyFile
-from .inverse.dexterity import most_dexterous as most_dexterous
 from .inverse.inverse_kinematics import Solution as Solution
-from .inverse.nearest_pose import (
+from .inverse.robot_kinematics import (
     NearestPose as NearestPose,
-    nearest_pose as nearest_pose,
-)
-from .inverse.postures import (
     ReachingPosture as ReachingPosture,
+    RobotKinematics as RobotKinematics,
+    most_dexterous as most_dexterous,
+    nearest_pose as nearest_pose,
     postures as postures,
 )
-from .inverse.robot_kinematics import RobotKinematics as RobotKinematics
 from .kinematics.joined_chains import chain_as_tree as chain_as_tree
 from .limits import (
     Inertia as Inertia,
@@ -44,17 +45,9 @@ from .link_shapes import (
     LinkShapes as LinkShapes,
 )
 from .robot import Robot as Robot
-from .roller_bases import (
-    MecanumBase as MecanumBase,
-    OmniBase as OmniBase,
-)
 from .serial_arm import (
     Kinematics as Kinematics,
     SerialArm as SerialArm,
-)
-from .steered_bases import (
-    CarLikeBase as CarLikeBase,
-    SteeredTricycle as SteeredTricycle,
 )
 from .tree_robot import (
     NamedFrame as NamedFrame,

@@ -16,10 +16,9 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, NoteWarning, ShapeError
 from dqcontrol.geometry import Box, Capsule, Sphere, bounding_capsule, distance_kernels as kernels
-from dqcontrol.robots.files.mesh_files import mesh_file, missing_note
-from dqcontrol.robots.files.mjcf_geometry import Geom, mjcf_geoms
+from dqcontrol.robots.files.mjcf import Geom, mjcf_geoms
 from dqcontrol.robots.files.urdf import UrdfTree, origin_matrix
-from dqcontrol.robots.files.urdf_xml import CheckedXml
+from dqcontrol.robots.files.urdf_xml import CheckedXml, mesh_file, missing_note
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes, moved_rows
 from dqcontrol.robots.robot import PlacedLinks, Robot
 from dqcontrol.robots.serial_arm import SerialArm

@@ -12,16 +12,14 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, unknown_name
 from dqcontrol.geometry import Box, Capsule
-from dqcontrol.robots.bases import DifferentialDrive, HolonomicBase
+from dqcontrol.robots.bases import CarLikeBase, DifferentialDrive, HolonomicBase, RollerBase, SteeredTricycle
 from dqcontrol.robots.kinematics import driving
 from dqcontrol.robots.kinematics.kinematics_kernels import HEADING, SIDEWAYS
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes, carried_shapes, shapes_in_a_row
 from dqcontrol.robots.poses import unit_poses
 from dqcontrol.robots.robot import Form, NamedFrame, PlacedLinks, Robot, paired_rows
-from dqcontrol.robots.roller_bases import RollerBase
 from dqcontrol.robots.serial_arm import SerialArm
-from dqcontrol.robots.steered_bases import CarLikeBase, SteeredTricycle
 
 Drive: TypeAlias = DifferentialDrive | CarLikeBase | SteeredTricycle
 Base: TypeAlias = Drive | HolonomicBase

@@ -17,8 +17,7 @@ from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.loop.control import Control, Phase, warm_up
 from dqcontrol.loop.targets import PoseTarget, Speeds, Target, TwistTarget
 from dqcontrol.references.sample import POSE
-from dqcontrol.ros2.diagnostics import Diagnostics
-from dqcontrol.ros2.gain_check import OVERRIDE
+from dqcontrol.ros2.diagnostics import SILENCE, Diagnostics, PeriodMonitor
 from dqcontrol.ros2.interfaces import (
     JOINT_STATES,
     NEWEST,
@@ -29,7 +28,7 @@ from dqcontrol.ros2.interfaces import (
     joint_port,
     publishers_of,
 )
-from dqcontrol.ros2.loading import Loaded
+from dqcontrol.ros2.loading import Indices, Loaded
 from dqcontrol.ros2.localisation import Localisation
 from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, Stamps, by_name, nanoseconds, pose_of, twist_of
 from dqcontrol.ros2.middleware import steady_timer
@@ -42,12 +41,10 @@ from dqcontrol.ros2.parameters import (
     read_once,
     refuse_unknown,
 )
-from dqcontrol.ros2.period_monitor import SILENCE, PeriodMonitor
 from dqcontrol.ros2.recorder import Recorder
-from dqcontrol.ros2.robot_parts import Indices
 from dqcontrol.ros2.servo_topics import ServoTopics
 from dqcontrol.ros2.tracked_hand import TrackedHand
-from dqcontrol.ros2.tuning import numbers_of, retune
+from dqcontrol.ros2.tuning import OVERRIDE, numbers_of, retune
 from dqcontrol.ros2.world_topics import WorldTopics
 from dqcontrol.ros2.wrench_input import WrenchInput
 

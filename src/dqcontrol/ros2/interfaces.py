@@ -17,8 +17,8 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.plants.running_plant import ControllerSettings
 from dqcontrol.robots import DifferentialDrive, WholeBody
-from dqcontrol.robots.roller_bases import RollerBase
-from dqcontrol.ros2.robot_parts import RobotParts
+from dqcontrol.robots.bases import RollerBase
+from dqcontrol.ros2.loading import RobotParts
 
 JOINT_STATES, ODOMETRY = "/joint_states", "/odom"
 WRENCH = "/force_torque_sensor_broadcaster/wrench"

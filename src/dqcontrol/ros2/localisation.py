@@ -13,6 +13,7 @@ from rclpy.node import Node
 
 from dqcontrol.arrays import Array
 from dqcontrol.ros2.base_transform import FrameCorrection
+from dqcontrol.ros2.diagnostics import PeriodMonitor
 from dqcontrol.ros2.interfaces import NEWEST, ODOMETRY
 from dqcontrol.ros2.messages import (
     NANOSECONDS,
@@ -23,7 +24,6 @@ from dqcontrol.ros2.messages import (
     planar_pose_of,
 )
 from dqcontrol.ros2.parameters import Number, number
-from dqcontrol.ros2.period_monitor import PeriodMonitor
 
 _AHEAD = 0.1  # s that a stamp may be ahead of those before: nothing comes from the future
 

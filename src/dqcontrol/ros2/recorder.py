@@ -9,11 +9,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 from dqcontrol.errors import Error
+from dqcontrol.experiments.real_time import StreamedRun
 from dqcontrol.experiments.run import Run
-from dqcontrol.experiments.streamed_run import StreamedRun
-from dqcontrol.loop.black_box import BlackBox
 from dqcontrol.loop.control import Control, Phase
 from dqcontrol.loop.record import Record
+from dqcontrol.loop.supervision import BlackBox
 from dqcontrol.recording import RecordStream, load_record
 from dqcontrol.ros2.loading import Loaded
 

@@ -18,9 +18,9 @@ from dqcontrol.errors import DivergedError, FallenError
 from dqcontrol.plants.plant import Plant
 from dqcontrol.plants.running_plant import ControllerSettings, RunningPlant, running_plant
 from dqcontrol.robots import DifferentialDrive
-from dqcontrol.robots.roller_bases import RollerBase
+from dqcontrol.robots.bases import RollerBase
 from dqcontrol.robots.whole_body import Drive
-from dqcontrol.ros2.base_transform import transform_publisher
+from dqcontrol.ros2.base_transform import OdometryDrift, transform_publisher
 from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.interfaces import (
     BASE_COMMANDS,
@@ -33,7 +33,7 @@ from dqcontrol.ros2.interfaces import (
     check_wheels,
     publishers_of,
 )
-from dqcontrol.ros2.loading import Loaded, silence
+from dqcontrol.ros2.loading import Loaded, RobotParts, silence
 from dqcontrol.ros2.messages import (
     NANOSECONDS,
     RefusedError,
@@ -44,9 +44,7 @@ from dqcontrol.ros2.messages import (
     trajectory_point,
 )
 from dqcontrol.ros2.middleware import steady_timer
-from dqcontrol.ros2.odometry_drift import OdometryDrift
 from dqcontrol.ros2.parameters import Number, declare, number, on_change, refuse_unknown
-from dqcontrol.ros2.robot_parts import RobotParts
 from dqcontrol.ros2.tracked_hand import pose_publisher
 from dqcontrol.supervisor.supervisor_layout import GO
 

@@ -15,8 +15,8 @@ from sensor_msgs.msg import JointState
 from dqcontrol.arrays import Array
 from dqcontrol.controller import Controller
 from dqcontrol.ros2.interfaces import NEWEST, WRENCH
+from dqcontrol.ros2.loading import RobotParts
 from dqcontrol.ros2.messages import RefusedError, by_name, numbers
-from dqcontrol.ros2.robot_parts import RobotParts
 from dqcontrol.supervisor import PreparedSupervisor
 
 _NOTHING: Array = np.zeros(0)

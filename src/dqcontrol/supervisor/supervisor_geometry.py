@@ -49,6 +49,7 @@ _FAR = 1.1  # share of the singular value that slows: further away it is not com
 # a base alone, in `keep_out_step`, do not, and are ten times as many.
 _BRAKING_STEPS = 2000
 _ROUNDING = 1e-9  # share of a limit
+_AT_SIDE = 1e-12  # m: who brakes to the side of the box is beyond it by rounding, some 1e-16 m a joint
 _LEAST_SHARE = 0.2  # of what is wanted beyond full braking
 _BRAKING_HAND = 1.1  # share of the end effector's speed limit while braking: joints stop at different times
 
@@ -319,7 +320,7 @@ def _stays_safe(parts, share):
                 config[int(bounds.coordinate[i])] = look[i]
                 trial[i] = braked(trial[i], change)
                 moving = moving or trial[i] != 0.0
-        if not is_inside(parts, config, bounds, 0.0, scratch.frames, scratch.ahead):
+        if not is_inside(parts, config, bounds, _AT_SIDE, scratch.frames, scratch.ahead):
             return False
         share_of_speed = _BRAKING_HAND if step else 1.0 + _ROUNDING
         limit = head[HAND_SPEED_LIMIT] * period * share_of_speed
@@ -344,6 +345,5 @@ def keep_safe(memory, state):
     for i in range(scratch.rates.shape[0]):
         safe = braked(kept.rate[i], bounds.acceleration[i] * bounds.head[DT])
         scratch.rates[i] = safe + share * (scratch.rates[i] - safe)
-    if not is_safe:
-        return WORKSPACE | IMPOSSIBLE
-    return WORKSPACE if bounds.head[BOXED] != 0.0 else HAND_SPEED
+    done = WORKSPACE if bounds.head[BOXED] != 0.0 else HAND_SPEED
+    return done if is_safe else done | IMPOSSIBLE

@@ -1,8 +1,3 @@
-from .front_search import (
-    hypervolume as hypervolume,
-    nondominated as nondominated,
-    search_front as search_front,
-)
 from .learning import (
     Convergence as Convergence,
     LearnBlock as LearnBlock,
@@ -16,5 +11,10 @@ from .run_tuning import (
     Tuning as Tuning,
     tune as tune,
     tune_to as tune_to,
+)
+from .searches import (
+    hypervolume as hypervolume,
+    nondominated as nondominated,
+    search_front as search_front,
 )
 from .tune_spec import TuneBlock as TuneBlock

@@ -18,9 +18,7 @@ from dqcontrol.experiments.prepared_experiment import PreparedRobot, program
 from dqcontrol.experiments.row_file import Row, parquet, read_rows, write_whole
 from dqcontrol.files.plain_data import finite_or_none
 from dqcontrol.laws import Law
-from dqcontrol.measures.metric_tables import LARGE_IS_GOOD
-from dqcontrol.measures.run_numbers import NUMBERS
-from dqcontrol.tuning.front_search import nondominated, search_front
+from dqcontrol.measures.metric_tables import LARGE_IS_GOOD, NUMBERS
 from dqcontrol.tuning.law_evaluation import (
     Evaluated,
     LawEvaluation,
@@ -28,10 +26,9 @@ from dqcontrol.tuning.law_evaluation import (
     held_out_seeds,
     searched_scenes,
 )
-from dqcontrol.tuning.plant_family import PlantFamily, plant_family
+from dqcontrol.tuning.robustness import PlantFamily, StabilityJudge, plant_family
 from dqcontrol.tuning.search_space import SearchSpace
-from dqcontrol.tuning.simplex_search import Point, SimplexSearch
-from dqcontrol.tuning.stability_slack import StabilityJudge
+from dqcontrol.tuning.searches import Point, SimplexSearch, nondominated, search_front
 from dqcontrol.tuning.tune_spec import TuneProblem
 
 _EVERY = 2.0  # s between writings of what was evaluated

@@ -17,18 +17,24 @@ from dqcontrol.experiments.check import LEAST_OVERSHOOT, loop_checks
 from dqcontrol.experiments.prepared_experiment import prepare_spec, program
 from dqcontrol.experiments.processes import checked_jobs, in_processes
 from dqcontrol.experiments.result_pages import result_pages
-from dqcontrol.experiments.results_folder import SPEC_FILE, check_new, new_folder, told_first
+from dqcontrol.experiments.results_folder import (
+    SPEC_FILE,
+    WorkingFolder,
+    check_new,
+    new_folder,
+    told_first,
+    working_folder,
+)
 from dqcontrol.experiments.row_file import write_rows
 from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec import as_spec
 from dqcontrol.experiments.spec.reference_spec import ObjectSpec
 from dqcontrol.experiments.spec.spec_files import copy_inputs
 from dqcontrol.experiments.trials import WORTH_PROCESSES
-from dqcontrol.experiments.working_folder import WorkingFolder, working_folder
 from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
 from dqcontrol.files.yaml_file import parse_yaml
-from dqcontrol.measures.margins import AT_LIMIT
-from dqcontrol.measures.run_numbers import NUMBER_COLUMNS
+from dqcontrol.measures.metric_tables import NUMBER_COLUMNS
+from dqcontrol.measures.metrics import AT_LIMIT
 from dqcontrol.tables.table_cells import Cell, Column
 from dqcontrol.tables.tables import Table
 from dqcontrol.tuning.law_search import LawResult, LawSearch, LawTask, ready_problem
@@ -459,7 +465,7 @@ CarryOut = Callable[[Iterable[LawTask]], Iterator[tuple[int, LawResult]]]
 def _workers(jobs: int | None, scheduler: str | None, seconds: float, count: int) -> Iterator[CarryOut]:
     """Give what runs tasks: a cluster, processes, or this one."""
     if scheduler is not None:
-        from dqcontrol.experiments.cluster import connect, on_cluster
+        from dqcontrol.experiments.processes import connect, on_cluster
 
         with connect(scheduler) as client:
             yield lambda tasks: on_cluster(client, LawTask.run, tasks)

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.laws import Law
-from dqcontrol.tuning.stability_slack import Slack
+from dqcontrol.tuning.robustness import Slack
 from dqcontrol.tuning.tune_spec import SearchRange
 
 LOOP_GAIN, INTEGRAL_SHARE = "loop_gain", "integral_share"

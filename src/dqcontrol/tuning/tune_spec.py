@@ -3,24 +3,51 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Generic, Literal, TypeVar
 
 import msgspec
 from msgspec import Meta
 
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, error_prefix, unknown_name
-from dqcontrol.experiments.spec import as_spec, read_data
+from dqcontrol.experiments.spec import Spec, as_spec, read_data
 from dqcontrol.experiments.spec.key_types import kinds_of, numbers_for_quantities
-from dqcontrol.experiments.spec.reference_base import Part
-from dqcontrol.experiments.spec.reference_spec import AnyReference
+from dqcontrol.experiments.spec.reference_spec import AnyReference, Part
 from dqcontrol.experiments.spec.spec_files import locate_files
 from dqcontrol.files.yaml_file import convert
-from dqcontrol.measures.metric_tables import LARGE_IS_GOOD
-from dqcontrol.measures.run_numbers import NUMBERS
+from dqcontrol.measures.metric_tables import LARGE_IS_GOOD, NUMBERS
 from dqcontrol.measures.stability import GOOD_DAMPING, GOOD_MARGIN
-from dqcontrol.tuning.plant_family import Robustness, identified_file
-from dqcontrol.tuning.spec_with_block import SpecWithBlock
+from dqcontrol.tuning.robustness import Robustness, identified_file
+
+Block = TypeVar("Block")
+
+
+@dataclass(frozen=True)
+class SpecWithBlock(Generic[Block]):
+    """A spec with a block of its own.
+
+    Attributes
+    ----------
+    where
+        Name for messages.
+    data
+        The spec as plain data with absolute file names, without the block.
+    folder
+        Where its relative file names start.
+    spec, block
+        The same, typed.
+    identified
+        The plant file that the spec names, or the block for its model, if one does.
+    """
+
+    where: str
+    data: dict[str, Any]
+    folder: Path
+    spec: Spec
+    block: Block
+    identified: Path | None
+
 
 DEFAULT_OBJECTIVES = {"position.settled_rms": 1.0, "orientation.settled_rms": 10.0, "command_jerk": 5e-4}
 

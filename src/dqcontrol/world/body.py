@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Annotated, ClassVar
 
 import msgspec
@@ -35,7 +35,7 @@ _BY_PHYSICS = ("free", "hinge", "slide")
 _FASTEST = 20.0  # m/s: nothing that a robot works beside moves faster; a path that does has a jump
 
 
-class Solid(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Solid(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True, dict=True):
     """One shape, given by the key that says its kind, and where it is.
 
     Parameters
@@ -106,7 +106,7 @@ class Solid(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
         assert self.box is not None
         return np.full(3, self.box) if isinstance(self.box, float | int) else np.array(self.box)
 
-    @property
+    @cached_property
     def shapes(self) -> list[Shape]:
         """All that it consists of, in the inertial frame.
 
@@ -115,17 +115,15 @@ class Solid(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
         Error
             If it has no shape, or its file cannot be read.
         """
+        return [each.moved(self.pose) for each in self._own_shapes()]
+
+    def _own_shapes(self) -> Sequence[Shape]:
         kind = self.kind
         if kind == "map":
-            return [
-                each.moved(self.pose)
-                for each in _boxes_of_map(str(self.map), self.height, map_version(str(self.map)))
-            ]
+            return _boxes_of_map(str(self.map), self.height, map_version(str(self.map)))
         if kind == "mesh":
-            return [each.moved(self.pose) for each in hulls(str(self.mesh))]
-        if kind == "container":
-            return [each.moved(self.pose) for each in self._walls()]
-        return [self._convex().moved(self.pose)]
+            return hulls(str(self.mesh))
+        return self._walls() if kind == "container" else [self._convex()]
 
     def _convex(self) -> Shape:
         if self.sphere is not None:
@@ -435,7 +433,7 @@ class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
     watch: Watch | None = None
     held: Held | None = None
 
-    @property
+    @cached_property
     def role(self) -> str:
         """``fixed``, ``moving`` as it says, ``free``, on a ``hinge`` or ``slide``, or ``springy``, moving or not.
 
@@ -510,11 +508,9 @@ class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
         own = {key: getattr(self, key) for key in (*SHAPES, "height", "chamfer")}
         return [Solid(**own), *self.parts]
 
-    @property
-    def shapes(self) -> list[Shape]:
-        """All that it consists of at the start, in the inertial frame."""
-        found = super().shapes
+    def _own_shapes(self) -> Sequence[Shape]:
+        found = [*super()._own_shapes()]
         for k, part in enumerate(self.parts):
             with error_prefix(f"parts[{k}]"):
-                found += [each.moved(self.pose) for each in part.shapes]
+                found += part.shapes
         return found

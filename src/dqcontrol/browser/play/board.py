@@ -9,7 +9,7 @@ import numpy as np
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.browser.play.session import PlaySession
-from dqcontrol.figures.solids import box
+from dqcontrol.figures.robot_bodies import box
 from dqcontrol.robots import describe
 
 UPRIGHT, LEVEL = "upright", "level"

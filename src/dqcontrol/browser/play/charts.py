@@ -65,7 +65,7 @@ class Charts:
 
 def _scales(top: float | None) -> dict[str, Any]:
     """Return those of a chart from 0 up to something, or as its values ask for."""
-    x = {"time": False, "range": (-SHOWN, 0.0)}  # else seconds are shown as dates
+    x = {"time": False}  # else seconds are shown as dates
     return {"x": x, "y": {} if top is None else {"range": (0.0, top)}}
 
 

@@ -105,6 +105,8 @@ def _check_law(where: str, law: str, laws: Mapping[str, Any]) -> None:
 
 
 def _changed(where: str, law: L, changes: Changes) -> L:
+    if not changes:
+        return law
     data = msgspec.to_builtins(law)
     for key, value in changes.items():
         inner, names = data, key.split(".")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Collection
+from functools import cache, cached_property
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
@@ -36,8 +37,14 @@ from dqcontrol.experiments.spec.key_types import (
     quantities_for_numbers,
 )
 from dqcontrol.experiments.spec.parameter_sets import Changes, Label, Variant, variants
-from dqcontrol.experiments.spec.reference_base import Quaternion, Vector, rotation_from
-from dqcontrol.experiments.spec.reference_spec import AnyReference, Part, reference_data
+from dqcontrol.experiments.spec.reference_spec import (
+    AnyReference,
+    Part,
+    Quaternion,
+    Vector,
+    reference_data,
+    rotation_from,
+)
 from dqcontrol.experiments.spec.spec_files import complete_plants, locate_files, use_copies
 from dqcontrol.experiments.spec.world_file import said_world
 from dqcontrol.extensions.registry import union_of
@@ -246,7 +253,7 @@ class StartedRobotSpec(RobotSpec, frozen=True, kw_only=True):
         )
 
 
-class Spec(Part, frozen=True, kw_only=True):
+class Spec(Part, frozen=True, kw_only=True, dict=True):
     """An experiment: one reference; robots, laws with their parameters and plants, one or several of each; repeats.
 
     Parameters
@@ -388,7 +395,7 @@ class Spec(Part, frozen=True, kw_only=True):
         check_outcome(found, self.surroundings)
         return found
 
-    @property
+    @cached_property
     def surroundings(self) -> World | None:
         """The world, if it says one."""
         return None if self.world is None else World(bodies=self.world)
@@ -431,7 +438,7 @@ class Spec(Part, frozen=True, kw_only=True):
         """Return what is done to commands before a plant."""
         return limits_before(plant, self.limits, robot)
 
-    @property
+    @cached_property
     def variants(self) -> list[Variant[AnyLaw]]:
         """All laws with the parameters of their sets and grids, in the order that they run in."""
         laws = {label: self._completed(law) for label, law in self.law_by_label.items()}
@@ -656,12 +663,15 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"cannot hold {value!r:.80}")
 
 
+_fields = cache(msgspec.structs.fields)  # which evaluates a class's annotations anew each time
+
+
 def _written(value: Any) -> Any:
     """Return a part of a spec as plain data with its defaults, without keys that say nothing."""
     if isinstance(value, msgspec.Struct):
         config = type(value).__struct_config__
         out = {config.tag_field: config.tag} if config.tag_field else {}
-        for each in msgspec.structs.fields(value):
+        for each in _fields(type(value)):
             content = getattr(value, each.name)
             if content is UNSET or (content is None and each.default is None):
                 continue

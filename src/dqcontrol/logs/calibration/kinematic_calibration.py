@@ -20,8 +20,7 @@ from dqcontrol.errors import ValueRangeError
 from dqcontrol.experiments.results_folder import made_folder
 from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
 from dqcontrol.logs.calibration.correctable_chain import BASE, TOOL, CorrectableChain
-from dqcontrol.logs.calibration.frame_search import searched_frames
-from dqcontrol.logs.calibration.measured_poses import MeasuredPoses, read_measured_poses
+from dqcontrol.logs.calibration.measured_poses import MeasuredPoses, read_measured_poses, searched_frames
 from dqcontrol.logs.joint_table import Angles
 from dqcontrol.robots import Robot, SerialArm, load_robot
 from dqcontrol.robots.dh import shift

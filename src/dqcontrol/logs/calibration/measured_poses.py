@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.algebra import rotation, translation
+from dqcontrol.algebra import matrix_from_rotation, rotation, rotation_from_matrix, translation
 from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError
@@ -18,7 +19,9 @@ from dqcontrol.logs.joint_messages import is_recording, read_joint_states, read_
 from dqcontrol.logs.joint_table import DEGREES_NOTE, Angles, must_be_degrees
 from dqcontrol.logs.text_table import ANGLES, LENGTHS, find_columns, name_and_unit, table_rows, unit_scale
 from dqcontrol.references.points_file import POSITION, QUATERNION
-from dqcontrol.robots import Robot
+from dqcontrol.robots import Robot, SerialArm
+from dqcontrol.robots.dh import shift
+from dqcontrol.robots.poses import positions
 
 _FARTHEST = 20.0  # m; no tracker sees an arm so far away, so such numbers without a unit are mm
 _GAP = 0.1  # s without joint states beside a pose, at most
@@ -180,3 +183,37 @@ def _read_recording(
     seconds, times = (joint_stamps - joint_stamps[0]) / 1e9, (stamps[chosen] - joint_stamps[0]) / 1e9
     joined = np.column_stack([np.interp(times, seconds, each) for each in q.T])
     return MeasuredPoses(path, joined, translation(poses[chosen]), rotation(poses[chosen]), tuple(notes))
+
+
+def searched_frames(arm: SerialArm, measured: MeasuredPoses) -> tuple[Array, Array]:
+    """Return the poses (7,) of the arm's base in the measuring frame and of the target in the hand, M = Y F X.
+
+    With orientations the rotations come from the singular vectors of Σ R_F ⊗ R_M and the positions from a linear system
+    (Shah 2013); with positions alone the target is taken to be at the end effector, and the base from an orthogonal
+    fit.
+    """
+    hand = arm.fkm(measured.q)
+    turned, points = matrix_from_rotation(hand[:, :4]), positions(hand)
+    if measured.rotation is None:
+        middle, seen = points.mean(axis=0), measured.position.mean(axis=0)
+        turn = _nearest_rotation((measured.position - seen).T @ (points - middle))
+        return _pose(turn, seen - turn @ middle), shift()
+    seen = matrix_from_rotation(measured.rotation)
+    product = sum(np.kron(of_hand, of_seen) for of_hand, of_seen in zip(turned, seen, strict=True))
+    left, _, right = np.linalg.svd(product)
+    base = _nearest_rotation(left[:, 0].reshape(3, 3).T)
+    tool = _nearest_rotation(right[0].reshape(3, 3).T).T
+    if np.sum((base @ turned @ tool - seen) ** 2) > np.sum((-base @ turned @ tool - seen) ** 2):
+        base = _nearest_rotation(-left[:, 0].reshape(3, 3).T)
+    rows = np.concatenate([np.concatenate([base @ each, np.eye(3)], axis=1) for each in turned])
+    found = np.linalg.lstsq(rows, (measured.position - points @ base.T).ravel(), rcond=None)[0]
+    return _pose(base, found[3:]), _pose(tool, found[:3])
+
+
+def _nearest_rotation(matrix: Array) -> Array:
+    left, _, right = np.linalg.svd(matrix)
+    return left @ np.diag([1, 1, np.sign(np.linalg.det(left @ right))]) @ right
+
+
+def _pose(rotation: Array, position: NDArray[Any]) -> Array:
+    return np.concatenate([rotation_from_matrix(rotation), position])

@@ -3,29 +3,93 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from dqcontrol.algebra import translation
+from dqcontrol.algebra import rotation, translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each, as_positive, unknown_name
+from dqcontrol.experiments.parameter_units import suspected_degrees
 from dqcontrol.experiments.results_folder import made_folder
 from dqcontrol.experiments.run_comparison import unit_of_way
-from dqcontrol.experiments.unit_checks import suspected_degrees
-from dqcontrol.logs.servos.encoder_noise import QUANTUM
-from dqcontrol.logs.servos.joint_fit import NORMAL_95
-from dqcontrol.logs.servos.joint_motion_files import write_joint_motion
+from dqcontrol.files.plain_data import yaml_text
+from dqcontrol.logs.servos.joint_fit import NORMAL_95, QUANTUM
 from dqcontrol.logs.servos.lag_response import BY_DELAY, BY_LAG, OUTPUT, TRANSIENT, held, lag_response
 from dqcontrol.logs.servos.servo_orders import MOST_DELAY
 from dqcontrol.measures.metric_tables import fitting_unit
 from dqcontrol.references.minimum_jerk import progress
+from dqcontrol.references.points_file import POSITION, QUATERNION
 from dqcontrol.robots import Robot, SerialArm, load_robot
 from dqcontrol.tables.tables import Cell, Column, Table
+
+MOTION, HAND = "motion.csv", "hand.csv"
+
+_HAND_STEP = 0.02  # s between the poses of the end effector's reference
+
+
+def write_joint_motion(
+    spec: Path,
+    robot: Robot,
+    time: Array,
+    positions: Array,
+    start: Array,
+    plant: dict[str, Any],
+    note: str,
+    gain: float = 0.0,
+    more: Mapping[str, Any] | None = None,
+) -> None:
+    """Write a spec, and beside it the joint positions and the poses of the end effector that it names.
+
+    Parameters
+    ----------
+    spec
+        The file; its name is that of the experiment.
+    robot
+        An arm with an origin, or one that comes with dqcontrol.
+    time, positions
+        Shape (N,), s, regular, from 0; (N, n), rad or m.
+    start
+        Configuration, shape (n,).
+    plant
+        As the spec says it.
+    note
+        First line of the spec.
+    gain
+        Of the law, 1/s.
+    more
+        Further keys of the spec.
+    """
+    period, folder = float(time[1] - time[0]), spec.parent
+    _write_table(folder / MOTION, ["time", *robot.joint_names], np.column_stack([time, positions]))
+    step = max(round(_HAND_STEP / period), 1)
+    rows = np.append(np.arange(0, len(time) - 1, step), len(time) - 1)
+    poses = robot.fkm(positions[rows])
+    hand = np.column_stack([time[rows], translation(poses), rotation(poses)])
+    _write_table(folder / HAND, ["time", *POSITION, *QUATERNION], hand)
+    source, base_link, tip_link = robot.origin or (robot.name, None, None)
+    ends = {key: value for key, value in (("base_link", base_link), ("tip_link", tip_link)) if value}
+    data = {
+        "name": spec.stem,
+        "robot": {"source": source} | ends if ends else source,
+        "start": [round(float(value), 9) for value in start],
+        "period": round(period, 9),
+        "reference": {"kind": "points", "file": HAND},
+        "law": {"kind": "joint-motion", "file": MOTION} | ({"gain": gain} if gain else {}),
+        "plant": plant,
+        **(more or {}),
+    }
+    text = yaml_text(data)
+    spec.write_text(f"# {note}\n{text}", encoding="utf-8")
+
+
+def _write_table(path: Path, names: list[str], rows: Array) -> None:
+    np.savetxt(path, rows, delimiter=",", header=",".join(names), comments="", fmt="%.9g")
+
 
 Signal = Literal["zigzag", "multisine", "chirp"]
 

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ, WRITE, kernel, types
-from dqcontrol.logs.servos.encoder_noise import QUANTUM
-from dqcontrol.logs.servos.joint_fit import Fit, Segment, columns_at, fit_at, sandwich, solved
+from dqcontrol.logs.servos.joint_fit import QUANTUM, Fit, Segment, columns_at, fit_at, sandwich, solved
 
 _TRIED = (0.5, 1.0, 2.0, 4.0)  # of what is left, half widths of a play
 _MIN_PLAY_SIGMA = 5.0  # standard errors

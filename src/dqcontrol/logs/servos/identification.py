@@ -21,10 +21,9 @@ from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
 from dqcontrol.logs.joint_log import JointLog, read_joint_log
 from dqcontrol.logs.joint_messages import is_recording, read_targets
 from dqcontrol.logs.joint_table import Angles, column_names
-from dqcontrol.logs.servos.commanded import CommandedLog, Mode
 from dqcontrol.logs.servos.joint_fit import fit, thinned
 from dqcontrol.logs.servos.joint_gates import JointIdentification, identify_joint
-from dqcontrol.logs.servos.replay import Replay, save_replay
+from dqcontrol.logs.servos.replay import CommandedLog, Mode, Replay, save_replay
 from dqcontrol.measures.metric_tables import fitting_unit
 from dqcontrol.plants.servo import Servo
 from dqcontrol.robots import Robot, load_robot

@@ -11,14 +11,16 @@ from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.logs.servos.encoder_cells import refined
-from dqcontrol.logs.servos.encoder_noise import QUANTUM, noise_of, resolution_of
 from dqcontrol.logs.servos.hysteresis import fit_with_play, half_play
 from dqcontrol.logs.servos.joint_fit import (
     NORMAL_95,
+    QUANTUM,
     Fit,
     Segment,
     fit,
+    noise_of,
     predicted,
+    resolution_of,
     second_order_fit,
     solved,
     squares_at,

@@ -10,11 +10,16 @@ from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_each, as_positive
-from dqcontrol.plants.compliant.controller_file import ControllerFile, load_controllers
+from dqcontrol.plants.compliant.controller_file import (
+    ControllerFile,
+    constants_table,
+    gravity_bodies,
+    load_controllers,
+    static_state,
+)
 from dqcontrol.plants.compliant.elastic_model import TICK, elastic_model, joint_inertia, steps_per_tick
 from dqcontrol.plants.compliant.joint_columns import LOWER, MODES, UPPER, WITH_GRAVITY
-from dqcontrol.plants.compliant.joint_constants import constants_table, gravity_bodies, static_state
-from dqcontrol.plants.compliant.payload_compensation import PayloadScale
+from dqcontrol.plants.compliant.loads_and_faults import PayloadScale
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.plants.plant import start_within_limits
 from dqcontrol.robots.robot import Robot

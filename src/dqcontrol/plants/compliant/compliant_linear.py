@@ -12,8 +12,8 @@ from msgspec.structs import replace as changed
 from dqcontrol.arrays import Array
 from dqcontrol.plants.compliant import joint_columns as column
 from dqcontrol.plants.compliant.compliant_arm import assemble
+from dqcontrol.plants.compliant.controller_file import static_state
 from dqcontrol.plants.compliant.filters import MEMORY
-from dqcontrol.plants.compliant.joint_constants import static_state
 from dqcontrol.plants.compliant.running_compliant import RunningCompliant
 from dqcontrol.plants.linear_model import LinearModel
 

@@ -16,8 +16,13 @@ from dqcontrol.plants.compliant.compliant_arm import assemble
 from dqcontrol.plants.compliant.controller_file import SOFTEST, STIFFEST, Stiffness
 from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.joint_columns import MODES
-from dqcontrol.plants.compliant.loads_and_faults import EncoderLoss, Payload, Push, WristFault
-from dqcontrol.plants.compliant.payload_compensation import PayloadCompensation
+from dqcontrol.plants.compliant.loads_and_faults import (
+    EncoderLoss,
+    Payload,
+    PayloadCompensation,
+    Push,
+    WristFault,
+)
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import EncoderErrors, Plant
 from dqcontrol.plants.running_plant import ControllerSettings

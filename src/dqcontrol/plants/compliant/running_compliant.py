@@ -17,8 +17,7 @@ from dqcontrol.plants.compliant.arm_memory import ArmMemory, ArmPlan, arm_memory
 from dqcontrol.plants.compliant.compliant_step import advance, physics_step, settle
 from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.filters import MEMORY, butterworth
-from dqcontrol.plants.compliant.loads_and_faults import loss_table, payload_table, push_table
-from dqcontrol.plants.compliant.wrist import LiveWrist
+from dqcontrol.plants.compliant.loads_and_faults import LiveWrist, loss_table, payload_table, push_table
 from dqcontrol.plants.mujoco.world_model import WorldContacts
 from dqcontrol.plants.plant import as_command
 from dqcontrol.plants.running_plant import ControllerSettings, RunningPlant

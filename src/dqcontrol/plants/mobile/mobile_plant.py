@@ -11,10 +11,9 @@ from msgspec.structs import replace
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_each, unknown_name
 from dqcontrol.plants.camera import Camera
-from dqcontrol.plants.mobile.live_camera import SEEN
-from dqcontrol.plants.mobile.mobile_picture import recorded_coordinates
+from dqcontrol.plants.mobile.odometry import SEEN
 from dqcontrol.plants.mobile.running_gear import RunningGear, running_gear
-from dqcontrol.plants.mobile.running_mobile import RunningMobile, dofs_of
+from dqcontrol.plants.mobile.running_mobile import RunningMobile, dofs_of, recorded_coordinates
 from dqcontrol.plants.mobile.standing import check_standing
 from dqcontrol.plants.mobile.wheeled_base import (
     WheeledBase,
@@ -27,8 +26,7 @@ from dqcontrol.plants.mujoco.mujoco_model import add_arm, add_inertias, compiled
 from dqcontrol.plants.mujoco.mujoco_servos import JointServos
 from dqcontrol.plants.mujoco.world_model import add_links, add_world
 from dqcontrol.plants.plant import PhysicsPicture, plants_that_drive, start_within_limits
-from dqcontrol.robots.bases import DifferentialDrive
-from dqcontrol.robots.roller_bases import RollerBase
+from dqcontrol.robots.bases import DifferentialDrive, RollerBase
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.two_arms import TwoArms
 from dqcontrol.robots.whole_body import WholeBody

@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import DivergedError, FallenError, ValueRangeError
+from dqcontrol.errors import DivergedError, FallenError, ShapeError, ValueRangeError
 from dqcontrol.plants.camera import CAMERA_CHANNELS
 from dqcontrol.plants.channels import BASE_POSITION, BASE_QUATERNION, Channel
-from dqcontrol.plants.mobile.live_camera import SEEN, FusedSight, Sight
+from dqcontrol.plants.mobile.odometry import SEEN, FusedSight, Sight
 from dqcontrol.plants.mobile.wheeled_base import yaw_of
-from dqcontrol.plants.mujoco.gripper import GRIPPER_OPENING, LiveGripper
+from dqcontrol.plants.mujoco.gripper import GRIPPER_OPENING, Gripper, LiveGripper, fingers
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.plants.mujoco.running_mujoco import LOST, JointEncoders, check_rate
-from dqcontrol.plants.mujoco.world_model import WorldBodies, WorldContacts
+from dqcontrol.plants.mujoco.world_model import WorldBodies, WorldContacts, body_channels, write_coordinates
 from dqcontrol.plants.plant import as_command
 from dqcontrol.plants.running_plant import RunningPlant
 from dqcontrol.robots.whole_body import WholeBody
+from dqcontrol.world import Body
 
 if TYPE_CHECKING:
     from dqcontrol.plants.mobile.mobile_plant import MobilePlant
@@ -294,3 +295,58 @@ def _channels(plant: MobilePlant, gear: RunningGear, world: tuple[Channel, ...])
         *world,
         *(CAMERA_CHANNELS if plant.location in SEEN else ()),
     )
+
+
+def recorded_coordinates(
+    model: Any,
+    robot: Robot,
+    q: Array,
+    readings: Mapping[str, Array],
+    wheels: Sequence[str],
+    gripper: Gripper | None,
+    bodies: Mapping[str, Body],
+) -> Array:
+    """Return MuJoCo's coordinates at each sample, shape (N, nq).
+
+    Parameters
+    ----------
+    model
+        Of `MobilePlant.picture`, compiled.
+    robot
+        Whom it shows.
+    q
+        Configurations, shape (N, n), rad or m.
+    readings
+        By name what the plant sensed, each (N, size).
+    wheels
+        Names of the wheels' joints.
+    gripper, bodies
+        The plant's, and what of the world is shown.
+
+    Raises
+    ------
+    ShapeError
+        If the recording is not of this robot and plant.
+    """
+    needed = ["wheel_angle", *([GRIPPER_OPENING] if gripper else [])]
+    needed += [channel.name for channel in body_channels(bodies)]
+    missing = [name for name in needed if name not in readings]
+    if missing or q.shape[1] != robot.configuration_size:
+        raise ShapeError(
+            f"record: is not of this robot and plant; missing: {', '.join(missing) or 'coordinates'}"
+        )
+    out = np.zeros((len(q), model.nq))
+    base = coordinates_of(model, ["base"])[0]
+    if BASE_POSITION in readings:
+        out[:, base : base + 3] = readings[BASE_POSITION]
+        out[:, base + 3 : base + 7] = readings[BASE_QUATERNION]
+    else:  # a recording of an earlier version
+        out[:, base : base + 2] = q[:, :2]
+        out[:, base + 3], out[:, base + 6] = np.cos(q[:, 2] / 2), np.sin(q[:, 2] / 2)
+    out[:, coordinates_of(model, wheels)] = readings["wheel_angle"]
+    out[:, coordinates_of(model, robot.joint_names[3:])] = q[:, 3:]
+    if gripper:
+        closed = 0.5 * (gripper.opening - readings[GRIPPER_OPENING])
+        out[:, coordinates_of(model, fingers())] = closed
+    write_coordinates(bodies, model, readings, out)
+    return out

@@ -15,9 +15,8 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
-from dqcontrol.robots.bases import CLEARANCE, Chassis, DifferentialDrive
+from dqcontrol.robots.bases import CLEARANCE, Chassis, DifferentialDrive, RollerBase
 from dqcontrol.robots.limits import Inertia
-from dqcontrol.robots.roller_bases import RollerBase
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.whole_body import WholeBody
 

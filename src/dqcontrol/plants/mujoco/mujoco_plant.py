@@ -11,10 +11,9 @@ from dqcontrol.arrays import Array
 from dqcontrol.contact import Impedance
 from dqcontrol.errors import ValueRangeError, as_each
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.mujoco.gripper import Gripper, add_gripper, fingers
+from dqcontrol.plants.mujoco.gripper import Gripper, Pads, add_gripper, fingers
 from dqcontrol.plants.mujoco.mujoco_model import add_inertias, compiled, import_mujoco, skeleton
 from dqcontrol.plants.mujoco.mujoco_servos import JointServos, mass_matrix
-from dqcontrol.plants.mujoco.pads import Pads
 from dqcontrol.plants.mujoco.running_mujoco import RunningMujoco
 from dqcontrol.plants.mujoco.world_model import add_links, add_world
 from dqcontrol.plants.mujoco.wrist_sensor import add_wrist

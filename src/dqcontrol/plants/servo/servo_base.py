@@ -18,12 +18,11 @@ from dqcontrol.plants.camera import CAMERA_CHANNELS, Camera
 from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.plant import PLANT, CompiledPlant, begun_periods
 from dqcontrol.plants.servo.servo_step import servo_kernel_inline
-from dqcontrol.robots.bases import DifferentialDrive
+from dqcontrol.robots.bases import DifferentialDrive, SteeredTricycle
 from dqcontrol.robots.kinematics.driving import DRIVE_COLUMNS, ROLLER_COLUMNS, advance, to_inputs
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot, base_coordinates
 from dqcontrol.robots.serial_arm import SerialArm
-from dqcontrol.robots.steered_bases import SteeredTricycle
 
 if TYPE_CHECKING:
     from dqcontrol.plants.servo.servo_plant import Servo

@@ -15,7 +15,7 @@ from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
 from dqcontrol.errors import FileFormatError, ValueRangeError, suggest
 from dqcontrol.files.text_file import as_number, read_text
 from dqcontrol.references.drawing.drawing import ORIENTATIONS, TURN_SPEED, Drawing
-from dqcontrol.references.plane import PLANES, Plane, plane_axes
+from dqcontrol.references.planar import PLANES, Plane, plane_axes
 from dqcontrol.references.sample import as_pose
 from dqcontrol.references.strokes import Arc, PenPath, Rest, StraightStroke, Stroke, distance_home
 

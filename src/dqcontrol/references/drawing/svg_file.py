@@ -14,7 +14,7 @@ from xml.parsers import expat
 
 from dqcontrol.errors import FileFormatError, MissingExtraError, NoteWarning
 from dqcontrol.files.input_file import read_whole
-from dqcontrol.references.drawing.pen_strokes import PenStroke
+from dqcontrol.references.drawing.drawing import PenStroke
 from dqcontrol.references.strokes import Arc, StraightStroke, Stroke
 
 _LARGEST = 2_000_000  # bytes

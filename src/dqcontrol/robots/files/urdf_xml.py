@@ -2,15 +2,189 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import math
+import os
 import re
+import subprocess
+import sys
+from collections.abc import Iterable, Iterator
+from importlib import import_module
 from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
 from xml.parsers import expat
 
-from dqcontrol.errors import FileFormatError, suggest
+from dqcontrol.errors import FileFormatError, MissingExtraError, suggest
 from dqcontrol.files.input_file import read_whole
 from dqcontrol.robots.files.suffixes import XACRO
-from dqcontrol.robots.files.xacro_file import expand_xacro
+
+PACKAGES = "DQCONTROL_PACKAGE_PATH"  # of the environment: folders that ``--package`` names
+WHERE = (
+    "beside the robot's file or one of the folders above it, or in a folder of ROS_PACKAGE_PATH, "
+    "or name its folder: --package FOLDER"
+)
+
+
+def add_packages(folders: Iterable[str]) -> None:
+    """Let this process and those that it starts look for packages in some folders first.
+
+    Parameters
+    ----------
+    folders
+        Packages, or folders that hold them.
+
+    Raises
+    ------
+    FileFormatError
+        If one is no folder.
+    """
+    found = []
+    for folder in folders:
+        if not Path(folder).is_dir():
+            raise FileFormatError(
+                f"--package: '{folder}' is no folder; give that of a package, or one that holds packages"
+            )
+        found.append(str(Path(folder).resolve()))
+    if found:
+        os.environ[PACKAGES] = os.pathsep.join([*found, *filter(None, [os.environ.get(PACKAGES)])])
+
+
+def package_folders(package: str, near: Path) -> Iterator[Path]:
+    """Yield the folders that may be a package for a file: existing ones, the likeliest first.
+
+    A package is what `add_packages` named, or a folder in that; a folder above the file or beside one of those, as its
+    name or its ``package.xml`` says; or in AMENT_PREFIX_PATH or ROS_PACKAGE_PATH.
+    """
+    above, given = list(near.resolve().parents), _listed(PACKAGES)
+    first = [*(folder for folder in given if _is(folder, package)), *(folder / package for folder in given)]
+    named = [folder for folder in above if _is(folder, package)]
+    beside = [folder / package for folder in above]
+    ament = [folder / "share" / package for folder in _listed("AMENT_PREFIX_PATH")]
+    ros = _listed("ROS_PACKAGE_PATH")
+    here = [folder for folder in ros if folder.name == package]
+    places = *first, *named, *beside, *ament, *here, *(folder / package for folder in ros)
+    yield from (folder for folder in places if folder.is_dir())
+
+
+def _listed(name: str) -> list[Path]:
+    """Return the folders of a variable of the environment."""
+    return [Path(each) for each in os.environ.get(name, "").split(os.pathsep) if each]
+
+
+def _is(folder: Path, package: str) -> bool:
+    return folder.name == package or _package_name(folder) == package
+
+
+def _package_name(folder: Path) -> str:
+    try:
+        text = (folder / "package.xml").read_text(encoding="utf-8", errors="replace")[:100_000]
+    except OSError:
+        return ""
+    return text.partition("<name>")[2].partition("</name>")[0].strip()
+
+
+_MOST_SECONDS = 20.0  # a robot takes tenths of a second, on a busy machine some seconds
+_MOST_MEMORY = 4 << 30  # bytes: what a robot takes is Python's 50 MB
+
+
+def expand_xacro(path: str | Path) -> bytes:
+    """Return the URDF text of a xacro file, with the defaults of its arguments.
+
+    Raises
+    ------
+    MissingExtraError
+        If xacro is not installed.
+    FileFormatError
+        If the file, or one that it includes, is missing or malformed, or a package is not found: it is named;
+        or its expressions have no end.
+    """
+    try:
+        import_module("xacro")
+    except ImportError as error:
+        raise MissingExtraError(
+            f"{path}: is a xacro file, which needs xacro, and that cannot be imported ({error}); "
+            f"pip install 'dqcontrol[xacro]', or expand it where ROS is: xacro {Path(path).name} > robot.urdf"
+        ) from None
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", __name__, str(path)],
+            capture_output=True,
+            timeout=_MOST_SECONDS,
+            check=False,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        )
+    except subprocess.TimeoutExpired:
+        raise FileFormatError(f"{path}: xacro does not come to an end within {_MOST_SECONDS:g} s") from None
+    if done.returncode:
+        why = done.stderr.decode(errors="replace").strip() or f"xacro ended with {done.returncode}"
+        raise FileFormatError(why)
+    return done.stdout
+
+
+def _expanded(path: str) -> bytes:
+    """Do what `expand_xacro` does in a process of its own: expressions are Python, and may take any time and memory."""
+    xacro = import_module("xacro")
+    try:
+        with (
+            _packages_without_ros(Path(path)),
+            contextlib.redirect_stderr(io.StringIO()),
+        ):  # it prints what it raises
+            return xacro.process_file(path).toxml(encoding="utf-8")
+    except FileFormatError:
+        raise
+    except Exception as error:  # readers of damaged files raise anything
+        if isinstance(error.__context__, FileFormatError):
+            raise error.__context__ from None
+        raise FileFormatError(f"{path}: xacro cannot expand it: {_words(error)}") from None
+
+
+@contextlib.contextmanager
+def _packages_without_ros(path: Path) -> Iterator[None]:
+    """Let ``$(find PACKAGE)`` look where meshes are looked for, too; xacro itself asks ROS, and offers no other way."""
+    substitution: Any = import_module("xacro.substitution_args")
+    original = substitution._eval_find
+
+    def find(package: str) -> str:
+        folder = next(package_folders(package, path), None)
+        if folder is None:
+            raise FileFormatError(
+                f"{path}: needs the package '{package}', which is not found; put it {WHERE}"
+            )
+        return str(folder)
+
+    substitution._eval_find = find
+    try:
+        yield
+    finally:
+        substitution._eval_find = original
+
+
+def _words(error: Exception) -> str:
+    text = " ".join(str(error).split()) or type(error).__name__
+    if "undefined substitution argument" in text.lower():
+        text += (
+            "; arguments have no values here: write a xacro file that sets them and includes this one, "
+            "or expand it with them: xacro FILE NAME:=VALUE > robot.urdf"
+        )
+    return f"{text:.400}"
+
+
+def _bound_memory() -> None:
+    """Let an expression that is too large fail; where the system knows no such bound, time is the only one."""
+    with contextlib.suppress(ImportError, ValueError, OSError):
+        resource = import_module("resource")
+        resource.setrlimit(resource.RLIMIT_AS, (_MOST_MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1]))
+
+
+if __name__ == "__main__":
+    _bound_memory()
+    try:
+        sys.stdout.buffer.write(_expanded(sys.argv[1]))
+    except FileFormatError as error:
+        sys.exit(str(error))
+
 
 _DEEPEST = 50
 _LARGEST = 20_000_000  # bytes; the largest that robots come with have one million
@@ -155,3 +329,68 @@ def _has_macros(data: bytes) -> bool:
 _NO_DOCTYPE = (
     "declares a document type or entities; robot descriptions need none, and they are refused for safety"
 )
+
+
+_SCHEMES = ("package://", "model://")  # the second is Gazebo's
+
+
+def mesh_file(urdf: Path, name: str) -> Path:
+    """Return the file that a URDF file names: ``package://``, ``file://`` or a path from its folder.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    """
+    scheme = next((scheme for scheme in _SCHEMES if name.startswith(scheme)), "")
+    if scheme:
+        package, _, inner = name.removeprefix(scheme).partition("/")
+        places = [folder / inner for folder in package_folders(package, urdf)]
+    else:
+        places = [urdf.parent / name.removeprefix("file://")]
+    for place in places:
+        if place.is_file():
+            return place
+    raise FileNotFoundError(name)
+
+
+def mesh_names(urdf: Path) -> list[str]:
+    """Return the names of all meshes that a URDF or xacro file shows its links with, each once.
+
+    Raises
+    ------
+    FileFormatError
+        If the file cannot be read.
+    """
+    root = ElementTree.fromstring(CheckedXml(urdf).data)
+    found = (mesh.get("filename", "") for mesh in root.iterfind("link/visual/geometry/mesh"))
+    return list(dict.fromkeys(name for name in found if name))
+
+
+def missing_meshes(urdf: Path) -> list[str]:
+    """Return the names of those meshes of a URDF or xacro file that are not found; see `mesh_file`."""
+
+    def is_missing(name: str) -> bool:
+        try:
+            mesh_file(urdf, name)
+        except FileNotFoundError:
+            return True
+        return False
+
+    return list(filter(is_missing, mesh_names(urdf)))
+
+
+def missing_note(urdf: Path) -> str:
+    """Return which meshes of a file are not found and how to help, in a line; empty if none is missing."""
+    if not (missing := missing_meshes(urdf)):
+        return ""
+    packages = {name.partition("://")[2].partition("/")[0] for name in missing if name.startswith(_SCHEMES)}
+    more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
+    if packages:
+        names = ", ".join(f"'{name}'" for name in sorted(packages))
+        several = len(packages) > 1
+        how = f"put the package{'s' * several} {names} {WHERE}"
+    else:
+        how = f"put {'them' if more else 'it'} where the file says, from its own folder"
+    count = f"{len(missing)} meshes are" if len(missing) > 1 else "a mesh is"
+    return f"{urdf.name}: {count} not found ({missing[0]}{more}), so plain shapes are drawn: {how}"

@@ -13,12 +13,18 @@ from msgspec.structs import asdict
 from dqcontrol.algebra.conversions import pose
 from dqcontrol.errors import Error, FileFormatError, error_prefix
 from dqcontrol.files.yaml_file import convert
-from dqcontrol.robots.bases import Chassis, DifferentialDrive, HolonomicBase
+from dqcontrol.robots.bases import (
+    CarLikeBase,
+    Chassis,
+    DifferentialDrive,
+    HolonomicBase,
+    MecanumBase,
+    OmniBase,
+    SteeredTricycle,
+)
 from dqcontrol.robots.files.robot_file import FilePart, FixedPose, Length, Positive, fixed_pose
 from dqcontrol.robots.inverse.found_base import DriveKind
-from dqcontrol.robots.roller_bases import MecanumBase, OmniBase
 from dqcontrol.robots.serial_arm import SerialArm
-from dqcontrol.robots.steered_bases import CarLikeBase, SteeredTricycle
 from dqcontrol.robots.whole_body import Form, WholeBody
 
 LoadArm = Callable[[str | Path, str | None, str | None], SerialArm]

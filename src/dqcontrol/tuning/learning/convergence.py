@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -10,8 +11,100 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
+from dqcontrol.controller import Controller
+from dqcontrol.errors import ShapeError
+from dqcontrol.measures.stability import LoopGain
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.tuning.learning.loop_response import LoopShape
+from dqcontrol.references import Previewed, Reference
+from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST
+from dqcontrol.robots import Robot
+
+_TWIST = 1e-3  # rad/s and m/s that a feed-forward is asked for
+_LEAST_ANGLE = 1e-9  # where the loop is at rest, z = 1
+
+
+@dataclass(frozen=True)
+class LoopShape:
+    """A law as one loop of a direction of the end effector: u = C(z) (w − y) + κ F(z) (z − 1) w/T.
+
+    Attributes
+    ----------
+    gain
+        Of position or orientation, the smaller: what learns slowest.
+    feedforward
+        κ: 1 for laws with feed-forward of the desired twist, 0 for others.
+    period
+        T, s.
+    ahead, share
+        Steps n by which twists come early, and a, of F(z) = zⁿ (1 − a/z)/(1 − a), see `Previewed`; 0 without preview.
+    """
+
+    gain: LoopGain
+    feedforward: float
+    period: float
+    ahead: int = 0
+    share: float = 0.0
+
+    def response(self, model: LinearModel, frequencies: Array) -> NDArray[np.complex128]:
+        """Return from shift to measured joints, shape (frequencies, m, m); frequencies in Hz."""
+        angles = np.maximum(2 * np.pi * self.period * frequencies, _LEAST_ANGLE)
+        z = np.exp(1j * angles)[:, None, None]
+        size, m = model.inputs.shape
+        unit = np.eye(m)
+        plant = np.linalg.solve(
+            z * np.eye(size) - model.transition, np.broadcast_to(model.inputs, (len(z), size, m))
+        )
+        plant = plant[:, :m]
+        value = abs(self.gain.value)
+        control = value + self.gain.integral_share * value**2 * self.period * z / (z - 1)
+        if self.gain.lag:
+            share = min(self.gain.lag * self.period, 1.0)
+            control = control * share * z / (z - 1 + share)
+        led = z**self.ahead * (1 - self.share / z) / (1 - self.share)
+        shifted = plant @ (unit * (control + self.feedforward * led * (z - 1) / self.period))
+        return np.asarray(np.linalg.solve(unit + control * plant, shifted), dtype=np.complex128)
+
+
+def loop_shape(
+    robot: Robot,
+    prepared: Controller,
+    gains: tuple[LoopGain, ...] | None,
+    start: Array,
+    reference: Reference,
+) -> LoopShape:
+    """Return a prepared law as a loop that follows shifts of a reference with the reference's preview, if it has one.
+
+    Raises
+    ------
+    ShapeError
+        If its gains are unknown, or it corrects nothing.
+    """
+    moving = [gain for gain in gains or () if gain.loop != "null space" and gain.value]
+    if not moving:
+        why = "are unknown" if gains is None else "are 0"
+        raise ShapeError(f"law: its loop gains {why}; learning needs a law that corrects errors of the pose")
+    slowest = min(moving, key=lambda gain: abs(gain.value))
+    shape = LoopShape(slowest, _feedforward(robot, prepared, start), prepared.period)
+    if not isinstance(reference, Previewed):
+        return shape
+    ahead = math.floor(reference.delay / prepared.period + 1e-9)  # twists of points are constant in between
+    share = math.exp(-prepared.period / reference.lag) if reference.lag else 0.0
+    return replace(shape, ahead=ahead, share=share)
+
+
+def _feedforward(robot: Robot, prepared: Controller, start: Array) -> float:
+    """Return which share of a desired twist the law commands besides what errors ask for."""
+    sample, share = np.zeros(SAMPLE_SIZE), []
+    sample[POSE] = robot.fkm(start)
+    jacobian = robot.twist_jacobian(start)
+    for axis in range(6):
+        sample[TWIST] = 0.0
+        sample[TWIST.start + axis] = _TWIST
+        command = np.zeros(robot.input_size)
+        prepared.step(start, sample, 0, prepared.initial_state(start), command)
+        share.append(float((jacobian @ command)[axis]) / _TWIST)
+    return float(np.clip(np.round(np.median(share), 3), 0.0, 1.0))
+
 
 _FREQUENCIES = 240
 _EVEN = 513  # frequencies, equally far apart

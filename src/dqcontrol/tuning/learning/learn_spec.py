@@ -11,11 +11,11 @@ from msgspec import Meta
 from dqcontrol.errors import FileFormatError
 from dqcontrol.experiments.spec import AnyPlant, as_spec, read_data
 from dqcontrol.experiments.spec.key_types import kinds_of, numbers_for_quantities
-from dqcontrol.experiments.spec.reference_base import Part
+from dqcontrol.experiments.spec.reference_spec import Part
 from dqcontrol.experiments.spec.spec_files import complete_plants, locate_files
 from dqcontrol.files.yaml_file import convert
-from dqcontrol.tuning.plant_family import Robustness, identified_file
-from dqcontrol.tuning.spec_with_block import SpecWithBlock
+from dqcontrol.tuning.robustness import Robustness, identified_file
+from dqcontrol.tuning.tune_spec import SpecWithBlock
 
 
 class Tracker(Part, frozen=True, kw_only=True):

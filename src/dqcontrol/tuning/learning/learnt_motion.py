@@ -11,7 +11,7 @@ import numpy as np
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.files.whole_file import whole_file
-from dqcontrol.measures.low_pass import low_passed
+from dqcontrol.measures.metrics import low_passed
 from dqcontrol.references import Points
 from dqcontrol.references.points_file import DUAL_QUATERNION
 from dqcontrol.references.sample import POSE, TIME

@@ -21,10 +21,9 @@ from dqcontrol.experiments.check import driven_model
 from dqcontrol.experiments.feasibility import path_demand
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare_spec
 from dqcontrol.experiments.result_pages import result_pages
-from dqcontrol.experiments.results_folder import SPEC_FILE, check_new, new_folder, told_first
+from dqcontrol.experiments.results_folder import SPEC_FILE, WorkingFolder, check_new, new_folder, told_first
 from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec.spec_files import copy_inputs
-from dqcontrol.experiments.working_folder import WorkingFolder
 from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop import Clock, Record
@@ -38,7 +37,7 @@ from dqcontrol.references import Points, Previewed
 from dqcontrol.references.sample import POSE, TIME, TWIST
 from dqcontrol.tables.table_cells import Cell, Column
 from dqcontrol.tables.tables import Table
-from dqcontrol.tuning.learning.convergence import HIGHEST, Convergence, widest
+from dqcontrol.tuning.learning.convergence import HIGHEST, Convergence, LoopShape, loop_shape, widest
 from dqcontrol.tuning.learning.learn_spec import LearnProblem, read_learn
 from dqcontrol.tuning.learning.learnt_motion import (
     TRACKED_POSE,
@@ -50,8 +49,7 @@ from dqcontrol.tuning.learning.learnt_motion import (
     weighted_norm,
     write_motion,
 )
-from dqcontrol.tuning.learning.loop_response import LoopShape, loop_shape
-from dqcontrol.tuning.plant_family import plant_family
+from dqcontrol.tuning.robustness import plant_family
 
 LEARNT, LEARNT_SPEC, HISTORY = "learnt.csv", "learnt.yaml", "learning.json"
 LearnProgress = Callable[[int, int], None]
