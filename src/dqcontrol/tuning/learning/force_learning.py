@@ -18,7 +18,7 @@ from dqcontrol.contact import Admittance
 from dqcontrol.contact.admittance_stage import AdmittanceStage
 from dqcontrol.errors import ShapeError
 from dqcontrol.loop import Record
-from dqcontrol.plants.channels import WRENCH_READINGS
+from dqcontrol.plants.plant import WRENCH_READINGS
 from dqcontrol.plants.wrist import TOUCH_FORCE
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot

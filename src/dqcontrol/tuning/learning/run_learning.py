@@ -31,9 +31,8 @@ from dqcontrol.loop import Clock, Record
 from dqcontrol.loop.record import has_failed
 from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.measures.stability import GOOD_MARGIN, gain_margin
-from dqcontrol.plants.channels import WRENCH_READINGS
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.plant import Plant
+from dqcontrol.plants.plant import WRENCH_READINGS, Plant
 from dqcontrol.recording import load_record, save_record
 from dqcontrol.references import Points, Previewed
 from dqcontrol.references.sample import POSE, TIME, TWIST
