@@ -13,7 +13,7 @@ from dqrobotics.robot_modeling import DQ_CooperativeDualTaskSpace, DQ_SerialMani
 from measure import Ratio, medians
 
 import dqcontrol as dqc
-from dqcontrol.robots.files.load import example_urdfs
+from dqcontrol.robots.files.load import package_files
 
 PANDA = "panda_description/urdf/panda.urdf"
 TALOS = "talos_data/robots/talos_reduced.urdf"
@@ -41,7 +41,7 @@ def our_arm() -> dqc.SerialArm:
 
 def against_pinocchio_and_mujoco(rounds: int) -> list[Ratio]:
     arm = dqc.load_robot(f"example-robot-data:{PANDA}", tip_link="panda_hand")
-    path = example_urdfs()[PANDA]
+    path = package_files("example-robot-data")[PANDA]
     full = pinocchio.buildModelFromUrdf(str(path))
     model = pinocchio.buildReducedModel(full, [8, 9], pinocchio.neutral(full))
     data, frame = model.createData(), model.getFrameId("panda_hand")
@@ -155,7 +155,7 @@ def two_arms_against_dq_robotics(rounds: int) -> list[Ratio]:
 
 def tree_against_pinocchio(rounds: int) -> list[Ratio]:
     """Time three tips of a humanoid: pose and twist Jacobian of each."""
-    path = example_urdfs()[TALOS]
+    path = package_files("example-robot-data")[TALOS]
     robot, model = dqc.load_tree(path), pinocchio.buildModelFromUrdf(str(path))
     data, q = model.createData(), np.linspace(-0.3, 0.3, robot.configuration_size)
     their_q, columns = (

@@ -23,7 +23,7 @@ from measure import Ratio, medians, table
 
 import dqcontrol as dqc
 from dqcontrol.constraints import active_set
-from dqcontrol.robots.files.load import example_urdfs
+from dqcontrol.robots.files.load import package_files
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "constraints"))
 
@@ -34,7 +34,7 @@ def by_pink(goal: np.ndarray) -> Any:
     """Return a function that makes a step towards a pose matrix (4 × 4)."""
     import pink
 
-    full = pinocchio.buildModelFromUrdf(str(example_urdfs()[PANDA]))
+    full = pinocchio.buildModelFromUrdf(str(package_files("example-robot-data")[PANDA]))
     model = pinocchio.buildReducedModel(full, [8, 9], pinocchio.neutral(full))
     configuration = pink.Configuration(model, model.createData(), Q)
     task = pink.tasks.FrameTask("panda_hand", position_cost=1.0, orientation_cost=1.0, gain=GAIN * PERIOD)

@@ -7,8 +7,7 @@ from rich.console import Console
 
 from dqcontrol.errors import UnknownNameError
 from dqcontrol.tables.fitted import fitted
-from dqcontrol.tables.table_cells import PlusMinus
-from dqcontrol.tables.tables import Column, Table
+from dqcontrol.tables.tables import Column, PlusMinus, Table
 
 NAMES = ["K · servo", "K+FF · physics"]
 TITLES = ["run", "mean", "RMS", "peak speed", "limit margin", "effort", "ended by"]

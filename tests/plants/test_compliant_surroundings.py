@@ -7,7 +7,7 @@ import dqcontrol as dqc
 from dqcontrol.errors import Error, SafetyWarning, UnknownNameError
 from dqcontrol.plants import CompliantPlant, EncoderLoss, Servo
 from dqcontrol.plants.compliant import joint_columns as column
-from dqcontrol.plants.running_plant import ControllerSettings, running_plant
+from dqcontrol.plants.plant import ControllerSettings, running_plant
 
 pytest.importorskip("mujoco")
 START = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])

@@ -12,9 +12,7 @@ from dqcontrol.loop import Live, close_loop
 from dqcontrol.loop.closed_loop import check_disturbed
 from dqcontrol.loop.simulate import supervise
 from dqcontrol.plants import CompliantPlant, Integrator, MobilePlant, MujocoPlant, Plant, RunningPlant, Servo
-from dqcontrol.plants.channels import Channel
-from dqcontrol.plants.plant import command_mode, lagging_mode
-from dqcontrol.plants.running_plant import running_plant
+from dqcontrol.plants.plant import Channel, command_mode, lagging_mode, running_plant
 from dqcontrol.supervisor import Supervisor
 
 Q0, T = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0]), 0.01

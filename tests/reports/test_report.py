@@ -8,8 +8,7 @@ from gallery import run
 from dqcontrol.errors import ExistsError
 from dqcontrol.figures import errors, path_3d, save
 from dqcontrol.reports import write_report
-from dqcontrol.tables.table_cells import Ratio, VerdictCell
-from dqcontrol.tables.tables import Column, Table
+from dqcontrol.tables.tables import Column, Ratio, Table, VerdictCell
 
 
 class Page(HTMLParser):

@@ -7,8 +7,7 @@ import pytest
 from gallery import figures
 
 from dqcontrol.reports import write_report
-from dqcontrol.tables.table_cells import VerdictCell
-from dqcontrol.tables.tables import Column, Table
+from dqcontrol.tables.tables import Column, Table, VerdictCell
 
 playwright = pytest.importorskip("playwright.sync_api", reason="the browser test needs playwright")
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")

@@ -20,7 +20,7 @@ import dqcontrol as dqc
 from dqcontrol.errors import Error, ShapeError, ValueRangeError
 from dqcontrol.experiments import load_run
 from dqcontrol.loop.control import Phase
-from dqcontrol.ros2 import base_transform, controller_loop, localisation as localisation_module
+from dqcontrol.ros2 import controller_loop, localisation as localisation_module, messages
 from dqcontrol.ros2.controller_node import ControllerNode
 from dqcontrol.ros2.interfaces import BASE_COMMANDS, base_port
 from dqcontrol.ros2.loading import RobotParts, load
@@ -124,8 +124,8 @@ def test_a_base_without_an_arm_follows_its_odometry_alone(pair, node, tmp_path):
 
 def transforms():
     """Return topic and type of transforms here: tf's, or ours."""
-    kind = base_transform.tf_message()
-    return (base_transform.TF, kind) if kind else (base_transform.OURS, TransformStamped)
+    kind = messages.tf_message()
+    return (messages.TF, kind) if kind else (messages.OURS, TransformStamped)
 
 
 class Spoken:

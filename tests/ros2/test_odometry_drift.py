@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dqcontrol.ros2.base_transform import OdometryDrift
+from dqcontrol.ros2.messages import OdometryDrift
 
 DEVIATIONS = np.array([0.02, 0.01, 0.03])  # m/√m, rad/√m, rad/√rad
 

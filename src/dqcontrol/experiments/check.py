@@ -40,8 +40,7 @@ from dqcontrol.measures.stability import (
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.robots import Robot
-from dqcontrol.tables.table_cells import VerdictCell, known
-from dqcontrol.tables.tables import Column, Table
+from dqcontrol.tables.tables import Column, Table, VerdictCell, known
 
 _REPEATS = 20
 

@@ -58,8 +58,7 @@ from dqcontrol.loop.trace import FARTHEST
 from dqcontrol.measures.stability import LoopGain, loop_gains
 from dqcontrol.planning.branches import first_through
 from dqcontrol.planning.certified_edges import CertifiedEdges
-from dqcontrol.plants.plant import lagging_mode
-from dqcontrol.plants.running_plant import running_plant
+from dqcontrol.plants.plant import lagging_mode, running_plant
 from dqcontrol.references import Previewed, Reference
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import ReachingPosture, Robot, TreeRobot, WholeBody, describe

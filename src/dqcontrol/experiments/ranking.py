@@ -19,8 +19,7 @@ from dqcontrol.experiments.study import ROWS
 from dqcontrol.loop.record import FAILURES
 from dqcontrol.measures.metric_tables import LARGE_IS_GOOD, number_column
 from dqcontrol.measures.repeats import LABELS
-from dqcontrol.tables.table_cells import Cell, Column, PlusMinus
-from dqcontrol.tables.tables import Table
+from dqcontrol.tables.tables import Cell, Column, PlusMinus, Table
 
 if TYPE_CHECKING:
     import pyarrow

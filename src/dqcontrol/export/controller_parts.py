@@ -27,8 +27,7 @@ from dqcontrol.laws import Law, OwnLaw
 from dqcontrol.loop.replanning import refuse_replanning
 from dqcontrol.loop.target_motion import move_by_twist, move_to_pose
 from dqcontrol.loop.targets import SampledTarget, Target
-from dqcontrol.plants.plant import CompiledPlant, command_mode
-from dqcontrol.plants.running_plant import running_plant
+from dqcontrol.plants.plant import CompiledPlant, command_mode, running_plant
 from dqcontrol.references.computed_path import computed_path, path_parameters
 from dqcontrol.references.sample import SAMPLE_SIZE, TIME
 from dqcontrol.robots import Robot
@@ -244,6 +243,11 @@ def controller_parts(
     setting = prepare(source)
     case = _chosen(setting, law)
     spec, robot = setting.spec, case.scene.robot
+    if getattr(case.plant, "impedance", None) is not None:
+        raise ValueRangeError(
+            "plant.impedance: its torques are the plant's, and an exported controller gives none; leave it out for an "
+            "arm with an impedance of its own, or give 'contact', which is exported, for one that follows positions"
+        )
     prepared = case.prepare_law(spec).with_limits(case.limits)  # its own, with clean scratch memory
     refuse_replanning(prepared, case.scene.reference, "which no exported controller does")
     if not isinstance(prepared.kernel, Kernel):

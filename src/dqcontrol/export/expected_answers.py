@@ -12,7 +12,7 @@ from dqcontrol.errors import DivergedError, ValueRangeError
 from dqcontrol.export.controller_parts import ControllerParts
 from dqcontrol.loop.control import Control, Phase
 from dqcontrol.plants.integrator import Integrator
-from dqcontrol.plants.running_plant import running_plant
+from dqcontrol.plants.plant import running_plant
 
 OK, STOPPING, STOPPED, ENDED, LAW_FAILED, NO_MEASUREMENT = 0, 1, 2, 3, -6, -11  # as dqc_controller.h has them
 NO_REQUEST, END, STOP, RESET = range(4)

@@ -25,7 +25,7 @@ from dqcontrol.figures.style import (
 from dqcontrol.figures.surroundings import corners_of, draw_flat, draw_in_space, entries, faces_near
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.held import PlanOfRun, apart_at_plans, plans_of_run
-from dqcontrol.plants.channels import BASE_POSITION, BASE_QUATERNION
+from dqcontrol.plants.plant import BASE_POSITION, BASE_QUATERNION
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.tree_robot import TreeRobot
 

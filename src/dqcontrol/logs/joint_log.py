@@ -17,7 +17,7 @@ from dqcontrol.logs.joint_messages import held, is_recording, read_commands, rea
 from dqcontrol.logs.joint_table import DEGREES_NOTE, Angles, must_be_degrees, read_joint_table
 from dqcontrol.logs.text_table import Missing
 from dqcontrol.loop import Record
-from dqcontrol.plants.channels import WRENCH_READINGS
+from dqcontrol.plants.plant import WRENCH_READINGS
 from dqcontrol.recording import load_metadata, load_record
 from dqcontrol.robots import Robot
 

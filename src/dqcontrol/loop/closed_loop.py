@@ -24,8 +24,7 @@ from dqcontrol.loop.signals import Readings
 from dqcontrol.loop.supervision import Senses, Supervision, most_steps_to_rest
 from dqcontrol.loop.trace import SampleSink, Stop, Trace, empty_records, ended
 from dqcontrol.plants.disturbance_step import ROW, RunningDisturbance
-from dqcontrol.plants.plant import CompiledPlant
-from dqcontrol.plants.running_plant import PlantProtocol, RunningPlant, running_plant
+from dqcontrol.plants.plant import CompiledPlant, PlantProtocol, RunningPlant, running_plant
 from dqcontrol.references.follow import Follow
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE
 from dqcontrol.supervisor.supervisor_layout import GO, moment_layout

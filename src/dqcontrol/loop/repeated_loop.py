@@ -21,8 +21,7 @@ from dqcontrol.loop.simulate import supervise
 from dqcontrol.loop.trace import FARTHEST
 from dqcontrol.plants.disturbance import Disturbance
 from dqcontrol.plants.disturbance_step import ROW
-from dqcontrol.plants.plant import CompiledPlant, Plant
-from dqcontrol.plants.running_plant import running_plant
+from dqcontrol.plants.plant import CompiledPlant, Plant, running_plant
 from dqcontrol.robots.robot import Robot
 from dqcontrol.supervisor import Supervisor
 

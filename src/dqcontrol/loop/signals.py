@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.controller.controller import Controller
-from dqcontrol.plants.channels import Channel
-from dqcontrol.plants.running_plant import RunningPlant
+from dqcontrol.plants.plant import Channel, RunningPlant
 from dqcontrol.robots.robot import Robot
 
 ACTUATORS = "actuator_command"

@@ -13,7 +13,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import Signal
-from dqcontrol.plants.running_plant import PlantProtocol, running_plant
+from dqcontrol.plants.plant import PlantProtocol, running_plant
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots.robot import Robot
 from dqcontrol.supervisor import supervisor_layout as layout

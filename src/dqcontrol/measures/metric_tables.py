@@ -16,8 +16,7 @@ from dqcontrol.references.sample import TIME
 from dqcontrol.robots.chain_robot import ChainRobot
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
-from dqcontrol.tables.table_cells import Column
-from dqcontrol.tables.tables import Cell, Table
+from dqcontrol.tables.tables import Cell, Column, Table
 
 _SIGNALS = {  # title, unit, unit of the integral; in [P16]: Err., control signal, Eff., L.Vel., L.Acc.
     "error": ("Pose error", "", "s"),

@@ -18,8 +18,7 @@ from numpy.typing import ArrayLike
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
 from dqcontrol.loop.record import has_failed
 from dqcontrol.measures.metric_tables import PUBLISHED, number_column
-from dqcontrol.tables.table_cells import known
-from dqcontrol.tables.tables import Cell, Column, PlusMinus, Table
+from dqcontrol.tables.tables import Cell, Column, PlusMinus, Table, known
 
 # All intervals and p values take the repeats to be independent and normally distributed; those of spreads
 # depend on it most.

@@ -2,7 +2,6 @@ from .camera import (
     Camera as Camera,
     FiducialLoss as FiducialLoss,
 )
-from .channels import Channel as Channel
 from .compliant import CompliantPlant as CompliantPlant
 from .compliant.loads_and_faults import (
     EncoderLoss as EncoderLoss,
@@ -38,14 +37,13 @@ from .mujoco.gripper import (
 )
 from .own_plant import OwnPlant as OwnPlant
 from .plant import (
+    Channel as Channel,
     CompiledPlant as CompiledPlant,
     Plant as Plant,
-    lagging_mode as lagging_mode,
-    limits_before as limits_before,
-)
-from .running_plant import (
     PlantProtocol as PlantProtocol,
     RunningPlant as RunningPlant,
+    lagging_mode as lagging_mode,
+    limits_before as limits_before,
 )
 from .servo import (
     Servo as Servo,

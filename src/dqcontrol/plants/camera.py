@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array
 from dqcontrol.named_fields import NamedFields
-from dqcontrol.plants.channels import Channel
-from dqcontrol.plants.plant import begun_periods
+from dqcontrol.plants.plant import Channel, begun_periods
 
 CAMERA_CHANNELS = (Channel("camera_age", (), "s"), Channel("command_share", (), ""))  # of plants with one
 

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, MissingExtraError, ShapeError, ValueRangeError, as_positive
-from dqcontrol.plants.plant import Plant, as_command, start_configuration
-from dqcontrol.plants.running_plant import RunningPlant
+from dqcontrol.plants.plant import Plant, RunningPlant, as_command, start_configuration
 from dqcontrol.robots.command_mode import CommandMode
 from dqcontrol.robots.robot import Robot
 

@@ -10,7 +10,7 @@ from msgspec import Meta
 
 from dqcontrol.arrays import Array
 from dqcontrol.named_fields import NamedFields, Three
-from dqcontrol.plants.channels import WRENCH_READINGS, Channel
+from dqcontrol.plants.plant import WRENCH_READINGS, Channel
 
 TOUCH_FORCE = "touch_force"  # of the environment on the end effector, base axes
 AXES = ("x", "y", "z")

@@ -101,7 +101,9 @@ def _points_of_episode(
     path: str | os.PathLike[str], data: Dataset, number: int | None, duration: float | None, streamed: bool
 ) -> Points:
     if POSE_COLUMN not in data.features:
-        raise FileFormatError(f"{path}: has no column {POSE_COLUMN}; it has {', '.join(data.features) or 'none'}")
+        raise FileFormatError(
+            f"{path}: has no column {POSE_COLUMN}; it has {', '.join(data.features) or 'none'}"
+        )
     if duration is not None:
         raise ValueRangeError(f"duration: {path} has its own time; leave it out")
     poses = data.episode(only_episode(path, data, number))[POSE_COLUMN]

@@ -23,8 +23,7 @@ from dqcontrol.robots import Robot, describe
 from dqcontrol.robots.files.urdf_xml import mesh_names, missing_meshes
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.whole_body import WholeBody
-from dqcontrol.tables.table_cells import Cell, VerdictCell
-from dqcontrol.tables.tables import Column, Table
+from dqcontrol.tables.tables import Cell, Column, Table, VerdictCell
 
 if TYPE_CHECKING:
     from dqcontrol.constraints.constraints import Constraints

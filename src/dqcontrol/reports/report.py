@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 from dqcontrol.errors import ExistsError
 from dqcontrol.figures.save import for_page
 from dqcontrol.files.whole_file import whole_file
-from dqcontrol.tables.table_cells import Cell, Ratio, VerdictCell
-from dqcontrol.tables.tables import Table
+from dqcontrol.tables.tables import Cell, Ratio, Table, VerdictCell
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -259,7 +258,7 @@ def write_report(
     command
         The line that gives the results again.
     verdicts
-        Tables whose cells of ``dqcontrol.tables.table_cells.Verdict`` have colours and marks.
+        Tables whose cells of ``dqcontrol.tables.tables.Verdict`` have colours and marks.
     tables
         In this order.
     figures

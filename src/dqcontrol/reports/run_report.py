@@ -31,8 +31,7 @@ from dqcontrol.plants.plant import command_mode
 from dqcontrol.reports.about import RERUN_FOLDER, about_run, command, evaluation_command, origins
 from dqcontrol.supervisor import list_interventions
 from dqcontrol.supervisor.interventions import INTERVENTIONS
-from dqcontrol.tables.table_cells import Cell, VerdictCell
-from dqcontrol.tables.tables import Column, Table
+from dqcontrol.tables.tables import Cell, Column, Table, VerdictCell
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

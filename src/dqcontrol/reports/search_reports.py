@@ -11,8 +11,7 @@ from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.measures.metric_tables import NUMBER_COLUMNS
 from dqcontrol.reports.about import RERUN_FOLDER, command, origins
 from dqcontrol.reports.report import write_report
-from dqcontrol.tables.table_cells import Cell, VerdictCell
-from dqcontrol.tables.tables import Column, Table
+from dqcontrol.tables.tables import Cell, Column, Table, VerdictCell
 
 if TYPE_CHECKING:
     from dqcontrol.logs import Identification
@@ -86,6 +85,9 @@ def write_learning_report(learning: Learning, spec: str, folder: Path) -> None:
     better = VerdictCell(
         f"{learning.gain:.3g} × smaller" if learning.gain > 1 else "no better", learning.gain > 1
     )
+    what, unit, errors = "position error RMS", "mm", [first.position, best.position]
+    if first.force is not None:
+        what, unit, errors = "force error RMS", "N", [first.force, best.force]
     write_report(
         folder,
         str(data["name"]),
@@ -94,11 +96,11 @@ def write_learning_report(learning: Learning, spec: str, folder: Path) -> None:
         verdicts=[
             Table(
                 [
-                    Column("position error RMS, first", "mm"),
-                    Column("learnt", "mm"),
+                    Column(f"{what}, first", unit),
+                    Column("learnt", unit),
                     Column("learning"),
                 ],
-                [[first.position, best.position, better]],
+                [[*errors, better]],
             )
         ],
         tables=[learning.table(), Table([Column("Remarks")], [[line] for line in learning.remarks()])],

@@ -16,8 +16,7 @@ from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop.record import Record, has_failed
 from dqcontrol.reports.about import RERUN_FOLDER, about_study, command, origins
 from dqcontrol.reports.report import write_report
-from dqcontrol.tables.table_cells import Cell, VerdictCell
-from dqcontrol.tables.tables import Column, Table
+from dqcontrol.tables.tables import Cell, Column, Table, VerdictCell
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

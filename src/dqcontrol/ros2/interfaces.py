@@ -15,7 +15,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ValueRangeError
-from dqcontrol.plants.running_plant import ControllerSettings
+from dqcontrol.plants.plant import ControllerSettings
 from dqcontrol.robots import DifferentialDrive, WholeBody
 from dqcontrol.robots.bases import RollerBase
 from dqcontrol.ros2.loading import RobotParts
@@ -149,7 +149,11 @@ def joint_port(
         if interface == "humanoid":
             beside = {
                 name: [] if values is None else values.tolist()
-                for name, values in (("effort", control.stiffness), ("velocities", control.slew_rate))
+                for name, values in (
+                    ("effort", control.stiffness),
+                    ("velocities", control.slew_rate),
+                    ("accelerations", control.asked),
+                )
             }
             told = JointTrajectory(joint_names=list(joints))
             told.header.frame_id = control.mode

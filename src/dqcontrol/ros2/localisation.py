@@ -12,11 +12,11 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
 from dqcontrol.arrays import Array
-from dqcontrol.ros2.base_transform import FrameCorrection
 from dqcontrol.ros2.diagnostics import PeriodMonitor
 from dqcontrol.ros2.interfaces import NEWEST, ODOMETRY
 from dqcontrol.ros2.messages import (
     NANOSECONDS,
+    FrameCorrection,
     RefusedError,
     Stamps,
     deviation_of,

@@ -15,12 +15,10 @@ from sensor_msgs.msg import JointState
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, FallenError
-from dqcontrol.plants.plant import Plant
-from dqcontrol.plants.running_plant import ControllerSettings, RunningPlant, running_plant
+from dqcontrol.plants.plant import ControllerSettings, Plant, RunningPlant, running_plant
 from dqcontrol.robots import DifferentialDrive
 from dqcontrol.robots.bases import RollerBase
 from dqcontrol.robots.whole_body import Drive
-from dqcontrol.ros2.base_transform import OdometryDrift, transform_publisher
 from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.interfaces import (
     BASE_COMMANDS,
@@ -36,12 +34,14 @@ from dqcontrol.ros2.interfaces import (
 from dqcontrol.ros2.loading import Loaded, RobotParts, silence
 from dqcontrol.ros2.messages import (
     NANOSECONDS,
+    OdometryDrift,
     RefusedError,
     humanoid_command,
     numbers,
     planar_twist_of,
     stamp_of,
     trajectory_point,
+    transform_publisher,
 )
 from dqcontrol.ros2.middleware import steady_timer
 from dqcontrol.ros2.parameters import Number, declare, number, on_change, refuse_unknown

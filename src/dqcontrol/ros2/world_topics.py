@@ -15,8 +15,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, Plane, Shape, Sphere
 from dqcontrol.loop.control import Control
-from dqcontrol.ros2.base_transform import TF, tf_message
-from dqcontrol.ros2.messages import RefusedError
+from dqcontrol.ros2.messages import TF, RefusedError, tf_message
 from dqcontrol.ros2.middleware import steady_timer
 from dqcontrol.world import Body, World
 from dqcontrol.world.whereabouts import poses_of

@@ -1,10 +1,8 @@
-from .table_cells import (
-    Ratio as Ratio,
-    VerdictCell as VerdictCell,
-)
 from .tables import (
     Cell as Cell,
     Column as Column,
     PlusMinus as PlusMinus,
+    Ratio as Ratio,
     Table as Table,
+    VerdictCell as VerdictCell,
 )

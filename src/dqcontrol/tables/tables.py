@@ -4,18 +4,239 @@ from __future__ import annotations
 
 import csv
 import io
+import math
+import re
 import shutil
+import unicodedata
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from dqcontrol.errors import ExistsError, ShapeError, unknown_name
-from dqcontrol.tables.latex import latex, latex_number
-from dqcontrol.tables.table_cells import Cell, Column, PlusMinus, known
 
 if TYPE_CHECKING:
     from rich.table import Table as RichTable
+
+
+T = TypeVar("T")
+
+MISSING = "–"
+_AGREES = 0.1
+_DIGITS = 8  # of a value that is shown to the place of its spread; beyond, both are shown for themselves
+
+
+@dataclass(frozen=True)
+class PlusMinus:
+    """A cell of a value and its spread, as mean and standard deviation.
+
+    Parameters
+    ----------
+    value
+        The number; None or not finite where there is none.
+    spread
+        In the same unit; None or not finite where there is none.
+
+    Examples
+    --------
+    >>> print(PlusMinus(1.23216, 0.0357))
+    1.232 ± 0.036
+    """
+
+    value: float | None
+    spread: float | None
+
+    def parts(self, form: str) -> tuple[str, str]:
+        """Return both as texts: the spread with two digits, the value to the same place, or in the format ``form``."""
+        value, spread = known(self.value), known(self.spread)
+        if value is None:
+            return MISSING, ""
+        if spread is None:
+            return format(value, form), ""
+        place = _exponent(spread, ".1e") - 1  # of the last digit shown, as a power of ten
+        first = _exponent(value, "e") if value else place
+        if not spread or first - place >= _DIGITS:
+            return format(value, form), format(spread, ".2g")
+        if -5 < max(first, place) < 6:  # as without a spread, no exponent
+            form = f".{max(-place, 0)}f"
+            return format(round(value, -place), form), format(round(spread, -place), form)
+        return format(value, f".{max(first - place, 0)}e"), format(spread, ".1e")
+
+    def __str__(self) -> str:
+        """Return the cell as text, without a column."""
+        return Column("").show(self)
+
+
+class VerdictCell(str):
+    """A cell in words that says, too, whether it is good: pages mark it.
+
+    Parameters
+    ----------
+    words
+        As ``"kept"``.
+    good
+        None where it is neither good nor bad.
+
+    Examples
+    --------
+    >>> verdict = VerdictCell("kept", True)
+    >>> verdict, verdict.good
+    ('kept', True)
+    """
+
+    good: bool | None
+
+    def __new__(cls, words: str, good: bool | None) -> VerdictCell:
+        """Make a text that knows."""
+        self = super().__new__(cls, words)
+        self.good = good
+        return self
+
+
+class Ratio(float):
+    """A cell of our number over another's, which pages mark by whether they agree within 10 %.
+
+    Examples
+    --------
+    >>> Ratio(1.04).good, Ratio(0.5).good
+    (True, False)
+    """
+
+    @property
+    def good(self) -> bool:
+        """Whether the two agree."""
+        return abs(self - 1) <= _AGREES
+
+    @property
+    def words(self) -> str:
+        """The same in words."""
+        return "agrees" if self.good else "differs"
+
+
+Cell = str | float | int | PlusMinus | None
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table.
+
+    Parameters
+    ----------
+    title
+        Heading.
+    unit
+        Shown with the heading; empty for none.
+    format
+        Format of its floating-point numbers, as for Python's ``format``; integers and texts stand as they are.
+    """
+
+    title: str
+    unit: str = ""
+    format: str = ".4g"
+
+    @property
+    def heading(self) -> str:
+        """Title and unit, as ``"Effort [rad/√s]"``."""
+        return f"{self.title} [{self.unit}]" if self.unit else self.title
+
+    def show(self, cell: Cell) -> str:
+        """Return a cell as text; a dash for ``None`` and for numbers that are not finite."""
+        return " ± ".join(filter(None, self.parts(cell)))
+
+    def parts(self, cell: Cell) -> tuple[str, str]:
+        """Return the text of a cell and that of its spread, empty if it has none."""
+        if isinstance(cell, PlusMinus):
+            return cell.parts(self.format)
+        if known(cell) is None:
+            return MISSING, ""
+        return format(cell, self.format) if isinstance(cell, float) else str(cell), ""
+
+
+def known(cell: T) -> T | None:
+    """Return the cell, or ``None`` for a number that is not finite."""
+    return None if isinstance(cell, float) and not math.isfinite(cell) else cell
+
+
+def _exponent(number: float, form: str) -> int:
+    return int(format(number, form).partition("e")[2])
+
+
+_TEXT = {
+    "\\": r"\textbackslash{}",
+    **{sign: "\\" + sign for sign in "&%$#_{}"},
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "|": r"\textbar{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "–": "--",
+    "—": "---",
+    "…": r"\dots{}",
+}
+_MATHEMATICS = {
+    "°": r"^\circ",
+    "√": r"\surd",
+    "∫": r"\int",
+    "·": r"\cdot",
+    "×": r"\times",
+    "±": r"\pm",
+    "−": "-",
+    "≤": r"\leq",
+    "≥": r"\geq",
+    "≈": r"\approx",
+    "≠": r"\neq",
+    "∞": r"\infty",
+    "→": r"\to",
+    "ℝ": r"\mathbf{R}",
+    "⁻": "^-",
+    **{sign: f"^{digit}" for digit, sign in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹")},
+    **{sign: f"_{digit}" for digit, sign in enumerate("₀₁₂₃₄₅₆₇₈₉")},
+}
+_DOT = "\u0307"  # above the letter before it, as in the control signal's θ̇
+_SIGN = re.compile(f".{_DOT}?", re.DOTALL)
+_GREEK = re.compile(r"GREEK (SMALL|CAPITAL) LETTER ([A-Z]+)")
+
+
+def latex(text: str) -> str:
+    r"""Return a text for LaTeX, in which nothing is a command.
+
+    Examples
+    --------
+    >>> print(latex("50 % of m/s²"))
+    50 \% of m/s$^2$
+    """
+    return _SIGN.sub(_latex_sign, " ".join(text.split()))
+
+
+def latex_number(text: str) -> str:
+    r"""Return a number, as Python writes it, for LaTeX.
+
+    Examples
+    --------
+    >>> print(latex_number("-1.2e-05"))
+    $-1.2 \times 10^{-5}$
+    """
+    mantissa, _, exponent = text.partition("e")
+    if exponent:
+        return rf"${mantissa} \times 10^{{{int(exponent)}}}$"
+    return f"${text}$" if text.startswith("-") else latex(text)
+
+
+def _latex_sign(match: re.Match[str]) -> str:
+    sign = match.group()
+    if sign.endswith(_DOT):
+        return rf"$\dot{{{_greek(sign[0]) or sign[0]}}}$"
+    mathematics = _MATHEMATICS.get(sign) or _greek(sign)
+    return f"${mathematics}$" if mathematics else _TEXT.get(sign, sign)
+
+
+def _greek(sign: str) -> str:
+    """Return the command of a Greek letter, or nothing."""
+    match = _GREEK.fullmatch(unicodedata.name(sign, ""))
+    if not match:
+        return ""
+    name = match.group(2).replace("LAMDA", "LAMBDA").lower()  # Unicode's spelling
+    return "\\" + (name if match.group(1) == "SMALL" else name.capitalize())
 
 
 _UNWATCHED = 200  # letters a line, where there is no window

@@ -35,8 +35,7 @@ from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.measures.metric_tables import NUMBER_COLUMNS
 from dqcontrol.measures.metrics import AT_LIMIT
-from dqcontrol.tables.table_cells import Cell, Column
-from dqcontrol.tables.tables import Table
+from dqcontrol.tables.tables import Cell, Column, Table
 from dqcontrol.tuning.law_search import LawResult, LawSearch, LawTask, ready_problem
 from dqcontrol.tuning.tune_spec import TuneProblem, read_tune
 

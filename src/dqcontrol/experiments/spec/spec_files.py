@@ -18,8 +18,7 @@ from dqcontrol.extensions.user_code import places
 from dqcontrol.files.yaml_file import parse_yaml, read_text
 from dqcontrol.laws import Law
 from dqcontrol.plants import Plant
-from dqcontrol.robots.files.suffixes import XACRO
-from dqcontrol.robots.files.urdf_xml import CheckedXml
+from dqcontrol.robots.files.urdf_xml import XACRO, CheckedXml
 
 INPUTS = "inputs"  # folder of the copies, in one of results
 

@@ -26,8 +26,7 @@ from dqcontrol.robots import Robot, SerialArm, load_robot
 from dqcontrol.robots.dh import shift
 from dqcontrol.robots.files.robot_file import plain_arm
 from dqcontrol.robots.poses import positions
-from dqcontrol.tables.table_cells import PlusMinus
-from dqcontrol.tables.tables import Cell, Column, Table
+from dqcontrol.tables.tables import Cell, Column, PlusMinus, Table
 from dqcontrol.version import __version__
 
 Interval = tuple[float, float]

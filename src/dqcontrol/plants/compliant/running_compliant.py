@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, SafetyWarning, as_positive, unknown_name
-from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.compliant import joint_columns as column
 from dqcontrol.plants.compliant.arm_memory import ArmMemory, ArmPlan, arm_memory, arm_plan, physics_arrays
 from dqcontrol.plants.compliant.compliant_step import advance, physics_step, settle
@@ -19,8 +18,7 @@ from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.filters import MEMORY, butterworth
 from dqcontrol.plants.compliant.loads_and_faults import LiveWrist, loss_table, payload_table, push_table
 from dqcontrol.plants.mujoco.world_model import WorldContacts
-from dqcontrol.plants.plant import as_command
-from dqcontrol.plants.running_plant import ControllerSettings, RunningPlant
+from dqcontrol.plants.plant import Channel, ControllerSettings, RunningPlant, as_command
 from dqcontrol.robots.kinematics.gravity import WORK
 
 if TYPE_CHECKING:
@@ -170,7 +168,7 @@ class RunningCompliant(RunningPlant):
         self.memory.shared[column.FAULT], self.fault = 0.0, ""
 
     def set_joint_control(self, control: ControllerSettings) -> None:
-        """Tell the joint controllers their mode, stiffness and slew rate, from the next tick on.
+        """Tell the joint controllers their mode, stiffness, slew rate, and torque or duty, from the next tick on.
 
         Slew rates stay within those of the controller file. After a fault the motors stay off until `switch`.
 
@@ -187,6 +185,9 @@ class RunningCompliant(RunningPlant):
                 TICK * control.slew_rate, self._arm.constants[:, column.SLEW]
             )
             constants[:, column.SPEED] = control.slew_rate
+        if control.asked is not None:
+            is_duty = (control.mode or self.mode) == "PWM"
+            constants[:, column.DUTY_ASKED if is_duty else column.TORQUE_ASKED] = control.asked
         is_new = column.MODES.get(control.mode) != self.memory.shared[column.ASKED_MODE]
         if control.mode and is_new and not self.fault:
             self.switch(control.mode)

@@ -12,15 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, FallenError, ShapeError, ValueRangeError
 from dqcontrol.plants.camera import CAMERA_CHANNELS
-from dqcontrol.plants.channels import BASE_POSITION, BASE_QUATERNION, Channel
 from dqcontrol.plants.mobile.odometry import SEEN, FusedSight, Sight
 from dqcontrol.plants.mobile.wheeled_base import yaw_of
 from dqcontrol.plants.mujoco.gripper import GRIPPER_OPENING, Gripper, LiveGripper, fingers
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.plants.mujoco.running_mujoco import LOST, JointEncoders, check_rate
 from dqcontrol.plants.mujoco.world_model import WorldBodies, WorldContacts, body_channels, write_coordinates
-from dqcontrol.plants.plant import as_command
-from dqcontrol.plants.running_plant import RunningPlant
+from dqcontrol.plants.plant import BASE_POSITION, BASE_QUATERNION, Channel, RunningPlant, as_command
 from dqcontrol.robots.whole_body import WholeBody
 from dqcontrol.world import Body
 

@@ -9,14 +9,12 @@ from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, ValueRangeError, as_each
-from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.mujoco.gripper import LiveGripper
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.plants.mujoco.torque_drive import TorqueDrive
 from dqcontrol.plants.mujoco.world_model import WorldContacts
 from dqcontrol.plants.mujoco.wrist_sensor import TOOL, MujocoWrist
-from dqcontrol.plants.plant import as_command
-from dqcontrol.plants.running_plant import RunningPlant
+from dqcontrol.plants.plant import Channel, RunningPlant, as_command
 from dqcontrol.plants.wrist import CHANNELS
 
 if TYPE_CHECKING:

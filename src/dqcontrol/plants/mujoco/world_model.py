@@ -15,10 +15,9 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, error_prefix
 from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
-from dqcontrol.plants.channels import Channel
 from dqcontrol.plants.mujoco.gripper import BODIES, GRIP_FORCE, PADS, Gripper, fingers
 from dqcontrol.plants.mujoco.wrist_sensor import TOOL
-from dqcontrol.plants.plant import begun_periods
+from dqcontrol.plants.plant import Channel, begun_periods
 from dqcontrol.robots.files.mujoco_package import import_mujoco
 from dqcontrol.world import Body, World
 from dqcontrol.world.mesh import convex_parts
@@ -185,6 +184,10 @@ def add_world(spec: Any, bodies: Mapping[str, Body], timestep: float) -> None:
     mujoco, meshes = import_mujoco(), count(1)
     for name, body in bodies.items():
         role = body.role
+        if body.held is not None and role != "free":
+            raise ValueRangeError(
+                f"world.{name}.held: physics moves what hands hold by its mass; give it one"
+            )
         place = spec.worldbody.add_body(
             name=_body_name(name), pos=body.position, quat=algebra.rotation(body.pose)
         )

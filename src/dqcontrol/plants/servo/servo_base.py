@@ -15,8 +15,7 @@ from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.errors import ShapeError, as_positive
 from dqcontrol.limits.velocity_limit import scale_down, scale_down_rollers, speed_limits
 from dqcontrol.plants.camera import CAMERA_CHANNELS, Camera
-from dqcontrol.plants.channels import Channel
-from dqcontrol.plants.plant import PLANT, CompiledPlant, begun_periods
+from dqcontrol.plants.plant import PLANT, Channel, CompiledPlant, begun_periods
 from dqcontrol.plants.servo.servo_step import servo_kernel_inline
 from dqcontrol.robots.bases import DifferentialDrive, SteeredTricycle
 from dqcontrol.robots.kinematics.driving import DRIVE_COLUMNS, ROLLER_COLUMNS, advance, to_inputs

@@ -17,8 +17,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ValueRangeError, error_prefix
-from dqcontrol.plants.channels import Channel
-from dqcontrol.plants.plant import PLANT, CompiledPlant
+from dqcontrol.plants.plant import PLANT, Channel, CompiledPlant
 from dqcontrol.plants.servo.servo_step import servo_kernel_inline
 from dqcontrol.plants.wrist import CHANNELS, Three, Wrist
 from dqcontrol.robots.kinematics.kinematics_kernels import joint_frames

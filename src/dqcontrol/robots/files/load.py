@@ -20,7 +20,7 @@ from dqcontrol.errors import (
 )
 from dqcontrol.files.yaml_file import parse_yaml, read_text
 from dqcontrol.robots.files.robot_file import arm_from, with_tool
-from dqcontrol.robots.files.suffixes import MJCF, URDF, XACRO
+from dqcontrol.robots.files.urdf_xml import MJCF, URDF, XACRO
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.serial_arm import SerialArm
 

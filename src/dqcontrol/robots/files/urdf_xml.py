@@ -18,7 +18,11 @@ from xml.parsers import expat
 
 from dqcontrol.errors import FileFormatError, MissingExtraError, suggest
 from dqcontrol.files.input_file import read_whole
-from dqcontrol.robots.files.suffixes import XACRO
+
+URDF = ".urdf"
+XACRO = ".xacro"  # expanded to URDF first
+MJCF = ".xml"
+
 
 PACKAGES = "DQCONTROL_PACKAGE_PATH"  # of the environment: folders that ``--package`` names
 WHERE = (

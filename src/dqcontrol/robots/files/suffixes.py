@@ -1,5 +1,0 @@
-"""How the files of robots that others write end."""
-
-URDF = ".urdf"
-XACRO = ".xacro"  # expanded to URDF first
-MJCF = ".xml"
