@@ -156,7 +156,7 @@ MUTATE := $(abspath $(UV)) tool run -q --from 'cosmic-ray>=8.7'
 
 mutants: $(VENV)/test $(RELEASE)/tools
 	@rm -rf $(MUTANTS) && mkdir -p $(MUTANTS) && cp -r pyproject.toml src tests examples tools $(MUTANTS)
-	@sed 's|FOLDER|$(FOLDER)|; s|python |$(abspath $(BIN))/python |' tools/mutants.toml >$(MUTANTS)/mutants.toml
+	@sed 's|FOLDER|$(FOLDER)|g; s|python |$(abspath $(BIN))/python |' tools/mutants.toml >$(MUTANTS)/mutants.toml
 	@cd $(MUTANTS) && export PYTHONPATH=src:tools INTERPRETED=$(FOLDER) && \
 	  $(abspath $(BIN))/python -m pytest -n 0 tests/$(FOLDER) && \
 	  $(MUTATE) cosmic-ray init mutants.toml session.sqlite && \

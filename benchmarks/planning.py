@@ -34,6 +34,7 @@ from dqcontrol.robots import LinkShape, LinkShapes
 
 MARGIN = 0.005  # m
 SPEED = 0.25  # m/s, of guests
+LINK = 0.16  # m: guests leave room for a link, and what is kept on both sides of it, between them and other balls
 SHOULDER = 0.2  # m: guests stay so far from the axes of the first two links
 CHASSIS = 0.33  # m: of a little-john, across
 AT_GOAL = 2e-3  # of the entries of poses: 4 mm, 0.2°
@@ -141,13 +142,13 @@ def guest(way: dqc.planning.PlanTo, side: float, *, stays: bool) -> Body:
 def with_guest(
     given: dqc.constraints.Constraints, way: dqc.planning.PlanTo, *, stays: bool
 ) -> dqc.constraints.Constraints | None:
-    """Return constraints with a guest that goes through nothing and leaves start and goal clear; None if none does."""
+    """Return constraints with a guest that squeezes no link and leaves start and goal clear; None if none does."""
     assert given.world is not None
-    standing = [shape for _, shape in given.world.shapes]
+    standing = [(shape, LINK) for _, shape in given.world.shapes]
     assert way.robot.shapes is not None
     shoulder = way.robot.frames(way.plan.configurations[0])  # joints cannot take that out of a ball's way
     standing += [
-        Sphere(point, SHOULDER)
+        (Sphere(point, SHOULDER), 0.0)
         for each in way.robot.shapes.shapes
         if 0 < each.frame <= 2 and isinstance(each.shape, Capsule)
         for shape in [each.shape.moved(shoulder[each.frame - 1])]
@@ -158,7 +159,11 @@ def with_guest(
         assert ball.moves is not None
         times = np.linspace(0.0, way.duration + 4.0, 200)
         places = np.asarray(ball.position) + ball.moves.shifts(times)
-        if min(distance(Sphere(place, 0.05), shape).distance for place in places for shape in standing) < 0:
+        if any(
+            distance(Sphere(place, 0.05), shape).distance < room
+            for place in places
+            for shape, room in standing
+        ):
             continue
         found = msgspec.structs.replace(given, world=dqc.World(bodies=given.world.bodies | {"guest": ball}))
         ends, when = way.plan.configurations[[0, -1]], times[[0, -1]]

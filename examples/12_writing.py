@@ -1,5 +1,6 @@
-"""A pen writes by 2 N on a hard board, 5 mm and 3° off: with force alone, and after three touches have found it."""
+"""A pen writes by 2 N on a hard board, 5 mm and 3° off: by plan, by force, touched first, and learnt."""
 
+from copy import deepcopy
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -9,32 +10,53 @@ import yaml
 import dqcontrol as dqc
 
 HERE = Path(__file__).parent
-spec = yaml.safe_load((HERE / "writing.yaml").read_text())
-pause, script = spec["reference"]["references"]
+touched = yaml.safe_load((HERE / "writing.yaml").read_text())
+pause, script = touched["reference"]["references"]
 script["file"] = str(HERE / script["file"])
-touched = dqc.run(spec).record
 
+by_force = deepcopy(touched)
+pause, script = by_force["reference"]["references"]
 del script["touch"]
 pause["duration"] = "5 s"  # time to come down onto the board
+by_plan = deepcopy(by_force)
+del by_plan["contact"]
+learning = dqc.learn(by_force, repeats=3, return_time=3.0)
 
-figure, axes = plt.subplots(2, 2, figsize=(9, 5), layout="constrained", height_ratios=[1.2, 1])
-runs = {"by force alone": dqc.run(spec).record, "after three touches": touched}
-seconds = runs["by force alone"].duration - 5.0  # of writing
+runs = {
+    "by plan": dqc.run(by_plan).record,
+    "by force": learning.first,
+    "after three touches": dqc.run(touched).record,
+    f"by force, learnt in {learning.best}": learning.last,
+}
+desired = learning.first.desired_position
+seconds = learning.first.duration - 5.0  # of writing
+figure, axes = plt.subplots(
+    2, 4, figsize=(13, 4.6), layout="constrained", height_ratios=[1, 1.2], sharey="row"
+)
 for column, (label, record) in enumerate(runs.items()):
     writes = record.time > record.duration - seconds + 0.3
     force = record.readings["touch_force"].values[:, 2]
     inked = writes & (force > 0)
-    share = 100 * np.mean(np.abs(force[writes] - 2.0) <= 0.5)
-    worst = 1e3 * np.linalg.norm((record.position - record.desired_position)[inked][:, :2], axis=1).max()
-    print(f"{label}: within 2 ± 0.5 N on {share:.0f} % of the path, ink {worst:.1f} mm from the plan at most")
-    desired, way = record.desired_position[writes], record.position.copy()
+    plan = record.desired_position if label == "after three touches" else desired[: len(record)]
+    off = 1e3 * np.linalg.norm((record.position - plan)[inked][:, :2], axis=1)
+    share, mean, spread = (
+        100 * np.mean(np.abs(force[writes] - 2) <= 0.5),
+        force[writes].mean(),
+        force[writes].std(),
+    )
+    print(
+        f"{label}: {mean:.2f} ± {spread:.2f} N, {share:.0f} % within 2 ± 0.5 N, ink {off.max(initial=0):.1f} mm off"
+    )
+    way = record.position.copy()
     way[~inked] = np.nan
-    axes[0, column].plot(1e3 * desired[:, 0], 1e3 * desired[:, 1], color="0.8", lw=5, label="plan")
+    axes[0, column].plot(1e3 * plan[writes, 0], 1e3 * plan[writes, 1], color="0.8", lw=5, label="plan")
     axes[0, column].plot(1e3 * way[:, 0], 1e3 * way[:, 1], lw=1, label="ink")
-    axes[0, column].set(title=label, xlabel="x (mm)", ylabel="y (mm)", aspect="equal")
-    lengths = np.linalg.norm(np.diff(desired, axis=0, prepend=desired[:1]), axis=1).cumsum()
+    axes[0, column].set(title=label, xlabel="x (mm)", aspect="equal")
+    lengths = np.linalg.norm(np.diff(plan[writes], axis=0, prepend=plan[writes][:1]), axis=1).cumsum()
     axes[1, column].plot(1e3 * lengths, force[writes])
     axes[1, column].axhspan(1.5, 2.5, color="0.9")
-    axes[1, column].set(xlabel="path (mm)", ylabel="force (N)", ylim=(-0.2, 8))
+    axes[1, column].set(xlabel="path (mm)", ylim=(-0.2, 8))
+axes[0, 0].set_ylabel("y (mm)")
+axes[1, 0].set_ylabel("force (N)")
 axes[0, 0].legend()
 figure.savefig("12_writing.png", dpi=100)

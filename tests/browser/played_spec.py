@@ -9,3 +9,17 @@ SPEC = {
     "law": {"kind": "proportional-feedforward", "gain": 5.0},
     "plant": {"kind": "servo"},
 }
+
+PRESS = {
+    **SPEC,
+    "period": 0.004,
+    "law": {"kind": "proportional-feedforward", "gain": 1.0},
+    "contact": {
+        "axes": "base",
+        "translation": {"damping": 100, "stiffness": ["rigid", "rigid", 0]},
+        "force": {"z": 2},
+        "limits": {"speed": 0.05},
+    },
+    "world": {"board": {"box": [0.4, 0.4, 0.04], "position": [0.55, 0, 0.284], "stiffness": 2000}},
+    "plant": {"kind": "servo", "time_constant": 0.04, "delay": 0.012, "wrist": {"filter": 0.005}},
+}

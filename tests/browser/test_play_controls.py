@@ -1,13 +1,14 @@
 """What the page of play offers beside the gizmo: a sheet to draw on, files, pushes, base targets, replays, clips."""
 
 import asyncio
+import re
 import subprocess
 import sys
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from played_spec import SPEC
+from played_spec import PRESS, SPEC
 
 import dqcontrol as dqc
 from dqcontrol import algebra
@@ -301,3 +302,63 @@ def test_no_node_of_another_robot_has_a_former_name(page_of):
         page.tick()
         shown.append({node.name for _, node in page._drawn.bodies} | {page._gizmos[""].name})
     assert len(set.union(*shown)) == sum(map(len, shown))
+
+
+def test_damping_and_force_of_a_contact_change_while_it_presses(page_of):
+    page = page_of(PRESS)
+    session, panel = page.session, page._robot._contact
+    for _ in range(900):
+        session.step()
+    assert session.live.control.felt[5] == pytest.approx(2.0, abs=0.03)
+    assert re.fullmatch(r"presses [\d.]+ N along z, 2.00 asked", session.words)
+    panel._advise()
+    (case,) = session.setting.cases
+    limits = dqc.contact.contact_limits(
+        case.variant.law.contact.__class__(
+            axes="base",
+            translation=case.variant.law.contact.translation,
+            force=case.variant.law.contact.force,
+            sensor=dqc.contact.ForceSensor(filter=0.005),
+        ),
+        dqc.laws.ProportionalFeedforward(gain=1.0).prepare(session.robot, None, 0.004),
+        case.plant,
+        SPEC["start"],
+        2000,
+    )
+    sliders = panel._sliders
+    assert sliders["board [N/m]"].mark == pytest.approx(limits.stiffness, rel=5e-3)
+    assert sliders["Damping [N·s/m]"].mark == pytest.approx(limits.least_damping, rel=5e-3)
+    assert f"{sliders['board [N/m]'].mark:g} N/m" in panel._bears.content
+    assert (sliders["Damping [N·s/m]"].node.value, sliders["board [N/m]"].node.value) == (100, 2000)
+
+    before = session.live.control.felt.copy()
+    sliders["Force along z [N]"].node.value = 3.0
+    session.step()
+    assert abs(session.live.control.felt[5] - before[5]) < 0.05  # the frame stays where it is
+    for _ in range(900):
+        session.step()
+    assert session.live.control.felt[5] == pytest.approx(3.0, abs=0.03)
+    assert re.fullmatch(r"presses [\d.]+ N along z, 3.00 asked", session.words)
+    sliders["Damping [N·s/m]"].node.value = 60.0
+    assert session.live.law.contact.translation.damping == [0, 0, 60.0]
+    assert session.spec["contact"]["translation"]["damping"] == [0, 0, 60.0]
+    sliders["Damping [N·s/m]"].node.value = 20.0  # unstable: refused, and shown as it is
+    assert "damping must be above 33" in session.told[-1]
+    assert session.live.law.contact.translation.damping == [0, 0, 60.0]
+    assert sliders["Damping [N·s/m]"].node.value == 60.0
+    panel._sliders["board [N/m]"].node.value = 3000.0  # another board: from the air again
+    assert session.spec["world"]["board"]["stiffness"] == 3000.0, session.told
+    assert session.live.control.felt[5] == 0.0
+    for _ in range(900):
+        session.step()
+    assert session.live.control.felt[5] == pytest.approx(3.0, abs=0.03)
+    assert re.fullmatch(r"presses [\d.]+ N along z, 3.00 asked", session.words)
+    panel._sliders["board [N/m]"].node.value = 8000.0
+    assert "not done: contact: world.board has 8000 N/m, but" in session.told[-1]
+    assert panel._sliders["board [N/m]"].node.value == 3000.0
+
+
+def test_without_contact_its_panel_is_not_there(page_of):
+    page = page_of(SPEC)
+    assert not page._robot._contact._folder.visible
+    assert page.session.live.control.felt.tolist() == [0.0] * 6

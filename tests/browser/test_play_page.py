@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from played_spec import SPEC
+from played_spec import PRESS, SPEC
 
 from dqcontrol import algebra
 from dqcontrol.browser.play import SCENES, PlayPage, PlaySession
@@ -223,3 +223,24 @@ def test_ten_scenes_have_three_sentences_and_run():
             session.step()
         assert session.live.condition.startswith("active"), scene.title
         assert (session.ghost is None) == (scene.ghost is None)
+
+
+@pytest.mark.slow
+def test_a_slider_presses_harder_and_the_limit_is_marked(browser, tmp_path):
+    playing = Playing(browser, tmp_path, PRESS)
+    session, tab = playing.session, playing.tab
+    try:
+        tab.get_by_role("tab", name="Robot").click()
+        playing.until(lambda: "limit 6030" in tab.content())  # as `check` says it
+        playing.until(lambda: "least 33.2" in tab.content())
+        playing.until(lambda: abs(session.live.control.felt[5] - 2.0) < 0.05)
+        slider = tab.get_by_role("slider").nth(1)  # damping, then force
+        slider.focus()
+        for _ in range(5):
+            tab.keyboard.press("ArrowRight")
+        playing.until(lambda: session.live.law.contact.force.z > 2.0)
+        asked = session.live.law.contact.force.z
+        playing.until(lambda: abs(session.live.control.felt[5] - session.live.law.contact.force.z) < 0.02)
+        playing.until(lambda: f"{asked:.2f} asked" in tab.content())
+    finally:
+        playing.close()

@@ -55,6 +55,18 @@ def test_a_controller_is_exported_once(call):
     )
 
 
+def test_torques_of_an_impedance_are_refused_with_what_to_take_instead(call):
+    soft = SPEC | {
+        "plant": {"kind": "mujoco", "timestep": 0.0005, "impedance": {"stiffness": 800, "turn_stiffness": 20}}
+    }
+    Path("soft.yaml").write_text(yaml.safe_dump(soft), encoding="utf-8")
+    code, said = call("soft.yaml --out c")
+    assert code == 2
+    assert said.startswith("dqcontrol: plant.impedance: its torques are the plant's")
+    assert "give 'contact', which is exported" in said
+    assert not Path("c").exists()
+
+
 @needs_c
 @pytest.mark.slow
 def test_what_make_leaves_is_known(call):

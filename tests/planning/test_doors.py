@@ -1,4 +1,4 @@
-"""A base that moves sideways goes through doors as a part of the joint space."""
+"""Bases go through doors: one that moves sideways as a part of the joint space, one that drives straight on."""
 
 import math
 
@@ -7,7 +7,8 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.errors import PlanError
-from dqcontrol.planning import plan
+from dqcontrol.geometry import distance
+from dqcontrol.planning import drive_and_plan, plan
 
 ROBOT = dqc.load_robot("youbot")
 HOME = np.array([0, 0, 0, 0.0, 0.3, -1.0, 0.5, 0.0])
@@ -65,3 +66,42 @@ def test_one_narrow_door_after_another_is_passed_and_one_that_is_too_narrow_is_n
         assert way.certificate.edges < 5000
         again = plan(ROBOT, keep, HOME, goal, effort=effort)
         assert np.array_equal(again.configurations, way.configurations)
+
+
+@pytest.mark.parametrize(
+    "seed", [0, pytest.param(1, marks=pytest.mark.slow), pytest.param(2, marks=pytest.mark.slow)]
+)
+def test_a_base_that_drives_leaves_a_room_through_a_door_hardly_wider_than_it_is(seed):
+    """It has 10 mm on each side, and only behind the door room to turn: grids of discs find no way."""
+    robot = dqc.load_robot("little-john")
+    chassis = robot.shapes.shapes[0].shape.radius
+    rng = np.random.default_rng([14, seed])
+    half, beside = 0.5 * 1.05 * (2 * chassis + 0.04), rng.uniform(-0.4, 0.4)
+    sizes = {
+        "left": (1.25, 0.5 * (2 + beside + half), 0.1, 2 - beside - half),
+        "right": (1.25, 0.5 * (beside - half - 2), 0.1, 2 + beside - half),
+        "back": (-1.25, 0.0, 0.1, 4.0),
+        "side": (0.0, 2.0, 2.6, 0.1),
+        "other side": (0.0, -2.0, 2.6, 0.1),
+    }
+    room = {
+        name: dqc.world.Body(box=(dx, dy, 1.5), position=(x, y, 0.75))
+        for name, (x, y, dx, dy) in sizes.items()
+    }
+    keep = dqc.constraints.Constraints(
+        world=dqc.World(bodies=room), clear_of="all", margin=0.02, self_margin=0.005, acceleration=5
+    )
+    start = np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0])
+    goal = np.array([2.6, beside, rng.uniform(-2, 2), 0.3, -0.6, 0.9, 0.7, 0])
+    hand = dqc.DualQuaternion(robot.fkm(goal))
+    way = drive_and_plan(robot, keep, start, hand, seed=seed)
+    q = way.configurations(np.linspace(0, way.duration, 4000))
+    walls = [body.shapes[0] for body in room.values()]
+    base = robot.shapes.shapes[0]
+    for each in q[::20]:
+        moved = base.shape.moved(robot.frames(each)[base.frame - 1])
+        assert min(distance(moved, wall).distance for wall in walls) >= 0.02
+    assert (way.arm.plan.kept.values(q, np.zeros(len(q))) >= way.arm.plan.kept.asked).all()
+    assert (hand.vec8 @ robot.fkm(q[-1])) ** 2 > 1 - 1e-9
+    again = drive_and_plan(robot, keep, start, hand, seed=seed)
+    assert np.array_equal(again.configurations([1.0, 5.0]), way.configurations([1.0, 5.0]))

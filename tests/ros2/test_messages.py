@@ -5,7 +5,9 @@ from types import SimpleNamespace as Fields
 import numpy as np
 import pytest
 
+import dqcontrol as dqc
 from dqcontrol import algebra
+from dqcontrol.plants.compliant import joint_columns as column
 from dqcontrol.ros2.messages import (
     RefusedError,
     Stamps,
@@ -19,6 +21,8 @@ from dqcontrol.ros2.messages import (
     trajectory_point,
     twist_of,
 )
+
+MEKA = [0, 0.6283185, 0, 1.5707963, 0, 0.6283185, 0]
 
 
 def test_joints_are_found_by_name_in_any_order_among_others():
@@ -54,8 +58,8 @@ def test_stamps_must_increase():
     assert stamps.check(11) == 11
 
 
-def humanoid(frame="THETA_GC", positions=(1.0, 2.0), effort=(0.5, 1.0), velocities=()):
-    point = Fields(positions=positions, effort=effort, velocities=velocities)
+def humanoid(frame="THETA_GC", positions=(1.0, 2.0), effort=(0.5, 1.0), velocities=(), accelerations=()):
+    point = Fields(positions=positions, effort=effort, velocities=velocities, accelerations=accelerations)
     return Fields(header=Fields(frame_id=frame), joint_names=["b", "a"], points=[point])
 
 
@@ -68,11 +72,44 @@ def test_a_humanoid_command_tells_mode_stiffness_and_slew_rate_beside_the_angles
     np.testing.assert_array_equal(told.slew_rate, [4.0])
 
 
+@pytest.mark.parametrize("mode", column.MODES)
+def test_a_command_takes_a_meka_to_each_of_its_eight_modes(mode):
+    """Torques come out of the torque loop as asked, duties as the voltage's share, after the second that it takes."""
+    arm = dqc.load_robot("meka-a2")
+    plant = dqc.plants.CompliantPlant(mode="THETA_GC").start(arm, MEKA, 0.008, 400, 0)
+    asked = {"PWM": 0.02, "TORQUE": 0.3, "TORQUE_GC": 0.2}.get(mode)
+    message = Fields(
+        header=Fields(frame_id=mode),
+        joint_names=list(arm.joint_names),
+        points=[
+            Fields(
+                positions=MEKA, effort=(), velocities=(), accelerations=[] if asked is None else [asked] * 7
+            )
+        ],
+    )
+    _, told = humanoid_command(message, arm.joint_names)
+    plant.set_joint_control(told)
+    for _ in range(150):
+        plant.step(np.zeros(7))
+    assert plant.mode == mode
+    assert plant.readings[-1] == column.MODES[mode]
+    state = plant.memory.state
+    if mode == "PWM":
+        np.testing.assert_allclose(state[:, column.DUTY], asked, atol=1e-9)
+    if mode == "TORQUE":
+        np.testing.assert_allclose(state[:, column.DESIRED_TORQUE], asked, atol=1e-9)
+    if mode == "TORQUE_GC":
+        held = state[:, column.GRAVITY] + asked
+        np.testing.assert_allclose(state[:, column.DESIRED_TORQUE], held, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("changes", "why"),
     [
         ({"frame": "TETA_GC"}, r"mode: unknown name 'TETA_GC'; did you mean 'THETA_GC'"),
-        ({"frame": "TORQUE"}, "mode: unknown name 'TORQUE'"),
+        ({"accelerations": (1.0, 2.0)}, "must be one of PWM, TORQUE, TORQUE_GC, got 'THETA_GC'"),
+        ({"frame": "PWM", "accelerations": (0.5, 1.5)}, "duty: must lie in -1 … 1, got 0.5 … 1.5"),
+        ({"frame": "TORQUE", "accelerations": (0.5,)}, "2 names, but 1 torque"),
         (
             {"effort": (0.5, 1.5)},
             r"stiffness: must lie in 0 … 1, got 1.5|stiffness: must lie in 0 … 1, got 0.5 … 1.5",

@@ -10,7 +10,14 @@ from dqcontrol.limits.braking import fastest_stoppable
 from dqcontrol.supervisor import KeepOutZones, LinkPoint, Supervisor, WorkspaceBox
 from dqcontrol.supervisor.interventions import REASONS
 from dqcontrol.supervisor.keep_out_step import _stays_clear
-from dqcontrol.supervisor.supervisor_layout import state_layout, taken_apart
+from dqcontrol.supervisor.supervisor_geometry import _distance
+from dqcontrol.supervisor.supervisor_layout import (
+    HAND_ACCELERATION_LIMIT,
+    HANDS,
+    INDEX,
+    state_layout,
+    taken_apart,
+)
 from dqcontrol.world import Body
 
 T = 0.01
@@ -249,7 +256,7 @@ def test_a_base_keeps_clear_if_its_way_in_small_steps_does(kind, jerk):
         fastest = np.array([0.5, 1.5]) if m == 2 else np.array([0.5, 0.5, 1.5])
         memory.past[:] = fastest * rng.uniform(0.3, 1.0, m) + 0.05 * rng.uniform(-1, 1, memory.past.shape)
         row = int(rng.integers(len(memory.past)))
-        memory.numbers[7] = row  # the oldest
+        memory.numbers[INDEX] = row  # the oldest
         past = np.roll(memory.past, -row, axis=0)
         memory.rate[:] = past[-1]
         rates = memory.rate + acceleration * T * rng.uniform(-1, 1, m)
@@ -278,4 +285,73 @@ def test_bases_that_brake_for_more_than_twenty_thousand_periods_go_no_faster(spe
     memory = state_layout(state, 3, 3)
     memory.rate[0] = memory.past[:, 0] = memory.sent_rate[0] = speed
     prepared.command(np.array([-300.0, 0.0, 0.0]), np.array([0.3, 0.0, 0.0]), state)
+    assert (prepared.rate(state)[0] > speed) == is_kept
+
+
+@pytest.mark.parametrize("frames", [["left"], ["left", "right"]])
+def test_the_largest_share_of_a_change_that_keeps_the_hands_acceleration(frames):
+    """The largest s in 0 … 1 with |c + s d| ≤ limit, or that of the least acceleration; of two hands the less."""
+    arms = dqc.load_robot("two-pandas").with_task("absolute" if len(frames) > 1 else "left")
+    q = np.array([-0.1, -0.5, 0.1, -2.2, 0.1, 1.7, 0.8, 0.3, -0.7, -0.2, -2.1, -0.1, 1.5, 0.7])
+    prepared, rng = Supervisor(**LOOSE, hand_acceleration=2.0).prepare(arms, T), np.random.default_rng(8)
+    state, seen = prepared.start(q), set()
+
+    def hands(at):
+        return np.array([algebra.translation(arms.fkm(at, name)) for name in frames])
+
+    places, before = [hands(q)] * 2, np.zeros(14)
+    for k in range(80):
+        wanted = before + rng.uniform(-0.06, 0.06, 14) if k % 8 else rng.uniform(-0.8, 0.8, 14)
+        now = prepared.position(state).copy()
+        if k == 40:  # a change that finds the hands in a bend that they run through too fast
+            prepared.bounds.head[HAND_ACCELERATION_LIMIT] = 0.2
+        limit, shares = prepared.bounds.head[HAND_ACCELERATION_LIMIT], []
+        along, changed = hands(now + T * before), hands(now + T * wanted)
+        for was, here, straight, bent in zip(places[-2], places[-1], along, changed, strict=True):
+            c, d = (straight - 2 * here + was) / T**2, (bent - straight) / T**2
+            roots = np.roots([d @ d, 2 * c @ d, c @ c - limit**2])
+            best = roots.real.max()  # of a pair the least acceleration
+            shares.append(1.0 if (c + d) @ (c + d) <= limit**2 else float(np.clip(best, 0.0, 1.0)))
+        prepared.command(now, wanted, state)
+        share = min(shares)
+        seen.add("kept" if share == 1 else "shared" if share > 0 else "not")
+        assert prepared.rate(state) == pytest.approx(before + share * (wanted - before), abs=1e-7)
+        assert ("hand acceleration limit" in prepared.reasons(state)) == (share < 1)
+        before = prepared.rate(state).copy()
+        places.append(hands(prepared.position(state)))
+    assert seen >= {"kept", "shared"}
+
+
+@pytest.mark.parametrize(("away", "is_allowed"), [(0.25 + 1e-9, True), (0.25 - 1e-9, False)])
+def test_a_base_starts_no_nearer_to_a_zone_than_its_footprint(away, is_allowed):
+    robot = dqc.WholeBody([BASES["holonomic"]])
+    prepared = Supervisor(keep_out=KeepOutZones(world=WALL, footprint=0.25, margin=0.03), **LOOSE).prepare(
+        robot, T
+    )
+    if is_allowed:
+        assert len(prepared.start([5.0 - away, 0.0, 0.0]))
+    else:
+        with pytest.raises(ValueRangeError, match="nearer than its footprint"):
+            prepared.start([5.0 - away, 0.0, 0.0])
+
+
+def test_what_is_no_number_is_no_distance():
+    head = np.zeros(HANDS + 1)
+    head[HANDS] = 2
+    places = np.zeros(6)
+    others = np.array([3.0, 0.0, 4.0, 0.0, 12.0, 5.0])
+    assert _distance(head, places, others) == 13.0
+    for k in range(6):
+        lost = others.copy()
+        lost[k] = np.nan
+        assert not _distance(head, places, lost) <= np.inf
+
+
+@pytest.mark.parametrize(("speed", "is_kept"), [(0.2, True), (0.2004, False)])
+def test_hands_that_brake_for_more_than_two_thousand_periods_go_no_faster(speed, is_kept):
+    prepared = slide(acceleration=0.01, hand_speed=9.0)
+    state = prepared.start([0.0, 0.0])
+    memory = state_layout(state, 2, 2)
+    memory.rate[0] = memory.past[:, 0] = memory.sent_rate[0] = speed
+    prepared.command(np.zeros(2), np.array([0.3, 0.0]), state)
     assert (prepared.rate(state)[0] > speed) == is_kept

@@ -5,10 +5,11 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.contact import Tool
-from dqcontrol.errors import ShapeError
+from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.limits.braking import fastest_stoppable
 from dqcontrol.supervisor import Supervisor
 from dqcontrol.supervisor.supervisor_layout import END, GO, RESET, STOP
+from dqcontrol.supervisor.supervisor_step import _moved
 
 T = 0.01
 Q0 = np.array([0.3, 0.6, -0.2, 1.6, 0.4, 0.6, 0.1])
@@ -426,3 +427,117 @@ def test_a_joint_that_stays_where_it_is_told_to_come_back_to_is_not_frozen():
     stays = Q0 + 0.22 * ONE
     assert first_stop(supervisor, state, lambda k, q: stays, 0.5 * ONE, 40) == (None, "")
     assert 0.15 < supervisor.position(state)[0] - Q0[0] < 0.22
+
+
+def test_limits_the_wrong_way_round_let_a_joint_stand():
+    supervisor, state = started(**{name: value for name, value in LOOSE.items() if name not in FREE})
+    supervisor.bounds.lower[0], supervisor.bounds.upper[0] = Q0[0] + 0.02, Q0[0] - 0.02
+    assert "limits that cannot be kept together" in reasons_of(supervisor, state, Q0, 0.5 * ONE)
+    assert supervisor.rate(state).tolist() == [0.0] * 7
+
+
+@pytest.mark.parametrize("base", [dqc.DifferentialDrive(0.05, 0.15, rim_speed=0.8), dqc.MecanumBase(
+    wheel_radius=0.05, half_track=0.15, half_wheelbase=0.24, rim_speed=0.8)], ids=["drive", "rollers"])  # fmt: skip
+def test_a_rim_at_its_limit_breaks_none(base):
+    robot = dqc.WholeBody([base])
+    supervisor = Supervisor(**LOOSE).prepare(robot, T)
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        wanted = rng.choice([-1, 1], robot.input_size) * rng.uniform(1, 3, robot.input_size)
+        state = supervisor.start(np.zeros(3))
+        assert reasons_of(supervisor, state, np.zeros(3), wanted) == ("velocity limit",)
+        supervisor.bounds.velocity[:] *= 1 - 1e-6
+        supervisor.bounds.rollers[:, 2:] *= 1 + 1e-6
+        assert "limits that cannot be kept together" not in reasons_of(supervisor, state, np.zeros(3), wanted)
+        supervisor.bounds.acceleration[:] = 1e-9  # it cannot follow limits that become lower
+        supervisor.bounds.velocity[:] *= 1 - 1e-6
+        supervisor.bounds.rollers[:, 2:] *= 1 + 1e-6
+        assert "limits that cannot be kept together" in reasons_of(supervisor, state, np.zeros(3), wanted)
+        supervisor = Supervisor(**LOOSE).prepare(robot, T)
+
+
+def test_a_base_that_steers_does_not_turn_on_the_spot():
+    base = dqc.CarLikeBase(0.05, 0.15, wheelbase=0.4, steering_limit=0.6, rim_speed=0.8)
+    robot = dqc.WholeBody([base])
+    supervisor = Supervisor(**LOOSE).prepare(robot, T)
+    radius = robot.drives[0, 4]
+    for v, omega, is_free in ((0.0, 1.0, False), (0.2, 5.0, False), (0.2, 0.1 / radius, True)):
+        state = supervisor.start(np.zeros(3))
+        reasons_of(supervisor, state, np.zeros(3), np.array([v, omega]))
+        sent = supervisor.rate(state)
+        assert abs(sent[1]) <= abs(sent[0]) / radius * (1 + 1e-12)
+        assert (sent.tolist() == [v, omega]) == is_free
+
+
+@pytest.mark.parametrize(
+    ("position", "way", "after"),
+    [
+        (0.5, 0.5, 1.0),
+        (0.5, 0.5 + 5e-10, 1.0),
+        (0.5, 0.5 + 2e-9, 1.5 - 0.5 + 2e-9),
+        (-0.5, -0.5 - 5e-10, -1.0),
+        (-0.5, -0.5 - 2e-9, -1.0 - 2e-9),
+        (1.0, 1e-10, 1.0),
+        (-1.0, -1e-10, -1.0),
+        (1.1, 0.1, 1.2),
+        (1.0 + 2e-10, 1e-10, 1.0 + 3e-10),
+        (-1.0 - 2e-10, -1e-10, -1.0 - 3e-10),
+        (1.1, -0.1 + 1e-10, 1.0 + 1e-10),
+        (0.1, 0.2, 0.3),
+    ],
+)
+def test_what_ends_beyond_a_limit_by_rounding_ends_on_it(position, way, after):
+    assert _moved(position, way, -1.0, 1.0) == pytest.approx(after, rel=0, abs=1e-15)
+
+
+@pytest.mark.parametrize(("beyond", "told"), [(5e-10, False), (4e-9, True)])
+def test_a_start_beyond_a_limit_by_rounding_breaks_none(beyond, told):
+    for limits, sign in ((ARM.limits.lower, -1), (ARM.limits.upper, 1)):
+        q = Q0.copy()
+        q[5] = limits[5] + sign * beyond
+        supervisor = Supervisor(**LOOSE).prepare(ARM, T)
+        supervisor.bounds.acceleration[:] = 1e-9
+        state = supervisor.start(q)
+        assert ("limits that cannot be kept together" in reasons_of(supervisor, state, q)) == told
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.3, 0.7, 1.1])
+def test_a_mean_of_equal_rates_is_no_faster_than_their_limit(speed):
+    supervisor, state = started(velocity=speed, acceleration=5.0, jerk=135.0)
+    assert supervisor.window == 8
+    for _ in range(60):
+        reasons_of(supervisor, state, supervisor.position(state).copy(), 9.0 * ONE)
+    assert (supervisor.rate(state) <= speed).all()
+    assert supervisor.rate(state)[0] == pytest.approx(speed)
+    assert "limits that cannot be kept together" not in supervisor.reasons(state)
+
+
+def test_at_a_bound_itself_all_is_well():
+    """Of jumps where none is allowed and no time has passed, of tracking, and of a joint that rests at its limit."""
+    supervisor, state = started(jump=0.0)
+    assert reasons_of(supervisor, state, Q0, elapsed=0.0) == ()
+    supervisor = Supervisor(**LOOSE | {"tracking_error": 0.25}).prepare(ARM, T)
+    state = supervisor.start(np.zeros(7))
+    assert reasons_of(supervisor, state, 0.25 * ONE) == ()
+    reasons_of(supervisor, state, 0.125 * ONE, request=STOP)
+    assert reasons_of(supervisor, state, 0.125 * ONE, request=RESET) == ()
+    for limits in (ARM.limits.lower, ARM.limits.upper):
+        supervisor = Supervisor(**LOOSE).prepare(ARM, T)
+        assert reasons_of(supervisor, supervisor.start(limits), limits) == ()
+
+
+def test_bounds_of_parameters_and_starts():
+    def window(periods):
+        return Supervisor(acceleration=5.0, jerk=10.0 / (T * periods)).prepare(ARM, T).window
+
+    assert window(10_000) == 10_000
+    with pytest.raises(ValueRangeError, match="smooths over 10001 periods; at most 10000"):
+        window(10_001)
+    assert Supervisor(ramp=60.0).ramp == 60.0
+    supervisor, q = Supervisor(**FREE).prepare(ARM, T), Q0.copy()
+    for limits, sign in ((ARM.limits.lower, -1), (ARM.limits.upper, 1)):
+        q[5] = limits[5] + sign * 0.0099
+        assert len(supervisor.start(q))
+        q[5] = limits[5] + sign * 0.0101
+        with pytest.raises(ValueRangeError, match="outside"):
+            supervisor.start(q)

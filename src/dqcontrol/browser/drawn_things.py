@@ -6,12 +6,15 @@ from typing import Any
 
 import numpy as np
 
+from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.browser.run_view_model import Track
 from dqcontrol.constraints.constraint_view import NEAR
 from dqcontrol.figures.robot_bodies import Colour, Surface, ball, box, rod
 from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, InfiniteCylinder, Plane, Shape, Sphere
+from dqcontrol.world.whereabouts import poses_of
 
-_SOLID, _CLOSE, _ZONE = (140, 90, 165), (230, 64, 26), (64, 140, 90)
+_SOLID, _CLOSE, _ZONE, _WOOD = (140, 90, 165), (230, 64, 26), (64, 140, 90), (194, 153, 107)
 _OPACITY, _ZONE_OPACITY, _LINK_OPACITY = 0.6, 0.15, 0.4
 _THIN = 0.002  # m
 _WALL = 0.4  # of the scene's size, for walls of zones: the robot is what is looked at
@@ -26,6 +29,7 @@ class DrawnThings:
         self._meshes: list[Any] = []
         self._shown: Shape | None = None
         self._pair: list[Any] = []
+        self._carried: list[tuple[Any, Array]] = []  # what physics or a hand moves, and its poses
         if track.around is None:
             return
         for i, thing in enumerate(track.around.things):
@@ -35,6 +39,15 @@ class DrawnThings:
             opacity = _ZONE_OPACITY if is_wide else _OPACITY
             wide = _WALL * size if thing.is_zone else size
             self._meshes.append(self._add(f"{node}/shape", thing.shape, self._colour(i), opacity, wide))
+        record = track.record
+        readings = {signal: each.values for signal, each in record.readings.items()}
+        for body_name, body in track.around.free.items():
+            node = f"{name}/{body_name}"
+            frame = scene.add_frame(node, show_axes=False)
+            self._carried.append((frame, poses_of(body_name, body, record.time, readings)))
+            shapes = (shape for solid in body.solids for shape in solid.shapes)
+            for number, shape in enumerate(shapes):
+                self._add(f"{node}/shape{number}", shape, _WOOD, 1.0)
 
     def show(self, k: int) -> None:
         """Show a sample."""
@@ -44,6 +57,8 @@ class DrawnThings:
         nearest = track.nearest(k)
         near = nearest if nearest is not None and nearest.room < NEAR else None
         shifts = track.around.shifts(track.record.time[k : k + 1])[:, 0]
+        for frame, poses in self._carried:
+            frame.position, frame.wxyz = algebra.translation(poses[k]), algebra.rotation(poses[k])
         for i, (frame, mesh) in enumerate(zip(self._frames, self._meshes, strict=True)):
             frame.position = shifts[i]
             colour = _CLOSE if near is not None and near.thing == i else self._colour(i)

@@ -343,6 +343,12 @@ class Controller:
                 guided[:] = 0.0
         return new
 
+    def felt(self, state: Array) -> Array:
+        """Return moment and force on the end effector in task axes as contact last heard them, (6,); 0 without it."""
+        if not self._law.contact:
+            return np.zeros(6)
+        return contact_state(state[self._contact_at : self._contact_at + CONTACT_STATE]).wrench.copy()
+
     def command(self, q: Array, sample: Sample, state: Array, out: Array | None = None) -> Array:
         """Return the inputs u for one sample.
 

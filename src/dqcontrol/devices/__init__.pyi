@@ -1,4 +1,5 @@
 from .gamepad import Gamepad as Gamepad
+from .haptics import Haptics as Haptics
 from .jog import Jog as Jog
 from .keyboard import Keyboard as Keyboard
 from .leader_arm import LeaderArm as LeaderArm

@@ -61,7 +61,7 @@ def check_contact(spec: Spec, case: Combination) -> None:
             f"contact.sensor.tare: the reference moves from {first[0]:.3g} s on, and is to rest for the {tare:g} s in "
             "which the sensor's bias is measured; let it begin with a set-point of that duration"
         )
-    stiffest = max(_stiffnesses(spec).items(), key=lambda each: each[1], default=None)
+    stiffest = stiffest_body(spec)
     if contact.allow_unstable or stiffest is None:
         return
     limits = limits_of(spec, case)
@@ -81,7 +81,7 @@ def _damping_for_it(limits: ContactLimits) -> str:
 
 def limits_of(spec: Spec, case: Combination) -> ContactLimits:
     """Return what the contact loop of a case bears at its start, before the stiffest springy body of its world."""
-    touched = max(_stiffnesses(spec).values(), default=_UNKNOWN_STIFFNESS)
+    touched = stiffness_touched(spec)
     contact, law = _loop_of(spec, case)
     wrist = getattr(case.plant, "wrist", None)
     rim: Any = ()
@@ -99,14 +99,7 @@ def bears_world(spec: Spec, case: Combination, model: LinearModel) -> bool:
 
 def _loop_of(spec: Spec, case: Combination) -> tuple[Admittance, Controller]:
     """Return the admittance of a case, with the filter of its wrist, and its law without it, ready to run."""
-    law = case.variant.law
-    assert law.contact is not None
-    wrist = getattr(case.plant, "wrist", None)
-    sensor = law.contact.sensor
-    contact = replace(
-        law.contact, sensor=replace(sensor, filter=max(sensor.filter, getattr(wrist, "filter", 0.0)))
-    )
-    prepared = replace(law, contact=None).prepare(
+    prepared = replace(case.variant.law, contact=None).prepare(
         case.scene.robot,
         case.scene.reference,
         spec.period,
@@ -114,7 +107,25 @@ def _loop_of(spec: Spec, case: Combination) -> tuple[Admittance, Controller]:
         lagging_mode(case.plant),
         lag=case.plant.lag(case.scene.robot),
     )
-    return contact, prepared
+    return sensed(case), prepared
+
+
+def stiffest_body(spec: Spec) -> tuple[str, float] | None:
+    """Return name and stiffness, N/m, of the stiffest springy body of a spec's world; None where none is."""
+    return max(_stiffnesses(spec).items(), key=lambda each: each[1], default=None)
+
+
+def stiffness_touched(spec: Spec) -> float:
+    """Return the stiffness of the stiffest springy body of a spec's world, N/m; of a table top where none says one."""
+    return max(_stiffnesses(spec).values(), default=_UNKNOWN_STIFFNESS)
+
+
+def sensed(case: Combination) -> Admittance:
+    """Return the admittance of a case, with the filter of its wrist if that is slower."""
+    contact = case.variant.law.contact
+    assert contact is not None
+    slower = max(contact.sensor.filter, getattr(getattr(case.plant, "wrist", None), "filter", 0.0))
+    return replace(contact, sensor=replace(contact.sensor, filter=slower))
 
 
 def _stiffnesses(spec: Spec) -> dict[str, float]:
@@ -155,7 +166,7 @@ def _meanings(contact: Admittance, limits: ContactLimits, spec: Spec) -> Iterato
     i = ("mx", "my", "mz", "x", "y", "z").index(limits.axis)
     mass, damping, stiffness = contact.axis_rows[i]
     along, wall = f" along {limits.axis}", "N·m/rad" if i < 3 else "N/m"
-    touched = max(_stiffnesses(spec).values(), default=_UNKNOWN_STIFFNESS)
+    touched = stiffness_touched(spec)
     bears = "whatever stands still" if np.isinf(limits.stiffness) else f"up to {limits.stiffness:.3g} {wall}"
     needs = "is borne with none" if np.isinf(limits.least_damping) else f"needs {limits.least_damping:.3g}"
     yield [

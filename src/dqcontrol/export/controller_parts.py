@@ -243,6 +243,11 @@ def controller_parts(
     setting = prepare(source)
     case = _chosen(setting, law)
     spec, robot = setting.spec, case.scene.robot
+    if getattr(case.plant, "impedance", None) is not None:
+        raise ValueRangeError(
+            "plant.impedance: its torques are the plant's, and an exported controller gives none; leave it out for an "
+            "arm with an impedance of its own, or give 'contact', which is exported, for one that follows positions"
+        )
     prepared = case.prepare_law(spec).with_limits(case.limits)  # its own, with clean scratch memory
     refuse_replanning(prepared, case.scene.reference, "which no exported controller does")
     if not isinstance(prepared.kernel, Kernel):

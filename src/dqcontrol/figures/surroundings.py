@@ -12,6 +12,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.constraints.constraint_view import Surroundings
 from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, InfiniteCylinder, Plane, Shape, Sphere
 from dqcontrol.loop.constraint_signals import DISTANCE
+from dqcontrol.world.whereabouts import poses_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -94,6 +95,17 @@ def faces_near(constraints: Constraints | None, points: Array, record: Record) -
             near = [face for face in cut if len(face) > 2]
             if near:
                 found.append(DrawnFaces(near, thing.is_zone, strength, plane, words))
+    readings = {name: signal.values for name, signal in record.readings.items()}
+    for name, body in around.free.items():
+        poses = poses_of(
+            name, body, record.time[[0, -1]], {each: values[[0, -1]] for each, values in readings.items()}
+        )
+        for pose, strength, when in ((poses[0], _FAINT, "start"), (poses[1], _STRONG, "end")):
+            shapes = [shape.moved(pose) for solid in body.solids for shape in solid.shapes]
+            faces = [_cut(face, low, high) for shape in shapes for face in faces_of(shape, size)]
+            near = [face for face in faces if len(face) > 2]
+            if near:
+                found.append(DrawnFaces(near, False, strength, None, f"{name} at the {when}"))
     return found
 
 

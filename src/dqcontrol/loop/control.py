@@ -155,6 +155,11 @@ class Control:
             raise Error(f"deactivate: the controller is {self.phase.value}, not active")
         self._request, self.phase = END, Phase.STOPPING
 
+    @property
+    def felt(self) -> Array:
+        """Moment and force on the end effector as the law's contact last heard them, task axes, shape (6,)."""
+        return self.law.felt(self._law_state)
+
     def take_law(self, law: Controller) -> None:
         """Go on with another law for the same robot and period; its memory begins with the last measured joints.
 

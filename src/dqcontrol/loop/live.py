@@ -36,7 +36,7 @@ from dqcontrol.references.previewed import Previewed
 from dqcontrol.references.reference import Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME
 from dqcontrol.robots import Robot, most_dexterous
-from dqcontrol.robots.command_mode import AT_ONCE, CommandMode
+from dqcontrol.robots.command_mode import AT_ONCE, CommandMode, Lag
 from dqcontrol.supervisor import Supervisor
 
 AnyTarget = TypeVar("AnyTarget", bound=Target)
@@ -121,6 +121,11 @@ class Live:
         At work.
     speeds
         As given; may be changed.
+    lag
+        How late its joints follow.
+    pushed
+        Force and torque on the end effector beside what the plant's sensor measures, its axes, shape (6,), N and N·m:
+        of a hand in simulation, or what a follower feels; for a law with contact. None: there is nothing.
     recording
         Gets every step, if there is one; when it cannot be written the robot stops.
     spec
@@ -166,7 +171,7 @@ class Live:
         q0 = as_array("start", start, (robot.configuration_size,)).copy()
         kind = plant if isinstance(plant, Plant) else None
         self._mode: CommandMode = lagging_mode(kind) if kind else "measured"
-        self._lag = kind.lag(robot) if kind else AT_ONCE
+        self.lag: Lag = kind.lag(robot) if kind else AT_ONCE
         self._limits = limits_before(kind, limits, robot) if kind else limits or CommandLimits()
         guard = (supervisor or Supervisor()).prepare(
             robot, period, command_mode(kind) if kind else "integrated"
@@ -188,13 +193,14 @@ class Live:
         self._senses = Senses(moved, guard)
         self._q: Array = self.plant.q.copy()
         self._time, self._done, self._begun, self._ending = 0.0, 0, 0, False
+        self.pushed: Array | None = None
         self.recording: SampleSink | None = None
         self.spec = self._fallen = ""
 
     def _prepared(self, law: Law, robot: Robot, period: float) -> Controller:
         if not isinstance(law, Law):
             raise ShapeError(f"law: expected a Law, got {law!r:.80}")
-        made = law.prepare(robot, self._reference, period, self._limits, self._mode, self._tasks, self._lag)
+        made = law.prepare(robot, self._reference, period, self._limits, self._mode, self._tasks, self.lag)
         refuse_replanning(made, self._reference, "which nothing does under a person's hand")
         return made
 
@@ -278,7 +284,7 @@ class Live:
         if not np.isfinite(reference.duration):
             self.target = reference.samples([0.0])[0, POSE]
             return
-        times, delays = self._lag.mean
+        times, delays = self.lag.mean
         if self.law.lag_at and times + delays and not isinstance(reference, Previewed):
             reference = Previewed(reference, delays + self.period / 2, times, self.period)
         count = round(reference.duration / self.period) + 1
@@ -438,7 +444,10 @@ class Live:
         self._q[:] = plant.q
         self._time = (self._done - self._begun) * self.period  # sums of periods drift
         self._move_aims()
-        control.step(self._time, plant.measured.copy(), senses.age, elapsed, senses.effort, senses.wrench)
+        wrench = senses.wrench
+        if self.pushed is not None:
+            wrench = wrench + self.pushed if wrench.size else self.pushed
+        control.step(self._time, plant.measured.copy(), senses.age, elapsed, senses.effort, wrench)
         if self.recording is not None:
             control.record(self.recording, self._done * self.period, plant.q)
         self._done += 1

@@ -64,11 +64,14 @@ class ControllerSettings(NamedTuple):
         0 … 1, shape (n,); None: stays as it is.
     slew_rate
         Of the reference, mean speed of minimum-jerk motions, rad/s, shape (n,); None: stays as it is.
+    asked
+        What modes without a position loop take, shape (n,): torques, N·m, or in PWM duties, −1 … 1; None: they stay.
     """
 
     mode: str = ""
     stiffness: Array | None = None
     slew_rate: Array | None = None
+    asked: Array | None = None
 
 
 class PlantProtocol(Protocol):

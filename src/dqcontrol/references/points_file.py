@@ -15,11 +15,11 @@ from dqcontrol.algebra import pose, renormalise, rotation, translation
 from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ExistsError, FileFormatError, ValueRangeError, as_positive, suggest, writing
-from dqcontrol.files.lerobot_dataset import POSE, Dataset, episode_of, only_episode
+from dqcontrol.files.lerobot_dataset import POSE as POSE_COLUMN, Dataset, episode_of, only_episode
 from dqcontrol.files.text_file import as_number, read_text
 from dqcontrol.references.points import Points
 from dqcontrol.references.reference import Reference
-from dqcontrol.references.sample import as_pose
+from dqcontrol.references.sample import POSE, as_pose
 
 POSITION = ("x", "y", "z")
 QUATERNION = ("qw", "qx", "qy", "qz")
@@ -100,16 +100,18 @@ def load_points(
 def _points_of_episode(
     path: str | os.PathLike[str], data: Dataset, number: int | None, duration: float | None, streamed: bool
 ) -> Points:
-    if POSE not in data.features:
-        raise FileFormatError(f"{path}: has no column {POSE}; it has {', '.join(data.features) or 'none'}")
+    if POSE_COLUMN not in data.features:
+        raise FileFormatError(
+            f"{path}: has no column {POSE_COLUMN}; it has {', '.join(data.features) or 'none'}"
+        )
     if duration is not None:
         raise ValueRangeError(f"duration: {path} has its own time; leave it out")
-    poses = data.episode(only_episode(path, data, number))[POSE]
+    poses = data.episode(only_episode(path, data, number))[POSE_COLUMN]
     if poses.shape[1] != 8 or len(poses) < 2:
         raise FileFormatError(
-            f"{path}: {POSE}: expected at least two dual quaternions, got shape {poses.shape}"
+            f"{path}: {POSE_COLUMN}: expected at least two dual quaternions, got shape {poses.shape}"
         )
-    poses = _units(poses, [f"{path}: frame {i}" for i in range(len(poses))], POSE)
+    poses = _units(poses, [f"{path}: frame {i}" for i in range(len(poses))], POSE_COLUMN)
     return Points(np.arange(len(poses)) / data.fps, poses, streamed)
 
 

@@ -85,6 +85,9 @@ def write_learning_report(learning: Learning, spec: str, folder: Path) -> None:
     better = VerdictCell(
         f"{learning.gain:.3g} × smaller" if learning.gain > 1 else "no better", learning.gain > 1
     )
+    what, unit, errors = "position error RMS", "mm", [first.position, best.position]
+    if first.force is not None:
+        what, unit, errors = "force error RMS", "N", [first.force, best.force]
     write_report(
         folder,
         str(data["name"]),
@@ -93,11 +96,11 @@ def write_learning_report(learning: Learning, spec: str, folder: Path) -> None:
         verdicts=[
             Table(
                 [
-                    Column("position error RMS, first", "mm"),
-                    Column("learnt", "mm"),
+                    Column(f"{what}, first", unit),
+                    Column("learnt", unit),
                     Column("learning"),
                 ],
-                [[first.position, best.position, better]],
+                [[*errors, better]],
             )
         ],
         tables=[learning.table(), Table([Column("Remarks")], [[line] for line in learning.remarks()])],

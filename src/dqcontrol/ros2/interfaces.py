@@ -149,7 +149,11 @@ def joint_port(
         if interface == "humanoid":
             beside = {
                 name: [] if values is None else values.tolist()
-                for name, values in (("effort", control.stiffness), ("velocities", control.slew_rate))
+                for name, values in (
+                    ("effort", control.stiffness),
+                    ("velocities", control.slew_rate),
+                    ("accelerations", control.asked),
+                )
             }
             told = JointTrajectory(joint_names=list(joints))
             told.header.frame_id = control.mode

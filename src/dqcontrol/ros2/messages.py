@@ -17,18 +17,14 @@ from rclpy.qos import QoSProfile
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, suggest
+from dqcontrol.plants.compliant import joint_columns as column
 from dqcontrol.plants.mobile.odometry import displaced
 from dqcontrol.plants.plant import ControllerSettings
 
 NANOSECONDS = 1_000_000_000
 _MOST_TILT = math.radians(20.0)  # of a base that drives in a plane
-_ANGLE_MODES = (
-    "OFF",
-    "THETA",
-    "THETA_GC",
-    "THETA_MJ",
-    "THETA_GC_MJ",
-)  # those of a Meka that angles say enough to
+_MODES = tuple(column.MODES)
+_ASKED = {"PWM": ("duty", -1.0, 1.0)} | dict.fromkeys(("TORQUE", "TORQUE_GC"), ("torque", -1e4, 1e4))
 _FASTEST = 100.0  # rad/s, of a reference
 _UNIT = 0.01  # by which the norm of an orientation may be off
 
@@ -107,8 +103,9 @@ def humanoid_command(message: Any, wanted: Sequence[str]) -> tuple[Array, Contro
     """Return positions and joint control of a command to Meka's humanoid node.
 
     The node's own type, ``M3JointCmd``, is in no registry. In its stead a ``trajectory_msgs/JointTrajectory`` has the
-    mode in ``header.frame_id``, and one point with ``positions``, stiffness 0 … 1 in ``effort``, and slew rates in
-    ``velocities``; each but the positions may be empty: it stays as it is.
+    mode in ``header.frame_id``, and one point with ``positions``, stiffness 0 … 1 in ``effort``, slew rates in
+    ``velocities``, and in ``accelerations`` what modes without a position loop take: torques, N·m, or with the mode PWM
+    duties, −1 … 1. Each but the positions may be empty: it stays as it is.
 
     Raises
     ------
@@ -120,11 +117,16 @@ def humanoid_command(message: Any, wanted: Sequence[str]) -> tuple[Array, Contro
     stiffness = _each(point.effort, names, wanted, "stiffness", 0.0, 1.0)
     slew_rate = _each(point.velocities, names, wanted, "slew rate", 0.0, _FASTEST)
     mode = message.header.frame_id
-    if mode and mode not in _ANGLE_MODES:
+    if mode and mode not in _MODES:
         raise RefusedError(
-            f"mode: unknown name '{mode:.40}'{suggest(mode, _ANGLE_MODES)} (allowed: {', '.join(_ANGLE_MODES)})"
+            f"mode: unknown name '{mode:.40}'{suggest(mode, _MODES)} (allowed: {', '.join(_MODES)})"
         )
-    return position, ControllerSettings(mode, stiffness, slew_rate)
+    if len(point.accelerations) and mode not in _ASKED:
+        raise RefusedError(
+            f"accelerations: are torques or duties, so the mode must be one of {', '.join(_ASKED)}, got '{mode}'"
+        )
+    asked = _each(point.accelerations, names, wanted, *_ASKED.get(mode, ("", 0.0, 0.0)))
+    return position, ControllerSettings(mode, stiffness, slew_rate, asked)
 
 
 def _each(

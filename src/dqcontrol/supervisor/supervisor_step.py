@@ -73,7 +73,7 @@ def _want(wanted, following, wrong, bounds, memory, rates):
         goal = memory.good[int(bounds.coordinate[i])]
         rates[i] = 0.0
         if following:
-            rates[i] = min(max(wanted[i], -_MOST), _MOST)
+            rates[i] = wanted[i]
             if head[FROM_MEASURED] != 0.0 and bounds.is_joint[i] != 0.0:
                 rates[i] += (goal - memory.position[i]) / period
             rates[i] = min(max(rates[i], -_MOST), _MOST) * numbers[SCALE]
@@ -114,8 +114,7 @@ def _keep(bounds, memory, rates, inwards):
         rate, step = memory.rate[i], bounds.acceleration[i] * period
         low, high = -bounds.velocity[i], bounds.velocity[i]
         below, above = memory.position[i] - bounds.lower[i], bounds.upper[i] - memory.position[i]
-        fastest = max(bounds.velocity[i], abs(rates[i]))
-        is_free = high > 0.0 and surely_stops(min(below, above), fastest, bounds.acceleration[i], period)
+        is_free = surely_stops(min(below, above), high, bounds.acceleration[i], period)
         if bounds.is_joint[i] != 0.0 and not is_free:
             least = -fastest_stoppable(below, bounds.acceleration[i], period)
             most = fastest_stoppable(above, bounds.acceleration[i], period)
@@ -205,8 +204,6 @@ def _commit(bounds, memory, rates):
     still = True
     for i in range(rates.shape[0]):
         lower, upper = bounds.lower[i], bounds.upper[i]
-        if bounds.is_joint[i] == 0.0:
-            lower, upper = -math.inf, math.inf
         memory.rate[i] = past[row, i] = rates[i]
         memory.position[i] = _moved(memory.position[i], period * rates[i], lower, upper)
         total = 0.0
@@ -280,9 +277,7 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
         if rates[i] != scratch.asked[i] and following:
             now |= VELOCITY
         rates[i] = min(max(rates[i], -bounds.velocity[i]), bounds.velocity[i])
-    looks_at_hand = (
-        head[BOXED] != 0.0 or head[HAND_SPEED_LIMIT] < math.inf or head[HAND_ACCELERATION_LIMIT] < math.inf
-    )
+    looks_at_hand = head[HAND_SPEED_LIMIT] < math.inf or head[HAND_ACCELERATION_LIMIT] < math.inf
     if looks_at_hand:
         now |= limit_hand_speed(memory, state, following or returning)
     done = _accelerate(bounds, kept, rates)

@@ -57,8 +57,8 @@ from dqcontrol.supervisor.supervisor_layout import (
     taken_apart,
 )
 
-_FAR = 1e6  # rad or m: no measurement says so
-_LONG = 1e3  # s: no gap counts as more
+_FAR = 1e6  # rad or m: no measurement says so; free, any number beyond all robots
+_LONG = 1e3  # s: no gap counts as more; free, and finite, so that ways in it are
 _SPEED_TIME = 0.02  # s that the measured speed is smoothed over, two periods at least
 _SPEED_SLACK = 0.1  # rad/s or m/s, beside the overspeed: what encoder steps of 2 mrad make of `_SPEED_TIME`
 _FROZEN_WAY = 0.02  # rad or m that a joint was told to move meanwhile

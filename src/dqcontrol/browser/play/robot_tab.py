@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from dqcontrol.browser.play.contact_panel import ContactPanel
 from dqcontrol.browser.play.session import PlaySession
 
 _PLANTS = {"ideal": "integrator", "servo": "servo", "physics": "mujoco"}
@@ -15,10 +16,11 @@ _WRIST = {"filter": 0.01}  # s: its force sensor
 
 
 class RobotTab:
-    """Period, plant, lag, delay, sag and noise of encoders."""
+    """Period, plant, lag, delay, sag and noise of encoders; contact."""
 
     def __init__(self, gui: Any, session: PlaySession) -> None:
         self._session, self._busy = session, False
+        self._contact = ContactPanel(gui, session)
         self._plant = gui.add_dropdown("Joints", (*_PLANTS, _OTHER))
         self._period = gui.add_slider("Period [ms]", 1.0, 50.0, 1.0, 10.0)
         self._lag = gui.add_slider("Lag [ms]", 0.0, 300.0, 5.0, 50.0)
@@ -34,6 +36,7 @@ class RobotTab:
     def refresh(self) -> None:
         """Show what the present robot has."""
         session = self._session
+        self._contact.refresh()
         plant, (case,) = session.spec["plant"], session.setting.cases
         self._busy = True
         try:

@@ -9,6 +9,7 @@ import warnings
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
@@ -24,6 +25,7 @@ from dqcontrol.browser.play.spring import Pull, Spring
 from dqcontrol.constraints import Constraints
 from dqcontrol.constraints.constraint_view import ConstraintView, NearestPair
 from dqcontrol.errors import Error, ExistsError, NoteWarning, StabilityWarning, writing
+from dqcontrol.experiments.contact_check import check_contact
 from dqcontrol.experiments.driven import live_of
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare_spec
 from dqcontrol.experiments.run import run
@@ -40,6 +42,7 @@ from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
 
 if TYPE_CHECKING:
+    from dqcontrol.contact import Admittance
     from dqcontrol.experiments.check import LoopCheck
 
 SPEEDS = Speeds(linear=0.5, angular=2.0, acceleration=3.0)  # brisk for a hand that drags, m/s, rad/s, m/s²
@@ -210,9 +213,9 @@ class PlaySession:
         """Follow a reference, as a spec says it, from where the hand is now."""
         return self.change(reference=reference)
 
-    def reset(self) -> None:
-        """Put the robot back to where it began, at rest."""
-        self.begin({**self.spec, "start": self._home})
+    def reset(self, **keys: Any) -> bool:
+        """Put the robot back to where it began, at rest, with other keys of the spec; say why not if that cannot be."""
+        return self.begin({**self.spec, "start": self._home, **keys})
 
     def play(self, spec: dict[str, Any], ghost: dict[str, Any] | None = None) -> bool:
         """Begin with another spec altogether, and a second robot's law, as a spec says it."""
@@ -317,6 +320,24 @@ class PlaySession:
             self._disturbed()
         return True
 
+    def set_contact(self, contact: Admittance) -> bool:
+        """Go on with other numbers of the contact, its compliant frame where it is; not if that were unstable."""
+        (case,) = self.setting.cases
+        variant = replace(case.variant, law=msgspec.structs.replace(case.variant.law, contact=contact))
+        setting = replace(self.setting, cases=(replace(case, variant=variant, prepared=None),))
+        law = {key: value for key, value in self.spec["law"].items() if key != "contact"}
+        try:
+            check_contact(setting.spec, setting.cases[0])
+            with self.lock:
+                self.live.set_law(msgspec.structs.replace(self.live.law, contact=contact))
+                self.spec = {**self.spec, "law": law, "contact": msgspec.to_builtins(contact)}
+                self.setting = setting
+                self._disturbed()
+        except Error as error:
+            self.tell(f"not done: {error}")
+            return False
+        return True
+
     def set_ghost(self, data: dict[str, Any] | None) -> bool:
         """Let a second robot run another law, as a spec says it, under the same target; None: no second one."""
         before = self._ghost_law
@@ -378,6 +399,8 @@ class PlaySession:
                 words.append(
                     "servos and law hold against it; 'Give way' in the tab Robot lets the end effector go along"
                 )
+        elif contact := self.live.law.contact:
+            words.append(_felt(contact, self.live.control.felt))
         elif np.isfinite(state.missing) and state.missing > 5e-3:
             rests = np.abs(state.command).max(initial=0.0) < 0.02
             words.append(f"{1e3 * state.missing:.0f} mm {'out of reach' if rests else 'to go'}")
@@ -447,8 +470,8 @@ class PlaySession:
 
     def _settle(self) -> None:
         """Begin a recording at rest from which everything follows, once the robot rests after another law began."""
-        if self.live.plant.compiled() is None:  # physics takes long to begin
-            return
+        if self.live.plant.compiled() is None or self.live.law.contact:  # physics takes long to begin, and a
+            return  # compliant frame would begin where it rests in the air
         before = self.ends
         with suppress(Error):
             self._take({**self.spec, "start": self._here(), "reference": _REST})
@@ -534,6 +557,18 @@ class PlaySession:
             "    live.step()\n"
             "print(live.state.missing)\n"
         )
+
+
+def _felt(contact: Admittance, wrench: Array) -> str:
+    """Say what is pressed along the axes of a contact with a wanted force, or what the end effector feels, N."""
+    wanted = zip("xyz", wrench[3:], contact.force.components[3:], strict=True)
+    pressed = [
+        f"presses {force:.2f} N along {axis}"
+        + (f", {asked:.2f} asked" if isinstance(asked, float | int) else "")
+        for axis, force, asked in wanted
+        if asked is not None
+    ]
+    return "; ".join(pressed) or f"feels {np.linalg.norm(wrench[3:]):.1f} N"
 
 
 def law_from(data: dict[str, Any]) -> Law:

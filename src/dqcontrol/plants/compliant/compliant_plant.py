@@ -250,9 +250,15 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         return EncoderErrors(self.encoder_noise, self.encoder_resolution or 0.0)
 
     def joint_control(self, joints: int) -> ControllerSettings:
-        """Return its mode and stiffness, and its slew rate if it has one of its own."""
+        """Return its mode and stiffness, its slew rate if it has one of its own, and what its mode asks for."""
         slew_rate = None if self.slew_rate is None else as_each("plant.slew_rate", self.slew_rate, joints)
-        return ControllerSettings(self.mode, as_each("plant.stiffness", self.stiffness, joints), slew_rate)
+        stiffness, asked = as_each("plant.stiffness", self.stiffness, joints), None
+        if self.mode == "PWM" or self.mode in _BY_TORQUE:
+            by_duty = self.mode == "PWM"
+            asked = as_each(
+                "plant.duty" if by_duty else "plant.torque", self.duty if by_duty else self.torque, joints
+            )
+        return ControllerSettings(self.mode, stiffness, slew_rate, asked)
 
     def state_period(self, period: float) -> float:
         """Return its exchange period; the loop's own where the joint controllers have none."""

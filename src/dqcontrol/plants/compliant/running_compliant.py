@@ -168,7 +168,7 @@ class RunningCompliant(RunningPlant):
         self.memory.shared[column.FAULT], self.fault = 0.0, ""
 
     def set_joint_control(self, control: ControllerSettings) -> None:
-        """Tell the joint controllers their mode, stiffness and slew rate, from the next tick on.
+        """Tell the joint controllers their mode, stiffness, slew rate, and torque or duty, from the next tick on.
 
         Slew rates stay within those of the controller file. After a fault the motors stay off until `switch`.
 
@@ -185,6 +185,9 @@ class RunningCompliant(RunningPlant):
                 TICK * control.slew_rate, self._arm.constants[:, column.SLEW]
             )
             constants[:, column.SPEED] = control.slew_rate
+        if control.asked is not None:
+            is_duty = (control.mode or self.mode) == "PWM"
+            constants[:, column.DUTY_ASKED if is_duty else column.TORQUE_ASKED] = control.asked
         is_new = column.MODES.get(control.mode) != self.memory.shared[column.ASKED_MODE]
         if control.mode and is_new and not self.fault:
             self.switch(control.mode)

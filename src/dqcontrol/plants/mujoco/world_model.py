@@ -184,6 +184,10 @@ def add_world(spec: Any, bodies: Mapping[str, Body], timestep: float) -> None:
     mujoco, meshes = import_mujoco(), count(1)
     for name, body in bodies.items():
         role = body.role
+        if body.held is not None and role != "free":
+            raise ValueRangeError(
+                f"world.{name}.held: physics moves what hands hold by its mass; give it one"
+            )
         place = spec.worldbody.add_body(
             name=_body_name(name), pos=body.position, quat=algebra.rotation(body.pose)
         )

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
+from dqcontrol.contact.admittance import exact_step
 from dqcontrol.controller import Controller
 from dqcontrol.errors import ShapeError
 from dqcontrol.measures.stability import LoopGain
@@ -63,6 +64,45 @@ class LoopShape:
         led = z**self.ahead * (1 - self.share / z) / (1 - self.share)
         shifted = plant @ (unit * (control + self.feedforward * led * (z - 1) / self.period))
         return np.asarray(np.linalg.solve(unit + control * plant, shifted), dtype=np.complex128)
+
+
+@dataclass(frozen=True)
+class ForceShape(LoopShape):
+    """A law behind an admittance along an axis with a wanted force: how far its compliant frame gives way.
+
+    With F the sensor's filter, G the admittance from force to deflection y, K_e the stiffness of what is touched and s
+    where its surface is, y = G (K_e F (s − x) − f_d) and x = T w + T₀ y, T₀ the loop without preview. Of a shift w the
+    deflection becomes y₀ − R w with R = (Z + T₀)⁻¹ T and Z = 1/(G K_e F): about 1 below the bandwidth of the force.
+
+    Attributes
+    ----------
+    mass, damping, given_stiffness
+        M, D and K of the axis, kg, N·s/m and N/m.
+    filter
+        Time constant of the sensor, s.
+    stiffness
+        K_e, N/m.
+    """
+
+    mass: float = 0.0
+    damping: float = 0.0
+    given_stiffness: float = 0.0
+    filter: float = 0.0
+    stiffness: float = math.inf
+
+    def response(self, model: LinearModel, frequencies: Array) -> NDArray[np.complex128]:
+        """Return from shift to −y, as if each joint were such an axis, shape (frequencies, m, m)."""
+        angles = np.maximum(2 * np.pi * self.period * frequencies, _LEAST_ANGLE)
+        z = np.exp(1j * angles)
+        step = exact_step(self.mass, self.damping, self.given_stiffness, self.period).reshape(2, 3)
+        moved = np.linalg.solve(
+            z[:, None, None] * np.eye(2) - step[:, :2], np.broadcast_to(step[:, 2:], (len(z), 2, 1))
+        )
+        read = 1 / (1 + 1j * angles / self.period * self.filter)
+        shifted = super().response(model, frequencies)
+        alone = LoopShape(self.gain, self.feedforward, self.period).response(model, frequencies)
+        given = (1 / (moved[:, 0, 0] * self.stiffness * read))[:, None, None] * np.eye(shifted.shape[1])
+        return np.asarray(np.linalg.solve(given + alone, shifted), dtype=np.complex128)
 
 
 def loop_shape(
@@ -134,12 +174,15 @@ class Convergence:
         ρ.
     cutoff
         f_c, Hz.
+    others
+        Shapes that the loop may have as well.
     """
 
     shape: LoopShape
     models: tuple[LinearModel, ...]
     caution: float
     cutoff: float
+    others: tuple[LoopShape, ...] = ()
     _known: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)  # shared by all cut-offs
 
     def _once(self, name: str, make: Callable[[], Any]) -> Any:
@@ -182,7 +225,12 @@ class Convergence:
         frequencies = self.frequencies()
         operator = self._once("operator", lambda: self.operator(frequencies))
         responses = self._once(
-            "responses", lambda: [self.shape.response(model, frequencies) for model in self.models]
+            "responses",
+            lambda: [
+                shape.response(model, frequencies)
+                for shape in (self.shape, *self.others)
+                for model in self.models
+            ],
         )
         weight = self.low_pass(frequencies) ** 2 * operator
         worst = np.zeros(len(frequencies))
@@ -215,10 +263,15 @@ class Convergence:
 
 
 def widest(
-    shape: LoopShape, models: Sequence[LinearModel], caution: float, *, highest: float
+    shape: LoopShape,
+    models: Sequence[LinearModel],
+    caution: float,
+    *,
+    highest: float,
+    others: tuple[LoopShape, ...] = (),
 ) -> Convergence | None:
     """Return the operator with the highest cut-off at which no error grows; None if there is none from 0.1 Hz on."""
-    found = Convergence(shape, tuple(models), caution, min(highest, 0.4 / shape.period))
+    found = Convergence(shape, tuple(models), caution, min(highest, 0.4 / shape.period), others)
     while found.cutoff >= _LEAST:
         if found.breaks_at is None:
             return found

@@ -18,6 +18,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import NoteWarning, ReachError, ShapeError, ValueRangeError
 from dqcontrol.experiments.check import driven_model
+from dqcontrol.experiments.contact_check import sensed, stiffness_touched
 from dqcontrol.experiments.feasibility import path_demand
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare_spec
 from dqcontrol.experiments.result_pages import result_pages
@@ -31,12 +32,20 @@ from dqcontrol.loop.record import has_failed
 from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.measures.stability import GOOD_MARGIN, gain_margin
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.plant import Plant
+from dqcontrol.plants.plant import WRENCH_READINGS, Plant
 from dqcontrol.recording import load_record, save_record
 from dqcontrol.references import Points, Previewed
 from dqcontrol.references.sample import POSE, TIME, TWIST
 from dqcontrol.tables.tables import Cell, Column, Table
-from dqcontrol.tuning.learning.convergence import HIGHEST, Convergence, LoopShape, loop_shape, widest
+from dqcontrol.tuning.learning.convergence import (
+    HIGHEST,
+    Convergence,
+    ForceShape,
+    LoopShape,
+    loop_shape,
+    widest,
+)
+from dqcontrol.tuning.learning.force_learning import STIFFNESSES, ForceLearning
 from dqcontrol.tuning.learning.learn_spec import LearnProblem, read_learn
 from dqcontrol.tuning.learning.learnt_motion import (
     TRACKED_POSE,
@@ -94,6 +103,10 @@ class LearningRun:
         Hz, with which the next motion is learnt.
     peak_command
         Largest input, rad/s or m/s.
+    force
+        Root mean square of the force's error, N, along axes with a wanted one: the true one, or where the plant does
+        not know it the measured one; None where no force is wanted. Errors of position are then those along the axes
+        that follow the plan, and ``learnable`` and ``noise`` are of the force, N.
     outcome
         ``"first"``, ``"accepted"``, ``"flat"``, ``"grown"``; or ``"averaged"``: what was left before was noise, and
         the increments of the repeats since then are averaged.
@@ -109,6 +122,7 @@ class LearningRun:
     cutoff: float
     peak_command: float
     outcome: str
+    force: float | None = None
 
 
 @dataclass(frozen=True)
@@ -134,6 +148,8 @@ class Learning:
         By how much the law's gain could be multiplied, as the model says.
     first, last
         Records of the first run and of the best.
+    forces
+        How forces were learnt; None where none is wanted.
     notes
         What is to be known of it.
     """
@@ -147,6 +163,7 @@ class Learning:
     margin: float
     first: Record = field(repr=False)
     last: Record = field(repr=False)
+    forces: ForceLearning | None = field(default=None, repr=False)
     notes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
@@ -158,18 +175,23 @@ class Learning:
 
     @property
     def gain(self) -> float:
-        """How many times smaller the error of the best repeat is than that of the first run."""
-        return self.repeats[0].position / self.repeats[self.best].position
+        """How many times smaller the error of the best repeat is than that of the first run: of a wanted force's."""
+        first, best = self.repeats[0], self.repeats[self.best]
+        if first.force is not None and best.force is not None:
+            return first.force / best.force
+        return first.position / best.position
 
     def table(self) -> Table:
         """Return one row a repeat."""
+        forced = self.repeats[0].force is not None
         columns = [
             Column("repeat"),
+            *([Column("force error RMS", "N", ".3g")] if forced else []),
             Column("position error RMS", "mm", ".3g"),
             Column("peak", "mm", ".3g"),
             Column("orientation error RMS", "°", ".3g"),
             Column("as measured", "mm", ".3g"),
-            Column("noise in the band", "mm", ".2g"),
+            Column("noise in the band", "N" if forced else "mm", ".2g"),
             Column("cut-off", "Hz", ".3g"),
             Column("peak |u|", "rad/s or m/s", ".3g"),
             Column("outcome"),
@@ -177,6 +199,7 @@ class Learning:
         rows: list[list[Cell]] = [
             [
                 each.number,
+                *([each.force] if forced else []),
                 each.position,
                 each.peak,
                 each.orientation,
@@ -192,7 +215,8 @@ class Learning:
 
     def remarks(self) -> list[str]:
         """Say what was expected, and why it ended."""
-        factor, frequency = self.convergence.worst
+        operators = self.forces.by_axis.values() if self.forces else ()
+        factor, frequency = max(each.worst for each in (self.convergence, *operators))
         most = f" by more than {factor:.3g} a repeat (at {frequency:.2g} Hz)" if factor > _SAME else ""
         return [
             f"condition: errors of no frequency grow{most}; learnt up to {self.convergence.cutoff:.2g} Hz",
@@ -341,7 +365,8 @@ class _Session:
         self.samples = self.setting.scene.samples
         self.time = self.samples[:, TIME]
         self.notes: list[str] = []
-        self.weights = start_weights(self.time, problem.block.skip)
+        self._skip = problem.block.skip
+        self.weights = start_weights(self.time, self._skip)
         self._check_motion()
         models, uncertain = self._models()
         scene = self.case.scene
@@ -349,6 +374,7 @@ class _Session:
         shape = loop_shape(scene.robot, self._law, self.case.gains, scene.start, scene.reference)
         self.margin = self._margin(models, uncertain)
         self.convergence = self._convergence(shape, models, uncertain)
+        self.forces = self._force_learning(shape, models, uncertain)
         self._warn_near_limit(uncertain)
         self._delay = problem.block.sensor_delay / problem.spec.period
         self.kept: WorkingFolder | None = None
@@ -413,11 +439,42 @@ class _Session:
                 stacklevel=2,
             )
 
-    def _convergence(self, shape: LoopShape, models: Sequence[LinearModel], uncertain: str) -> Convergence:
+    def _force_learning(
+        self, shape: LoopShape, models: Sequence[LinearModel], uncertain: str
+    ) -> ForceLearning | None:
+        """Return how the force axes learn, None where no force is wanted; the plan's axes learn up to as high then."""
+        spec, contact = self.problem.spec, self.case.variant.law.contact
+        axes = [] if contact is None else [i for i in (3, 4, 5) if contact.force.components[i] is not None]
+        if contact is None or not axes:
+            return None
+        if self.case.scene.reference.guards.moves:
+            raise ValueRangeError(
+                f"{self.problem.where}: reference: 'until' and 'touch' end when something is touched, and a learnt "
+                "motion takes the same time again; leave them out"
+            )
+        by_axis, filter_, stiffness = {}, sensed(self.case).sensor.filter, stiffness_touched(spec)
+        for axis in axes:
+            mass, damping, given = contact.axis_rows[axis].tolist()
+            known = (shape.gain, shape.feedforward, shape.period, shape.ahead, shape.share)
+            forced = ForceShape(*known, mass, damping, given, filter_, stiffness)
+            others = tuple(replace(forced, stiffness=factor * stiffness) for factor in STIFFNESSES)
+            by_axis[axis] = self._convergence(forced, models, uncertain, others if uncertain else ())
+        lowest = min(each.cutoff for each in (self.convergence, *by_axis.values()))
+        self.convergence = replace(self.convergence, cutoff=lowest)
+        by_axis = {axis: replace(each, cutoff=lowest) for axis, each in by_axis.items()}
+        return ForceLearning(contact, self.case.scene.robot, by_axis)
+
+    def _convergence(
+        self,
+        shape: LoopShape,
+        models: Sequence[LinearModel],
+        uncertain: str,
+        others: tuple[LoopShape, ...] = (),
+    ) -> Convergence:
         """Return the learning operator, or raise if it does not converge."""
         problem, block = self.problem, self.problem.block
         if block.cutoff is not None:
-            found = Convergence(shape, tuple(models), block.caution, block.cutoff)
+            found = Convergence(shape, tuple(models), block.caution, block.cutoff, others)
             if (frequency := found.breaks_at) is not None:
                 factor, at = found.worst
                 raise ValueRangeError(
@@ -425,7 +482,7 @@ class _Session:
                     f"by {factor:.3g} a repeat at {at:.2g} Hz{uncertain}; choose a lower one"
                 )
             return found
-        found = widest(shape, models, block.caution, highest=HIGHEST)
+        found = widest(shape, models, block.caution, highest=HIGHEST, others=others)
         if found is None:
             raise ValueRangeError(
                 f"{problem.where}: learn: does not converge at any cut-off from 0.1 Hz on"
@@ -453,8 +510,8 @@ class _Session:
                     raise ShapeError(f"{self.problem.where}: the first run ended early: {record.stopped}")
                 stopped = f"repeat {number} {record.stopped}; what was best before is kept"
                 break
-            error = self._seen(record, number)
-            size, noise = self._sizes(error, convergence.cutoff)
+            error, judged = self._seen(record, number)
+            size, noise = self._sizes(judged, convergence.cutoff)
             outcome = "first"
             if at_noise and size < _LEFT_NOISE * noise:
                 outcome = "averaged"
@@ -483,9 +540,7 @@ class _Session:
             step = 1.0 if accepted < _TRUSTED else 1.0 / (accepted - 1)
             if at_noise:
                 step = 1.0 / (1 + at_noise)
-            shift = best_shift + strength * step * increment(
-                convergence, self.time, self.weights * best_error
-            )
+            shift = best_shift + strength * step * self._asked(convergence, self.weights * best_error)
         assert first is not None
         assert last is not None
         self._say_what_is_hidden(repeats[best])
@@ -499,8 +554,16 @@ class _Session:
             self.margin,
             first,
             last,
+            self.forces,
             tuple(self.notes),
         )
+
+    def _asked(self, convergence: Convergence, error: Array) -> Array:
+        """Return the change of the shift that an error asks for."""
+        if self.forces is None:
+            return increment(convergence, self.time, error)
+        asked = self.forces.increment(convergence, self.time, error)
+        return self.forces.turned(asked, self.samples[:, POSE], back=True)
 
     def _sampled(self, motion: Points) -> Array:
         """Return a motion as the law is given it to follow: with twists that lead as those of the spec's do."""
@@ -563,7 +626,15 @@ class _Session:
             pose=pose,
             desired=samples[:count],
             disturbance=None,
-            readings={},
+            readings={
+                name: signal._replace(
+                    values=np.column_stack(
+                        [np.interp(time[:count], seen[rows], each) for each in signal.values[rows].T]
+                    )
+                )
+                for name, signal in record.readings.items()
+                if name in WRENCH_READINGS
+            },
         )
 
     def _tracked(self, record: Record, rows: NDArray[np.intp], seen: Array, time: Array) -> Array:
@@ -576,8 +647,12 @@ class _Session:
         path = Points(seen, record.readings[TRACKED_POSE].values[rows])
         return path.samples(np.clip(time - seen[0], 0.0, path.duration))[:, POSE]
 
-    def _seen(self, record: Record, number: int) -> Array:
-        """Return the error as the sensors see it, shape (N, 6), against the motion that was asked for."""
+    def _seen(self, record: Record, number: int) -> tuple[Array, Array]:
+        """Return the error as sensors see it, against the motion that was asked for, and what repeats are judged by.
+
+        The error has the shape (N, 6); with forces in task axes, and the deflection along theirs. Repeats are judged by
+        it, or by the forces' errors, N, shape (N, axes): which of two is smaller a way of theirs would not tell.
+        """
         block, count = self.problem.block, len(self.time)
         if block.measured_by == "tracker":
             poses = record.pose[:count]
@@ -592,13 +667,38 @@ class _Session:
         if self._delay:
             late = np.maximum(self.time - block.sensor_delay, self.time[0])
             desired = self.case.scene.reference.samples(late)[:, POSE]
-        return hand_error(desired, poses) - noise
+        error = hand_error(desired, poses) - noise
+        if self.forces is None:
+            return error, error
+        seen = self.forces.pressed(record)
+        if number == 0:
+            self._skip_approach(seen.first_touch)
+        error = self.forces.planned(self.forces.turned(error, desired))
+        return error + seen.deflection, seen.error
+
+    def _skip_approach(self, first_touch: float) -> None:
+        """Learn nothing of the way to the contact, on which the next repeat would be twice as fast."""
+        lasts = float(self.time[-1] - self.time[0])
+        if 2 * first_touch >= lasts:
+            when = f"at {first_touch:.3g} s" if math.isfinite(first_touch) else "nothing"
+            raise ShapeError(
+                f"{self.problem.where}: the first run touched {when} of {lasts:.3g} s, and nothing is learnt before "
+                "twice that time; begin nearer to what is touched, or let the motion begin later"
+            )
+        self._skip = max(self._skip, first_touch)
+        self.weights = start_weights(self.time - self.time[0], self._skip)
+        self.notes.append(f"contact: nothing is learnt in the first {self._skip:.2g} s, on the way to it")
 
     def _sizes(self, error: Array, cutoff: float) -> tuple[float, float]:
-        """Return the error below the cut-off and what of it is noise, m."""
+        """Return the error below the cut-off and what of it is noise, m; of forces, N."""
         smooth = filtered(self.time, error, cutoff)
         nyquist = 0.5 / self.problem.spec.period
         share = math.sqrt(cutoff / (nyquist - cutoff)) if cutoff < nyquist else 1.0
+        if (
+            self.forces is not None
+        ):  # where not all is learnt yet the frame comes back from its way to the contact
+            counts = self.weights[:, 0] == 1.0
+            return _norm(smooth[counts]), share * _norm((error - smooth)[counts])
         return weighted_norm(self.weights * smooth), share * weighted_norm(self.weights * (error - smooth))
 
     def _repeat(
@@ -612,8 +712,13 @@ class _Session:
         outcome: str,
     ) -> LearningRun:
         count = len(self.time)
-        judged = self.time >= self.time[0] + 2 * self.problem.block.skip
-        true = hand_error(self.samples[:, POSE], record.pose[:count])[judged]
+        judged = self.time >= self.time[0] + 2 * self._skip
+        true, force, to_unit = hand_error(self.samples[:, POSE], record.pose[:count]), None, 1e3
+        if self.forces is not None:
+            true = self.forces.planned(self.forces.turned(true, self.samples[:, POSE]))
+            force, to_unit = _norm(self.forces.errors(record)[judged]), 1.0
+            error = self.forces.planned(error)
+        true = true[judged]
         way, turn = np.linalg.norm(true[:, 3:], axis=1), np.linalg.norm(true[:, :3], axis=1)
         seen = np.linalg.norm(error[judged, 3:], axis=1)
         return LearningRun(
@@ -622,11 +727,12 @@ class _Session:
             orientation=math.degrees(_rms(turn)),
             peak=1e3 * float(way.max()),
             seen=1e3 * _rms(seen),
-            learnable=1e3 * size,
-            noise=1e3 * noise,
+            learnable=to_unit * size,
+            noise=to_unit * noise,
             cutoff=cutoff,
             peak_command=float(np.abs(record.command).max()),
             outcome=outcome,
+            force=force,
         )
 
     def _say_what_is_hidden(self, best: LearningRun) -> None:
@@ -661,6 +767,11 @@ def _with(lag: float, delay: float) -> str:
     if not lag and not delay:
         return ""
     return f" if lags differ by {100 * lag:.3g} % and delays by {1e3 * delay:.3g} ms"
+
+
+def _norm(errors: Array) -> float:
+    """Return the root of the mean square of rows (N, k)."""
+    return float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
 
 
 def _rms(values: Array) -> float:
