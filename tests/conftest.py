@@ -1,4 +1,4 @@
-"""Arms that the tests of several rooms drive."""
+"""Arms that the tests of several packages drive."""
 
 import signal
 
