@@ -39,14 +39,9 @@ for column, (label, record) in enumerate(runs.items()):
     inked = writes & (force > 0)
     plan = record.desired_position if label == "after three touches" else desired[: len(record)]
     off = 1e3 * np.linalg.norm((record.position - plan)[inked][:, :2], axis=1)
-    share, mean, spread = (
-        100 * np.mean(np.abs(force[writes] - 2) <= 0.5),
-        force[writes].mean(),
-        force[writes].std(),
-    )
-    print(
-        f"{label}: {mean:.2f} ± {spread:.2f} N, {share:.0f} % within 2 ± 0.5 N, ink {off.max(initial=0):.1f} mm off"
-    )
+    share, pressed = 100 * np.mean(np.abs(force[writes] - 2) <= 0.5), force[writes]
+    said = f"{label}: {pressed.mean():.2f} ± {pressed.std():.2f} N, {share:.0f} % within 2 ± 0.5 N"
+    print(f"{said}, ink {off.max(initial=0):.1f} mm off")
     way = record.position.copy()
     way[~inked] = np.nan
     axes[0, column].plot(1e3 * plan[writes, 0], 1e3 * plan[writes, 1], color="0.8", lw=5, label="plan")

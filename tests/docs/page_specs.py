@@ -41,6 +41,8 @@ class PageSpec:
         for both in ({"law", "laws"}, {"plant", "plants"}, {"parameter_sets", "grids"}):
             if both & part.keys():
                 self.data = {key: value for key, value in self.data.items() if key not in both}
+        if "world" in part and "world" in self.data:
+            part["world"] = self.data["world"] | part["world"]
         self.data |= part
         if "sweep" in self.data:
             assert read_sweep(self.data).sampling.over

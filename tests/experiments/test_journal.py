@@ -19,7 +19,7 @@ pytestmark = pytest.mark.usefixtures("without_pictures")
 
 IMPATIENT = """
 from dqcontrol.experiments import run_study, run_study_to, trials
-run_study._EVERY, trials._CHUNK = 0.0, 0.01  # s between parts, s of work at once
+run_study.__globals__["_EVERY"], trials._CHUNK = 0.0, 0.01  # s between parts, s of work at once
 run_study_to(sys.argv[1], sys.argv[2], jobs=int(sys.argv[3]), progress=wait_once_trials_are_kept)
 """
 
@@ -164,7 +164,9 @@ def test_a_start_that_was_cut_short_starts_again(tmp_path):
 
 
 def test_a_damaged_part_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr(run_study, "_EVERY", float("inf"))  # one part, however slow the machine is
+    monkeypatch.setitem(
+        run_study.__globals__, "_EVERY", float("inf")
+    )  # one part, however slow the machine is
     interrupt(spec(), tmp_path / "noise", 4)
     (path,) = working_folder(tmp_path / "noise").glob("part-*.parquet")
     path.write_bytes(path.read_bytes()[:-20])
@@ -186,7 +188,7 @@ def test_a_journal_of_ones_own_stays_and_answers_at_once(tmp_path, monkeypatch):
 
 
 def test_parts_are_written_while_the_study_runs(tmp_path, monkeypatch):
-    monkeypatch.setattr(run_study, "_EVERY", 0.0)
+    monkeypatch.setitem(run_study.__globals__, "_EVERY", 0.0)
     interrupt(spec(), tmp_path / "noise", 4)
     assert len(list(working_folder(tmp_path / "noise").glob("part-*.parquet"))) == 4
     assert run_study_to(spec(), tmp_path / "noise").taken_over == 4

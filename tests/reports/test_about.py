@@ -10,7 +10,7 @@ from dqcontrol.experiments.spec import read_spec
 from dqcontrol.reports.about import _constraints, _of_spec, _words
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.yaml"))
-BLOCKS = {"learn", "sweep", "tune"}  # run by commands of their own
+BLOCKS = {"learn", "learn-force", "sweep", "tune"}  # run by commands of their own
 
 
 @pytest.mark.parametrize(

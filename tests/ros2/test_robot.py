@@ -102,8 +102,8 @@ def test_the_humanoid_node_takes_mode_and_stiffness_with_each_command_and_passes
     command.header.frame_id = "THETA_GC_MJ"
     assert node.publish(commands, command, lambda: robot._plant.mode == "THETA_GC_MJ")
     assert (robot._plant.memory.constants[:, column.STIFFNESS] == 0.6).all()
-    command.header.frame_id = "TORQUE"
-    assert node.publish(commands, command, lambda: "mode: unknown name 'TORQUE'" in last_refused(diagnostics))
+    command.header.frame_id = "TORK"
+    assert node.publish(commands, command, lambda: "mode: unknown name 'TORK'" in last_refused(diagnostics))
     assert node.serve(lambda: len(told) > 20)
     since = np.array([nanoseconds(message.header.stamp) - robot._origin for message in told])
     assert not (since % 10_000_000).any()  # 100 a second, not the 125 of the spec's period

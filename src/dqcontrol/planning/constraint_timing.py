@@ -159,7 +159,7 @@ def is_braked(kept: PreparedConstraints, q: Array, u: Array, brake: Array) -> ND
     values = kept.values(q, times)
     ahead, behind = robot.integrate(q, u, _INSTANT), robot.integrate(q, u, -_INSTANT)
     rates = (kept.values(ahead, times) - kept.values(behind, times)) / (2.0 * _INSTANT)
-    short = np.asarray(rates < -_KEPT_SHARE * kept.rate * (values - need)).any(axis=1)
+    short = (rates < -_KEPT_SHARE * kept.rate * (values - need)).any(axis=1)
     loss = brake * kept.period
     rests = np.floor(np.abs(u) / loss)
     needed = np.minimum(values, need)
@@ -169,7 +169,7 @@ def is_braked(kept: PreparedConstraints, q: Array, u: Array, brake: Array) -> ND
             lost = np.where(count > 0, 0.5 * loss * count * (count + 1.0), 0.0)
         there = robot.integrate(q, np.sign(u) * ((count + 1.0) * np.abs(u) - lost), kept.period)
         short |= (kept.values(there, times) < needed).any(axis=1)
-    return short
+    return np.asarray(short)
 
 
 def _instants(grid: Array, speeds: Array) -> Array:
