@@ -242,6 +242,7 @@ def test_a_clip_is_saved(page_of, tmp_path):
     assert Image.open(tmp_path / "played.webp").n_frames >= 7
 
 
+@pytest.mark.slow
 def test_what_is_copied_as_python_runs(page_of):
     page = page_of(SPEC)
     session = page.session
@@ -294,6 +295,7 @@ def test_a_robot_that_is_not_there_is_one_line(tmp_path):
     assert len(done.stderr.splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_no_node_of_another_robot_has_a_former_name(page_of):
     """Browsers gave a link of the new robot the place of its namesake where its own is the default one."""
     page, shown = page_of(SPEC), []

@@ -111,6 +111,7 @@ def test_the_pose_is_that_of_the_decoupled_logarithm():
     assert np.abs(place_of(shaped) - place_of(HERE) - turn_of(HERE).apply(y[3:])).max() < 1e-14
 
 
+@pytest.mark.slow
 def test_the_spring_makes_no_energy_where_stiffnesses_differ():
     """Its moment is the gradient of ½ φᵀKφ: the work on a closed turn is zero, as K φ itself would make −33 J."""
     stiffness, work, count = np.array([10.0, 40.0, 90.0]), 0.0, 4000

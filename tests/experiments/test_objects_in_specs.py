@@ -71,6 +71,7 @@ def one(data, law):
     }
 
 
+@pytest.mark.slow
 def test_a_curve_runs_and_says_that_a_file_cannot_hold_it(arm, tmp_path):
     x, y, z = dqc.algebra.translation(arm.fkm(Q))
     curve = dqc.references.Curve(lambda t: [x, y + 0.02 * np.sin(t) ** 3, z], duration=0.5, start=arm.fkm(Q))

@@ -4,6 +4,7 @@ import dqcontrol as dqc
 from dqcontrol.figures.base_paths import base_path
 
 
+@pytest.mark.slow
 def test_the_map_of_a_planned_way_is_drawn(tmp_path):
     hall = tmp_path / "hall.yaml"
     hall.write_text("polygons: [[[0.9, -0.2], [1.2, -0.2], [1.2, 0.2], [0.9, 0.2]]]\nheight: 0.5\n")

@@ -153,6 +153,7 @@ def pose_of(goal):
     return {"position": goal.translation.tolist(), "quaternion": goal.vec8[:4].tolist()}
 
 
+@pytest.mark.slow
 def test_a_spec_drives_and_plans_and_refuses_to_plan_again():
     asked = spec("little-john", START, pose_of(BETWEEN))
     with pytest.warns(

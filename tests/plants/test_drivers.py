@@ -30,6 +30,7 @@ def test_checking_a_spec_reaches_for_no_robot():
     check(SPEC)
 
 
+@pytest.mark.slow
 def test_a_controller_is_exported_without_its_robot(tmp_path):
     export_controller(SPEC, tmp_path / "c")
     assert (tmp_path / "c").is_dir()

@@ -20,6 +20,7 @@ SPEC = {
 }
 
 
+@pytest.mark.slow
 def test_a_report_holds_its_replay_and_says_how_large_it_is(tmp_path, monkeypatch):
     dqc.run(SPEC).save(tmp_path / "run")
     page = tmp_path / "run/report.html"

@@ -46,6 +46,7 @@ def wheel(tmp_path, monkeypatch):
     return site
 
 
+@pytest.mark.slow
 def test_a_package_brings_robots_by_their_places(wheel):
     assert list(package_files("toys")) == ["arm.urdf", "lever/lever.xml", "macros.xacro", "other/lever.xml"]
     assert ("toys:arm.urdf", wheel / "toys/models/arm.urdf") in installed_robot_files()
