@@ -1,5 +1,7 @@
 """The map on which a way was planned is what figures draw around the robot, whatever the law keeps clear of."""
 
+import pytest
+
 import dqcontrol as dqc
 from dqcontrol.figures.base_paths import base_path
 
