@@ -178,7 +178,7 @@ def evaluate_log(
     start
         s after the log's first sample.
     align
-        True: find the start at which the reference fits the log best (`align_with`); how late the
+        True: find the start at which the reference fits the log best; how late the
         robot is then no longer counts as error.
     duration
         s from there on; the rest is left out. Default: to the end of the log.
