@@ -60,7 +60,8 @@ python_use_unqualified_type_names = True
 
 def fill(app, docname, source):
     """Put in place of a comment what it names: a program, the package's names, the command line's own help."""
-    shown = r"<details>\n<summary>The program</summary>\n\n```{literalinclude} ../\1\n:language: python\n```\n\n</details>"
+    program = r"```{literalinclude} ../\1\n:language: python\n```"
+    shown = rf"<details>\n<summary>The program</summary>\n\n{program}\n\n</details>"
     text = re.sub(r"<!-- program: (\S+) -->", shown, source[0])
     text = re.sub(r"<!-- replay: (\S+) -->", lambda found: replay(app, found[1]), text)
     for comment, content in (("names of the package", names), ("command line", commands)):
