@@ -94,3 +94,10 @@ def test_mistakes_are_one_clear_line():
     slow = live(law(), SERVO, 0.01)
     with pytest.raises(Error, match=r"follower: has a period of 0\.01 s, the leader 0\.004 s"):
         dqc.devices.Haptics(both.leader, slow)
+    for numbers, message in (
+        ({"delay": -0.01}, "delay: must be ≥ 0, got -0.01"),
+        ({"delay": float("nan")}, "delay: must be finite"),
+        ({"force_scale": 0.0}, "force_scale: must be > 0, got 0"),
+    ):
+        with pytest.raises(Error, match=message):
+            dqc.devices.Haptics(both.leader, both.follower, **numbers)

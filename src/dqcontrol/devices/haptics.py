@@ -12,7 +12,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.contact import ContactLimits, contact_limits
 from dqcontrol.contact.limits import LoosePart
-from dqcontrol.errors import ValueRangeError
+from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.loop.live import Live
 from dqcontrol.loop.targets import Clutch, Target
 from dqcontrol.plants.servo import Servo
@@ -67,7 +67,7 @@ class Haptics:
     Raises
     ------
     ValueRangeError
-        If the leader has no contact, the follower no wrench, or periods differ.
+        If the leader has no contact, the follower no wrench, periods differ, or a number is negative.
 
     Examples
     --------
@@ -102,7 +102,8 @@ class Haptics:
                 f"follower: has a period of {follower.period:g} s, the leader {leader.period:g} s; give both the same"
             )
         self.leader, self.follower, self.push = leader, follower, np.zeros(6)
-        self._scale, self._delay = force_scale, round(delay / leader.period)
+        self._scale = as_positive("force_scale", force_scale)
+        self._delay = round(as_positive("delay", delay, zero_allowed=True) / leader.period)
         self._clutch = Clutch(follower.state.pose, leader.state.pose, of_hand=False)
         self._goal = follower.state.pose
         self._sent = deque([leader.state.pose] * self._delay)
