@@ -57,6 +57,20 @@ def test_a_package_brings_robots_by_their_places(wheel):
     assert load_robot(arm.origin[0], *arm.origin[1:]).joint_names == ("hinge",)
 
 
+@pytest.mark.slow
+def test_each_file_that_a_wheel_here_brings_loads_or_is_refused_in_a_line(record_property):
+    loaded, refused = 0, {}
+    for source, _ in installed_robot_files():
+        try:
+            loaded += dqc.load_tree(source).configuration_size > 0
+        except dqc.Error as error:
+            refused[source] = str(error)
+    record_property("loaded", loaded)
+    record_property("refused", refused)
+    assert loaded > 0
+    assert all(text and "\n" not in text for text in refused.values()), refused
+
+
 def test_a_urdf_file_of_xacro_is_expanded_whatever_its_name(wheel):
     pytest.importorskip("xacro")
     assert load_robot("toys:arm.urdf").joint_names == ("turn",)
