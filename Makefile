@@ -57,7 +57,7 @@ LEROBOT := $(VENV)-lerobot
 LEROBOT_PYTHON ?= python3.12
 
 $(LEROBOT)/lerobot: pyproject.toml
-	@$(LEROBOT_PYTHON) -c 'import venv, ensurepip' 2>/dev/null \
+	@$(LEROBOT_PYTHON) -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 12))' 2>/dev/null \
 	  || { echo "LeRobot needs Python 3.12 or newer: make LEROBOT_PYTHON=/path/to/python3.12 lerobot" >&2; exit 1; }
 	@$(LEROBOT_PYTHON) -m venv $(LEROBOT)
 	@echo "installing LeRobot in $(LEROBOT) (about 5 GB)"

@@ -275,8 +275,8 @@ def test_plans_keep_clear_of_what_stands_on_the_floor():
 
 
 def test_shapes_of_bodies_are_made_a_few_times_however_many_bodies_there_are(monkeypatch):
-    made, own = [], Body._own_shapes
-    monkeypatch.setattr(Body, "_own_shapes", lambda body: (made.append(body), own(body))[1])
+    made, own = [], Body._convex
+    monkeypatch.setattr(Body, "_convex", lambda body: (made.append(body), own(body))[1])
     balls = {f"ball {k}": {"sphere": 0.02, "position": [1.5, 0.1 * k, 0.5]} for k in range(40)}
     spec = {
         "name": "balls",

@@ -45,8 +45,7 @@ class DrawnThings:
             node = f"{name}/{body_name}"
             frame = scene.add_frame(node, show_axes=False)
             self._carried.append((frame, poses_of(body_name, body, record.time, readings)))
-            shapes = (shape for solid in body.solids for shape in solid.shapes)
-            for number, shape in enumerate(shapes):
+            for number, shape in enumerate(body.own_shapes):
                 self._add(f"{node}/shape{number}", shape, _WOOD, 1.0)
 
     def show(self, k: int) -> None:

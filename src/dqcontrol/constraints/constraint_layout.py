@@ -121,10 +121,8 @@ class Row(NamedTuple):
 head: MemoryLayout[Head] = MemoryLayout(Head)
 row_of: MemoryLayout[Row] = MemoryLayout(Row)
 HEAD, ROW = head.size(), row_of.size()
-FROM, UNTIL = (
-    BODY,
-    BODY + 1,
-)  # of a shape's numbers: when it is there, s; before and afterwards it is out of the way
+# of a shape's numbers: when it is there, s; before and afterwards it is out of the way
+FROM, UNTIL = BODY, BODY + 1
 THERE = BODY + 2
 # of an obstacle's numbers: how it moves, place in the table of motions, its velocity
 MOTION, PLACE, VELOCITY = THERE, THERE + 1, THERE + 2

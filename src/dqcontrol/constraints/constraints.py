@@ -356,7 +356,7 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         chosen = sorted(self.cleared.items(), key=lambda each: bodies[each[0]].held is not None)
         return {name: _kept(bodies[name], clear) for name, clear in chosen}
 
-    @property
+    @cached_property
     def held(self) -> dict[str, HeldBody]:
         """What hands hold, by name."""
         found = {}

@@ -58,6 +58,7 @@ from dqcontrol.robots.command_mode import AT_ONCE, Lag
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
 from dqcontrol.robots.robot import Robot
 from dqcontrol.world import Motion
+from dqcontrol.world.body import INSTANT
 
 if TYPE_CHECKING:
     from dqcontrol.robots.command_mode import CommandMode
@@ -74,7 +75,6 @@ _SAID = 5  # violations in one message
 SELF = "self-collision"
 _STILL = Motion()
 _ALWAYS = (-math.inf, math.inf)  # s
-_ROUNDING = 1e-9  # s of instants at which something comes or goes
 
 
 class _Line(NamedTuple):
@@ -379,7 +379,7 @@ class PreparedConstraints:
         numbers = np.zeros(OBSTACLE + max(len(shape.row) - SHAPE, 0))
         _put_shape(shape, numbers)
         numbers[BALL : BALL + 4] = ball_around(shape)
-        numbers[[FROM, UNTIL]] = np.array(there) - _ROUNDING
+        numbers[[FROM, UNTIL]] = np.array(there) - INSTANT
         self._obstacles.append((numbers, moving))
         return len(self._obstacles) - 1
 
@@ -603,7 +603,7 @@ class PreparedConstraints:
             row[0] = each.frame
             row[1 : 1 + len(each.shape.row)] = each.shape.row
             row[1 + BALL : 1 + BODY] = ball_around(each.shape)
-            row[[1 + FROM, 1 + UNTIL]] = np.array(self._there.get(number, _ALWAYS)) - _ROUNDING
+            row[[1 + FROM, 1 + UNTIL]] = np.array(self._there.get(number, _ALWAYS)) - INSTANT
         table = self._motions()
         self._hull: int = max((len(each) for each, _ in self._obstacles), default=OBSTACLE) - OBSTACLE
         stored = np.zeros((obstacles, OBSTACLE + self._hull))

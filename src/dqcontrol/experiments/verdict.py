@@ -33,6 +33,7 @@ from dqcontrol.robots import Robot
 from dqcontrol.supervisor import Supervisor, list_interventions
 from dqcontrol.supervisor.interventions import INTERVENTIONS
 from dqcontrol.world import Body, World
+from dqcontrol.world.body import INSTANT
 
 Failure = Literal["", "ended", "outcome", "crossed", "contact", "limits", "grip", "task"]
 """In what way a run failed; empty of one that did not."""
@@ -42,7 +43,6 @@ _LAST = 0.1  # of the time: when a force has settled, if it does
 _OFF = 0.1  # of the wanted force: what is farther off is not what was asked, as of a motion that is followed
 _ROUNDING = 1e-9  # as a share of a velocity limit
 _OFTEN = 0.1  # of the samples
-_INSTANT = 1e-9  # s: rounding of instants
 _CLOSED = 1e-3  # m between fingers that have nothing between them
 _CLOSING = 0.1  # s in which end effectors close on what they carry
 _BEHIND = 0.7  # cosine of 45° between an error and the way: beyond it late rather than beside its way
@@ -345,7 +345,7 @@ class Judge:
             ):
                 if stands is None or time > record.time[-1]:
                     continue
-                k = int(np.searchsorted(record.time, time - _INSTANT))
+                k = int(np.searchsorted(record.time, time - INSTANT))
                 place = algebra.translation(
                     held_poses(kept, name, record.q[k : k + 1], np.array([held.since]))
                 )[0]

@@ -101,7 +101,7 @@ def faces_near(constraints: Constraints | None, points: Array, record: Record) -
             name, body, record.time[[0, -1]], {each: values[[0, -1]] for each, values in readings.items()}
         )
         for pose, strength, when in ((poses[0], _FAINT, "start"), (poses[1], _STRONG, "end")):
-            shapes = [shape.moved(pose) for solid in body.solids for shape in solid.shapes]
+            shapes = [shape.moved(pose) for shape in body.own_shapes]
             faces = [_cut(face, low, high) for shape in shapes for face in faces_of(shape, size)]
             near = [face for face in faces if len(face) > 2]
             if near:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from textwrap import fill
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -163,8 +163,7 @@ def compare_criteria(records: Mapping[str, Record], unit: str = "rad or m", note
     widths = line_widths(len(chosen))
     for i, ((label, record), width) in enumerate(zip(chosen.items(), widths, strict=True)):
         style = line_style(i) | {"label": label, "lw": width}
-        for axes, (time, values, held) in zip(criteria, _criteria(record), strict=True):
-            axes.plot(time, np.maximum(values, FLOOR), drawstyle="steps-post" if held else "default", **style)
+        _draw_criteria(criteria, record, **style)
         for axes, values in zip(coordinates, record.position.T, strict=True):
             axes.plot(record.time, values, **style)
         for axes, values in zip(coefficients, _quaternions(record)[0].T, strict=True):
@@ -230,14 +229,7 @@ def criteria_side_by_side(records: Mapping[str, Record], unit: str = "rad or m")
                     lw=0.8,
                     label="desired" if i == len(names) - 1 else "",
                 )
-        for axes, (time, values, held) in zip(column[2:], _criteria(record), strict=True):
-            axes.plot(
-                time,
-                np.maximum(values, FLOOR),
-                drawstyle="steps-post" if held else "default",
-                color=COLOURS[0],
-                lw=0.9,
-            )
+        _draw_criteria(column[2:], record, color=COLOURS[0], lw=0.9)
         column[0].set_title(title)
         column[-1].set_xlabel("time [s]")
     names = ("position\n[m]", "orientation", *_labels(unit))
@@ -260,6 +252,11 @@ def _labels(unit: str) -> tuple[str, ...]:
         "speed\n[m/s]",
         "acceleration\n[m/s²]",
     )
+
+
+def _draw_criteria(panels: Iterable[Any], record: Record, **style: Any) -> None:
+    for axes, (time, values, held) in zip(panels, _criteria(record), strict=True):
+        axes.plot(time, np.maximum(values, FLOOR), drawstyle="steps-post" if held else "default", **style)
 
 
 def _criteria(record: Record) -> list[tuple[Array, Array, bool]]:

@@ -128,9 +128,7 @@ class DrawnScene:
             if f"{thing.name}_displacement" in readings:
                 self._shifts[i] += readings[f"{thing.name}_displacement"]
         self._free = [
-            (solid.shapes, poses_of(name, body, record.time, readings))
-            for name, body in kept.free.items()
-            for solid in body.solids
+            (body.own_shapes, poses_of(name, body, record.time, readings)) for name, body in kept.free.items()
         ]
         self.moves: bool = bool(self._free) or bool(np.ptp(self._shifts, axis=1).any())
         drawn = [thing.shape for thing in kept.things] + [each for shapes, _ in self._free for each in shapes]

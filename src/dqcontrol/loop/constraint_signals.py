@@ -12,6 +12,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.controller.controller import Controller
 from dqcontrol.loop.signals import Signal
+from dqcontrol.world.body import INSTANT
 
 DISTANCE, ROOM = "constraint_distance", "constraint_room"
 PRESSURE, SLACK, EFFECT = "constraint_pressure", "constraint_slack", "constraint_effect"
@@ -22,7 +23,6 @@ _PARTS = ("rows", "programs", "scaled", "acceleration_excess", "speed_asked", "s
 _UNITS = ("", "", "", "", "m/s", "m/s")
 
 _OUT_OF_THE_WAY = 1e5  # m: no distance of what is there
-_ROUNDING = 1e-9  # s
 HELD_WINDOW = 0.4  # s: for so long an end effector is held before that counts, as for `Constraints.escape`
 _STUCK = 0.1  # share of the speed that the law asks for
 _ASKED = 1e-3  # m/s: less is no wish
@@ -111,8 +111,8 @@ def held_poses(kept: PreparedConstraints, name: str, q: Array, times: Array) -> 
     if frame:
         carried = algebra.multiply(kept.robot.frames(q)[:, frame - 1], carried)
     poses = np.array(np.broadcast_to(carried, (len(times), 8)))
-    poses[times < held.since - _ROUNDING] = body.pose
-    after = np.flatnonzero(times >= held.ends - _ROUNDING)
+    poses[times < held.since - INSTANT] = body.pose
+    after = np.flatnonzero(times >= held.ends - INSTANT)
     if len(after):
         poses[after] = poses[after[0]] if body.put_down is None else body.put_down.pose
     return poses

@@ -184,10 +184,7 @@ class DifferentialDrive:
     def __post_init__(self) -> None:
         as_positive("wheel_radius", self.wheel_radius)
         as_positive("half_track", self.half_track)
-        if float(as_array("displacement", self.displacement, ())) == 0:
-            raise ValueRangeError(
-                "displacement: must not be 0, because the middle of the axle cannot move sideways"
-            )
+        _check_displacement(self.displacement)
         for name in ("rim_speed", "acceleration", "turn_acceleration"):
             check_limit(name, getattr(self, name))
 
@@ -221,6 +218,14 @@ def planar_joints(name: str, speed: float, turn_rate: float) -> SerialArm:
         limits=Limits(-unlimited, unlimited, np.array([speed, speed, turn_rate]), unlimited),
         name=name,
     )
+
+
+def _check_displacement(value: float) -> None:
+    """Raise if a point is on the axle, with which a base cannot move sideways."""
+    if float(as_array("displacement", value, ())) == 0:
+        raise ValueRangeError(
+            "displacement: must not be 0, because the middle of the axle cannot move sideways"
+        )
 
 
 def check_limit(field: str, value: float) -> None:
@@ -474,10 +479,7 @@ class _SteeredBase:
                 f"steering_limit: must be at most {self._most:.4g} rad for a {self.kind} base, got {limit:g}"
                 + (" (is it in degrees?)" if limit > 2 else "")
             )
-        if float(as_array("displacement", self.displacement, ())) == 0:
-            raise ValueRangeError(
-                "displacement: must not be 0, because the middle of the axle cannot move sideways"
-            )
+        _check_displacement(self.displacement)
         for name in ("rim_speed", "steering_rate", "acceleration", "turn_acceleration"):
             check_limit(name, getattr(self, name))
 

@@ -112,15 +112,14 @@ class WorldTopics:
 
 def body_markers(messages: Any, name: str, body: Body, pose: Array) -> Iterator[Any]:
     """Yield the markers of a body at a pose (8,): one a shape, of a capsule three."""
-    for solid in body.solids:
-        for shape in solid.shapes:
-            for kind, scale, place in _forms(messages.Marker, shape.moved(pose)):
-                marker = messages.Marker(ns=name, type=kind, action=messages.Marker.ADD, pose=_pose(place))
-                marker.scale.x, marker.scale.y, marker.scale.z = (float(each) for each in scale)
-                if isinstance(shape, Hull):
-                    marker.points = [_point(corner) for corner in shape.points[shape.faces].reshape(-1, 3)]
-                marker.color.r, marker.color.g, marker.color.b, marker.color.a = _COLOUR
-                yield marker
+    for shape in body.own_shapes:
+        for kind, scale, place in _forms(messages.Marker, shape.moved(pose)):
+            marker = messages.Marker(ns=name, type=kind, action=messages.Marker.ADD, pose=_pose(place))
+            marker.scale.x, marker.scale.y, marker.scale.z = (float(each) for each in scale)
+            if isinstance(shape, Hull):
+                marker.points = [_point(corner) for corner in shape.points[shape.faces].reshape(-1, 3)]
+            marker.color.r, marker.color.g, marker.color.b, marker.color.a = _COLOUR
+            yield marker
 
 
 def _forms(marker: Any, shape: Shape) -> Iterator[tuple[int, Any, Array]]:

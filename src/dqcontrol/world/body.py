@@ -31,6 +31,7 @@ SHAPES = ("box", "sphere", "capsule", "cylinder", "plane", "container", "mesh", 
 _WALL = 6e-3  # m: of a container, as of a wicker basket
 _FLOOR = 3e-3  # m
 _STAVES = 16  # of a round container: a round peg has 2 % more play towards their seams
+INSTANT = 1e-9  # s: rounding of the moments at which a hand closes and opens
 _BY_PHYSICS = ("free", "hinge", "slide")
 _FASTEST = 20.0  # m/s: nothing that a robot works beside moves faster; a path that does has a jump
 
@@ -115,9 +116,12 @@ class Solid(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True, 
         Error
             If it has no shape, or its file cannot be read.
         """
-        return [each.moved(self.pose) for each in self._own_shapes()]
+        pose = self.pose
+        return [each.moved(pose) for each in self.own_shapes]
 
-    def _own_shapes(self) -> Sequence[Shape]:
+    @cached_property
+    def own_shapes(self) -> Sequence[Shape]:
+        """All that it consists of, as seen from its pose."""
         kind = self.kind
         if kind == "map":
             return _boxes_of_map(str(self.map), self.height, map_version(str(self.map)))
@@ -508,8 +512,10 @@ class Body(Solid, frozen=True, kw_only=True, forbid_unknown_fields=True):
         own = {key: getattr(self, key) for key in (*SHAPES, "height", "chamfer")}
         return [Solid(**own), *self.parts]
 
-    def _own_shapes(self) -> Sequence[Shape]:
-        found = [*super()._own_shapes()]
+    @cached_property
+    def own_shapes(self) -> Sequence[Shape]:
+        """All that it consists of, as seen from its pose."""
+        found = [*Solid.own_shapes.func(self)]
         for k, part in enumerate(self.parts):
             with error_prefix(f"parts[{k}]"):
                 found += part.shapes

@@ -188,7 +188,7 @@ def _urdf(world: World) -> str:
 
 def _add_link(robot: ElementTree.Element, name: str, body: Body) -> None:
     link = ElementTree.SubElement(robot, "link", name=name)
-    shapes = [shape for solid in body.solids for shape in solid.shapes]
+    shapes = body.own_shapes
     joint = body.hinge or body.slide
     at = np.array(body.hinge.at if body.hinge else np.zeros(3))  # a link's frame lies on its axis
     if body.mass is not None or joint is not None:
@@ -299,7 +299,7 @@ def _scene(world: World) -> str:
     lines = ["world"]
     for name, body in world.bodies.items():
         with error_prefix(f"world.{name}"):
-            shapes = [_primitive(shape) for solid in body.solids for shape in solid.shapes]
+            shapes = [_primitive(shape) for shape in body.own_shapes]
         lines += [f"* {name}", *_pose_lines(body.pose), str(len(shapes))]
         for kind, size, pose in shapes:
             lines += [kind, _text(size), *_pose_lines(pose), "0 0 0 0"]

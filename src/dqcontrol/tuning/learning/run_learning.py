@@ -694,9 +694,8 @@ class _Session:
         smooth = filtered(self.time, error, cutoff)
         nyquist = 0.5 / self.problem.spec.period
         share = math.sqrt(cutoff / (nyquist - cutoff)) if cutoff < nyquist else 1.0
-        if (
-            self.forces is not None
-        ):  # where not all is learnt yet the frame comes back from its way to the contact
+        if self.forces is not None:
+            # where not all is learnt yet the frame comes back from its way to the contact
             counts = self.weights[:, 0] == 1.0
             return _norm(smooth[counts]), share * _norm((error - smooth)[counts])
         return weighted_norm(self.weights * smooth), share * weighted_norm(self.weights * (error - smooth))
@@ -771,7 +770,7 @@ def _with(lag: float, delay: float) -> str:
 
 def _norm(errors: Array) -> float:
     """Return the root of the mean square of rows (N, k)."""
-    return float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
+    return _rms(np.linalg.norm(errors, axis=1))
 
 
 def _rms(values: Array) -> float:
