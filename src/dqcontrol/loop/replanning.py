@@ -74,6 +74,10 @@ class Replanning:
         kept = law.constraints
         if reference is None or kept is None or (again is None and kept.given.escape != "plan"):
             return None
+        from dqcontrol.planning.extra import from_extra
+
+        for library in ("ompl.geometric", "toppra"):  # now, not where the robot is held
+            from_extra(library, "plans while the robot moves")
         return cls(law, reference, lasts=lasts)
 
     def with_room(self, samples: Array) -> Array:
