@@ -215,7 +215,9 @@ class PlanTo(PlannedWay):
         whose axes the pose is then given. What is left out of a pose is the end effector's at the start.
         """
         if again is not None and start.place != "reference":
-            raise ValueRangeError("again: steps of a sequence are planned once, before anything moves; leave it out")
+            raise ValueRangeError(
+                "again: steps of a sequence are planned once, before anything moves; leave it out"
+            )
         return SetPoint(goal.pose(start.pose))
 
     @classmethod
