@@ -258,9 +258,8 @@ class SequenceSpec(ReferenceSpec, frozen=True, kw_only=True, tag="sequence"):
 
     def _shape(self, start: SpecStart) -> shapes.Reference:
         if self.plans_around:
-            return _Unplanned(
-                start.pose, folder=start.folder, place=f"{start.place}.references".removeprefix("reference.")
-            )
+            place = f"{start.place}.references".removeprefix("reference.")
+            return _Unplanned(start.pose, 1.0, folder=start.folder, place=place)
         parts, hand = [], start.pose
         for i, each in enumerate(self.references):
             if parts and not math.isfinite(parts[-1].duration):
