@@ -56,7 +56,7 @@ class Grip(SetPoint):
     body: str | None = None
 
     @classmethod
-    def from_spec(
+    def from_spec(  # pyright: ignore[reportIncompatibleMethodOverride] — these always end
         cls,
         start: SpecStart,
         *,
@@ -92,7 +92,9 @@ class Release(SetPoint):
     duration: float = _LASTS
 
     @classmethod
-    def from_spec(cls, start: SpecStart, *, duration: Seconds = _LASTS) -> SetPoint:
+    def from_spec(  # pyright: ignore[reportIncompatibleMethodOverride] — these always end
+        cls, start: SpecStart, *, duration: Seconds = _LASTS
+    ) -> SetPoint:
         """Rest while the gripper opens."""
         return cls(start.pose, duration)
 
