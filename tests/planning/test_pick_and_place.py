@@ -12,6 +12,7 @@ from dqcontrol.errors import Error, PlanError, ShapeError
 from dqcontrol.experiments import prepare
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.geometry import distance
+from dqcontrol.measures.held import plans_of_run
 from dqcontrol.planning import PlanTo
 from dqcontrol.references import Grip, Release, Sequence, SetPoint, Straight
 from dqcontrol.world import Body
@@ -208,3 +209,10 @@ def test_what_changes_motions_belongs_to_steps():
     given["reference"]["repeat"] = 2
     with pytest.raises(ShapeError, match="belongs to steps of a sequence that is planned"):
         prepare(given)
+
+
+def test_records_say_which_plan_counts(run, way):
+    plans = plans_of_run(run.record)
+    assert [each.held_by for each in plans] == ["", ""]
+    np.testing.assert_allclose([each.time for each in plans], way.begins[[0, 4]], atol=1e-9)
+    assert [each.room for each in plans] == [way.ways[k].plan.certificate.room for k in (0, 4)]

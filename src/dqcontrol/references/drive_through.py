@@ -36,8 +36,8 @@ class DriveThrough(PlannedWay):
 
     Attributes
     ----------
-    arrivals
-        When each way ends, shape (k,), s; its rest begins then.
+    begins, arrivals
+        When each way begins, and ends, shape (k,), s; its rest begins then.
 
     Raises
     ------
@@ -60,7 +60,7 @@ class DriveThrough(PlannedWay):
     duration: float = field(init=False)
     corners: NDArray[np.float64] = field(init=False, repr=False)
     arrivals: Array = field(init=False, repr=False)
-    _begins: Array = field(init=False, repr=False)
+    begins: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         ways, rests = tuple(self.ways), as_array("rests", self.rests)
@@ -78,7 +78,7 @@ class DriveThrough(PlannedWay):
             "duration": float(ends[-1]),
             "corners": NO_CORNERS,
             "arrivals": ends - rests,
-            "_begins": np.r_[0.0, ends[:-1]],
+            "begins": np.r_[0.0, ends[:-1]],
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -95,19 +95,19 @@ class DriveThrough(PlannedWay):
         """Return the means of the robot's inputs from times (N,), s, to a period later: shape (N, m)."""
         at = as_array("times", times)
         return sum(
-            (way.mean_inputs(at - begin, period) for way, begin in zip(self.ways, self._begins, strict=True)),
+            (way.mean_inputs(at - begin, period) for way, begin in zip(self.ways, self.begins, strict=True)),
             start=np.zeros((len(at), self.robot.input_size)),
         )
 
     def rested(self, times: Array) -> Array:
         """Return for how long the robot has been at the end of a way, s, shape (N,); not positive on the way."""
-        of = np.clip(np.searchsorted(self._begins, times, side="right") - 1, 0, len(self.ways) - 1)
+        of = np.clip(np.searchsorted(self.begins, times, side="right") - 1, 0, len(self.ways) - 1)
         return times - self.arrivals[of]
 
     @property
     def gripper_steps(self) -> tuple[GripperStep, ...]:
         """Those of its ways."""
-        ways = zip(self.ways, self._begins, strict=True)
+        ways = zip(self.ways, self.begins, strict=True)
         return tuple(step.later(float(begin)) for way, begin in ways for step in way.gripper_steps)
 
     def motion(self, times: Array) -> Array:
@@ -119,5 +119,5 @@ class DriveThrough(PlannedWay):
 
     def _shares(self, times: Array) -> list[tuple[PlannedWay, float, NDArray[np.bool_]]]:
         """Return each way that some times are of, when it begins, and which they are."""
-        of = np.clip(np.searchsorted(self._begins, times, side="right") - 1, 0, len(self.ways) - 1)
-        return [(way, float(self._begins[k]), of == k) for k, way in enumerate(self.ways) if (of == k).any()]
+        of = np.clip(np.searchsorted(self.begins, times, side="right") - 1, 0, len(self.ways) - 1)
+        return [(way, float(self.begins[k]), of == k) for k, way in enumerate(self.ways) if (of == k).any()]
