@@ -15,9 +15,10 @@ from std_msgs.msg import Bool
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.loop.control import Control, Phase, warm_up
-from dqcontrol.loop.targets import PoseTarget, Speeds, Target, TwistTarget
+from dqcontrol.loop.targets import LeaderTarget, PoseTarget, Speeds, Target, TwistTarget
 from dqcontrol.references.sample import POSE
 from dqcontrol.ros2.diagnostics import SILENCE, Diagnostics, PeriodMonitor
+from dqcontrol.ros2.haptic_topics import POSE_TIMEOUT, HapticTopics, leader_limits
 from dqcontrol.ros2.interfaces import (
     JOINT_STATES,
     NEWEST,
@@ -138,14 +139,33 @@ class Following:
         self._felt = WrenchInput(node, self._parts, self._joints, self._tool, self._guarded)
         if (world := loaded.setting.spec.surroundings) is not None:
             self._world = WorldTopics(node, self.control, world, self._base, self._guarded)
+        self._haptics: HapticTopics | None = None
+        if isinstance(self.target, LeaderTarget):
+            self._haptics = HapticTopics(
+                node,
+                loaded.law.contact,
+                self.control,
+                self.target,
+                self._base,
+                lambda name: number(node, name),
+            )
+            self._felt.pass_on = self._haptics.hear
         self._felt.listen(supervisor, self.control.law)
-        names = [one.name for one in numbers_of(loaded)]
-        declare(node, numbers_of(loaded))
+        own = numbers_of(loaded, source)
+        names = [one.name for one in own]
+        declare(node, own)
         declare_switch(node, OVERRIDE, "whether gains may be such that a loop is expected to be unstable")
         read = ["joint_names", "base_frame", "tool_frame", *(_OF_BASES if self._parts.base else ())]
         read += ["command_in_type"] if source == "servo" else []
         refuse_unknown(node, [*names, OVERRIDE, *read])
-        self._retune(numbers_said(node, names))
+        self._numbers = names
+        self._retune(said := numbers_said(node, names))
+        if self._haptics:
+            bears = leader_limits(loaded, loaded.law, said)
+            diagnostics.tell(
+                f"with this leader bears {bears.stiffness:.3g} N/m along {bears.axis}, "
+                f"loose parts {bears.loose_part.stiffness:.3g} N/m"
+            )
         on_change(node, self._retune, diagnostics.refuse)
         self._commands = Commands(node, self._ports(base_interface))
         self._localisation = self._localised() if self._parts.base else None
@@ -416,6 +436,8 @@ class Following:
         is_late = self._brakes_early and self.age >= 0.99 * self._patience
         if is_late or (self._localisation and self._localisation.silence):
             age = np.inf
+        if self._haptics and felt.age > self.loaded.stale_after:
+            self._haptics.let_go()
         control.step(self._passed, measured, age, gap, felt.effort, felt.wrench)
         self._send(control.rate)
         if self.recorder:
@@ -445,7 +467,11 @@ class Following:
     def _retune(self, numbers: dict[str, float]) -> None:
         active = self.control.phase is not Phase.INACTIVE
         allow = self._node.get_parameter(OVERRIDE).value
-        law, supervisor, unjudged = retune(self.loaded, numbers, active=active, allow_unstable=bool(allow))
+        said = {**numbers_said(self._node, self._numbers), **numbers}
+        leader = said if self._haptics else None
+        law, supervisor, unjudged = retune(
+            self.loaded, numbers, active=active, allow_unstable=bool(allow), leader=leader
+        )
         if unjudged:
             self._node.get_logger().warning(f"law: {unjudged}")
         if law:
@@ -455,6 +481,7 @@ class Following:
             self.control.longest_advance = self.loaded.longest_advance
             self._felt.listen(self.control.supervisor, self.control.law)
         if isinstance(self.target, TwistTarget):
-            self.target.timeout = numbers.get("twist_timeout", self.target.timeout)
+            self.target.timeout = said["twist_timeout"]
         if isinstance(self.target, PoseTarget):
-            self.target.timeout = numbers.get("pose_timeout", 0.0) or np.inf
+            forever = POSE_TIMEOUT if self._haptics else np.inf
+            self.target.timeout = said["pose_timeout"] or forever

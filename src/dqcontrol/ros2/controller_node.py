@@ -35,7 +35,8 @@ class ControllerNode(Node):
     name
         Of the node.
     source
-        What it follows: ``spec``, ``pose``, ``twist`` or ``servo``, the topics of MoveIt Servo.
+        What it follows: ``spec``, ``pose``, ``twist``, ``servo``, the topics of MoveIt Servo, or ``haptics``, a leader
+        that feels what it does.
     interface
         What it sends to joints: ``velocity``, ``position``, ``trajectory`` or ``humanoid``.
     base_interface

@@ -19,7 +19,7 @@ from dqcontrol.experiments.prepared_experiment import Combination, PreparedExper
 from dqcontrol.experiments.spec import AnyLaw, as_spec, read_data
 from dqcontrol.loop.control import FASTEST_REFERENCE
 from dqcontrol.loop.replanning import refuse_replanning
-from dqcontrol.loop.targets import PoseTarget, SampledTarget, Speeds, Target, TwistTarget
+from dqcontrol.loop.targets import LeaderTarget, PoseTarget, SampledTarget, Speeds, Target, TwistTarget
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode, lagging_mode
 from dqcontrol.robots import Robot, WholeBody
@@ -205,16 +205,23 @@ class Loaded:
         return self.case.plant.linear_model(self.robot, self.case.scene.start, self.period)
 
     def target(self, source: str) -> Target:
-        """Return what gives the desired motion: the ``spec``, a ``pose``, or a ``twist``, as ``servo`` begins."""
+        """Return what gives the desired motion: the ``spec``, a ``pose``, a leader's with ``haptics``, or a ``twist``.
+
+        With ``servo`` it begins as with ``twist``.
+        """
         if source == "spec":
             return SampledTarget(self.case.scene.samples, self.period)
-        return PoseTarget(self.speeds) if source == "pose" else TwistTarget(self.speeds)
+        kinds = {"pose": PoseTarget, "haptics": LeaderTarget}
+        return kinds.get(source, TwistTarget)(self.speeds)
 
     def prepared_law(self, source: str, law: AnyLaw | None = None) -> Controller:
-        """Return the law, or another one in its place, ready to run."""
+        """Return the law, or another one in its place, ready to run; without contact where that is a leader's."""
         reference = self.case.scene.reference if source == "spec" else None
         mode, lag = lagging_mode(self.case.plant), self.case.plant.lag(self.robot)
-        made = (law or self.law).prepare(self.robot, reference, self.period, self.case.limits, mode, lag=lag)
+        law = law or self.law
+        if source == "haptics":
+            law = msgspec.structs.replace(law, contact=None)
+        made = law.prepare(self.robot, reference, self.period, self.case.limits, mode, lag=lag)
         refuse_replanning(made, reference, "which no node does")
         return made
 
