@@ -7,6 +7,7 @@ import scipy.linalg
 import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.contact import ForceSensor, Impedance, Tool
+from dqcontrol.contact.impedance import _most_late
 from dqcontrol.errors import DivergedError, Error, ValueRangeError
 from dqcontrol.plants import CompliantPlant, MujocoPlant, Push, Wrist
 
@@ -285,3 +286,22 @@ def test_bad_input_of_compliant_arms():
     ):
         with pytest.raises(ValueRangeError, match=rf"plant\.impedance: .*{words}"):
             CompliantPlant(**more)
+
+
+@pytest.mark.parametrize("ratio", [0.3, 0.7, 1.0, 3.0])
+def test_torques_a_period_late_are_stable_up_to_where_it_says(ratio):
+    """A unit mass on a spring and a damper, told period by period, with its rate by differences."""
+    most = _most_late(ratio)
+    for share in (0.97, 1.03):
+        h = share * most
+        way, rate, before, torque = 1.0, 0.0, 1.0, 0.0
+        ways = []
+        for _ in range(2000):
+            asked = -h * h * way - 2 * ratio * h * (way - before)  # of Ω = h and T = 1
+            before, way, rate = way, way + rate + 0.5 * torque, rate + torque
+            torque = asked
+            ways.append(abs(way))
+        if share < 1:
+            assert max(ways[-500:]) < 0.5 * max(ways[:500])
+        else:
+            assert max(ways[-500:]) > 2 * max(ways[:500])

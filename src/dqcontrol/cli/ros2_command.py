@@ -22,7 +22,7 @@ class NodeOptions:
     """What controllers and robots have in common."""
 
     interface: Annotated[
-        Literal["velocity", "position", "trajectory", "humanoid"],
+        Literal["velocity", "position", "trajectory", "humanoid", "effort"],
         Parameter(help="What commands are; names their topic."),
     ] = "velocity"
     base_interface: Annotated[

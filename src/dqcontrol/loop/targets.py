@@ -199,11 +199,16 @@ class LeaderTarget(PoseTarget):
 
     _motion = move_with_pose
 
+    def __init__(self, speeds: Speeds, timeout: float = math.inf) -> None:
+        super().__init__(speeds, timeout)
+        self._clutch: Clutch | None = None
+        self._told = -math.inf
+        self.start(algebra.pose([1.0, 0, 0, 0], [0.0, 0, 0]))  # anywhere: a leader may be told before it begins
+
     def start(self, pose: Array, time: float = 0.0) -> None:
         """Begin at rest where the end effector is, without a leader."""
         super().start(pose, time)
-        self._clutch: Clutch | None = None
-        self._told = time
+        self._clutch = None
 
     def ask(self, time: float, goal: Array) -> None:
         """Go along with the leader's pose (8,) that was said at a time, s."""

@@ -111,7 +111,15 @@ class Following:
         self._node, self.target = node, loaded.target(source)
         law, supervisor = loaded.prepared_law(source), loaded.prepared_supervisor(self._interface)
         warm_up(law, supervisor, loaded.case.scene.start, loaded.case.scene.samples[0])
-        self.control: Control = Control(law, self.target, supervisor, loaded.longest_advance)
+        self._impedance = loaded.impedance(self._interface)
+        self._velocities = np.zeros(len(loaded.parts.joints))
+        self.control: Control = Control(
+            law,
+            self.target,
+            supervisor,
+            loaded.longest_advance,
+            leads_targets=self._impedance is not None,
+        )
         self._periods, self._stamps = PeriodMonitor(loaded.state_period), Stamps("joint states")
         self._latest: tuple[float, float] | None = None  # heard, stamp
         self._origin = self._passed = 0.0  # s, by stamps
@@ -242,8 +250,11 @@ class Following:
             self._commands.release()
 
     def hold(self) -> None:
-        """Tell the robot to stay where it was told to be, if it is still told: the last thing that a program does."""
-        if self.control.is_commanding:
+        """Tell the robot to stay where it was told to be, if it is still told: the last thing that a program does.
+
+        An effort that stays does not do that, but silence: the robot then holds by its own means.
+        """
+        if self.control.is_commanding and self._impedance is None:
             self._send(np.zeros_like(self.control.rate))
         self._commands.release()
 
@@ -307,6 +318,7 @@ class Following:
                     self._joints,
                     self.loaded.period,
                     self.loaded.case.plant.joint_control(len(self._joints)),
+                    self._effort,
                 )
             )
         if parts.base:
@@ -325,6 +337,11 @@ class Following:
             lambda: self.control.is_commanding,
             self._hear_odometry,
         )
+
+    def _effort(self, measured: Array, position: Array, rate: Array) -> Array:
+        """Return the torques of the impedance, N·m or N, shape (n,)."""
+        assert self._impedance is not None
+        return self._impedance.torque(measured, self._velocities, position, rate)
 
     def _send(self, rate: Array) -> None:
         """Send the position command, and a rate in the form of the spec's robot."""
@@ -345,6 +362,10 @@ class Following:
 
     def _hear_joints(self, message: JointState) -> None:
         joints = by_name("joint states", list(message.name), list(message.position), self._joints)
+        if self._impedance is not None:
+            self._velocities = by_name(
+                "joint states", list(message.name), list(message.velocity), self._joints, "velocities"
+            )
         self._felt.hear_efforts(message)
         self._hear(time.monotonic(), nanoseconds(message.header.stamp), self._parts.joints, joints)
 
@@ -439,7 +460,8 @@ class Following:
         if self._haptics and felt.age > self.loaded.stale_after:
             self._haptics.let_go()
         control.step(self._passed, measured, age, gap, felt.effort, felt.wrench)
-        self._send(control.rate)
+        if self._impedance is None or measured is not None:  # no effort by joints that nobody saw
+            self._send(control.rate)
         if self.recorder:
             self.recorder.take(control, self._passed)
         if control.phase is not before:

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
-from dqcontrol.contact import Tool
+from dqcontrol.contact import PreparedImpedance, Tool
 from dqcontrol.controller import Controller
-from dqcontrol.errors import ShapeError
+from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare, prepare_spec
 from dqcontrol.experiments.spec import AnyLaw, as_spec, read_data
 from dqcontrol.loop.control import FASTEST_REFERENCE
@@ -239,6 +239,52 @@ class Loaded:
         mode = self._mode(interface)
         alone = self.supervisor.limits_alone().prepare(self.parts.driven, self.period, mode)
         return alone, mode == "measured"
+
+    def impedance(self, interface: str) -> PreparedImpedance | None:
+        """Return what gives the efforts that a controller sends; None where it sends something else.
+
+        Raises
+        ------
+        ValueRangeError
+            If the spec's plant has no impedance, one that needs the wrench, or one too stiff for torques a period late.
+        """
+        if interface != "effort":
+            return None
+        plant, kind = self.case.plant, type(self.case.plant).__struct_config__.tag
+        impedance = plant.prepared_impedance(self.robot)
+        if impedance is None:
+            raise ValueRangeError(
+                f"interface: 'effort' sends the torques of plant.impedance, and plant '{kind}' has none; "
+                "give it one, or take another interface"
+            )
+        if impedance.impedance.feels:
+            raise ValueRangeError(
+                "plant.impedance.mass: takes a wrench as fresh as the torque, which messages do not bring; leave it out"
+            )
+        if self.state_period != self.period:
+            raise ValueRangeError(
+                f"interface: 'effort' needs joint states each period, {self.period:g} s, and the plant's "
+                f"exchange_period is {self.state_period:g} s; leave it out"
+            )
+        impedance.check_period(self.case.scene.start, self.period, is_late=True)
+        return impedance
+
+    def by_effort(self) -> Loaded:
+        """Return the same with joints that take efforts.
+
+        Raises
+        ------
+        ValueRangeError
+            If the plant's joints take none.
+        """
+        plant = self.case.plant.by_effort()
+        if plant is None:
+            kind = type(self.case.plant).__struct_config__.tag
+            raise ValueRangeError(
+                f"interface: 'effort' needs joints that take torques, and those of plant '{kind}' take none; take "
+                "'mujoco', 'compliant' with mode TORQUE or TORQUE_GC, or another interface"
+            )
+        return replace(self, case=replace(self.case, plant=plant))
 
     def _mode(self, interface: str) -> Literal["integrated", "measured"]:
         return command_mode(self.case.plant) if interface != "velocity" else "integrated"
