@@ -145,7 +145,9 @@ def test_a_leader_is_followed_at_once_with_its_twist_and_from_where_both_are():
     spin, rows = np.array([0.2, 0.0, 1.0]), [START]
     for k in range(1, 50):
         t = k * DT
-        turn = algebra.pose(algebra.rotation_from_axis_angle(spin / np.linalg.norm(spin), t * 1.02), [0, 0, 0])
+        turn = algebra.pose(
+            algebra.rotation_from_axis_angle(spin / np.linalg.norm(spin), t * 1.02), [0, 0, 0]
+        )
         moved = algebra.multiply(algebra.pose([1, 0, 0, 0], [5.0 + 0.3 * t, -0.1 * t, 0]), turn)
         target.ask(t, algebra.multiply(moved, algebra.rotation(there).tolist() + [0.0] * 4))
         rows.append(target.sample(t, rows[-1][POSE]).copy())
@@ -157,7 +159,7 @@ def test_a_leader_is_followed_at_once_with_its_twist_and_from_where_both_are():
     np.testing.assert_allclose(rows[-1][TWIST][:3], turned, atol=1e-9)
     place = algebra.translation(now)
     np.testing.assert_allclose(
-        rows[-1][TWIST][3:], [0.3, -0.1, 0] + np.cross(place, turned), atol=1e-9
+        rows[-1][TWIST][3:], np.array([0.3, -0.1, 0]) + np.cross(place, turned), atol=1e-9
     )  # v + p × ω
 
 

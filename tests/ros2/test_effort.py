@@ -33,7 +33,9 @@ def test_it_gives_way_by_force_over_stiffness_and_a_killed_controller_leaves_it_
     node.host(robot)
     plant, arm = robot._plant, dqc.load_robot("iiwa7")
     begin = algebra.translation(arm.fkm(plant.q))
-    controller = start("controller", path, "--interface", "effort", "--autostart", *PATIENT, "-p", "start_tolerance:=3.0")
+    controller = start(
+        "controller", path, "--interface", "effort", "--autostart", *PATIENT, "-p", "start_tolerance:=3.0"
+    )
     assert node.serve(lambda: robot._is_driven)
     row, force, ways = int(arm.ends[0]), np.array([0, 0, -PUSH]), []
 
@@ -62,9 +64,13 @@ def test_it_gives_way_by_force_over_stiffness_and_a_killed_controller_leaves_it_
 
 def test_who_takes_or_gives_no_efforts_says_so(spec):
     stiff = load(spec(**{**SOFT, "plant": {"kind": "servo"}}))
-    with pytest.raises(Error, match="'effort' needs joints that take torques, and those of plant 'servo' take none"):
+    with pytest.raises(
+        Error, match="'effort' needs joints that take torques, and those of plant 'servo' take none"
+    ):
         stiff.by_effort()
-    with pytest.raises(Error, match=r"'effort' sends the torques of plant\.impedance, and plant 'servo' has none"):
+    with pytest.raises(
+        Error, match=r"'effort' sends the torques of plant\.impedance, and plant 'servo' has none"
+    ):
         stiff.impedance("effort")
     assert stiff.impedance("velocity") is None
     shaped = {**SOFT["plant"]["impedance"], "mass": 5.0, "turn_inertia": 0.1}

@@ -1,4 +1,4 @@
-"""A leader behind topics feels what the arm does: a mass with a damper here, robot and controller in other processes."""
+"""A leader behind topics feels what the arm does: a mass with a damper here, the arm in processes of its own."""
 
 import numpy as np
 import pytest

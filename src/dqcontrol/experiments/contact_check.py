@@ -94,8 +94,11 @@ def _check_tool(contact: Admittance, case: Combination, plant: RunningPlant, per
 
 
 def _check_approach(spec: Spec, case: Combination, contact: Admittance, limits: ContactLimits) -> None:
-    """Raise an error if the reference runs into a springy body faster than the loop bears."""
-    if limits.approach_speed is None:
+    """Raise an error if the reference runs into a springy box faster than the loop bears, or comes near none."""
+    boxes = {
+        name: body for name, body in (spec.world or {}).items() if body.stiffness is not None and body.box
+    }
+    if limits.approach_speed is None or not boxes:
         return
     poses, times = case.scene.samples[:, POSE], case.scene.samples[:, TIME]
     forces = contact.wanted_forces(times)
@@ -103,19 +106,24 @@ def _check_approach(spec: Spec, case: Combination, contact: Admittance, limits: 
     places = algebra.translation(poses)
     speeds = contact.turned_to_axes(np.diff(places, axis=0) / spec.period, poses[1:], poses[1:])
     towards = -speeds @ (wanted / np.linalg.norm(wanted))
-    for name, body in (spec.world or {}).items():
-        if body.stiffness is None or body.box is None:
-            continue
+    nearest, deepest = np.inf, contact.limits.depth or np.inf
+    for name, body in boxes.items():
         frame = algebra.matrix_from_pose(body.pose)
-        inside = (np.abs((places - frame[:3, 3]) @ frame[:3, :3]) < 0.5 * np.array(body.box)).all(axis=1)
-        k = int(inside.argmax()) - 1  # the way that ends in the first place inside
+        beyond = np.abs((places - frame[:3, 3]) @ frame[:3, :3]) - 0.5 * np.array(body.box)
+        away = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+        nearest = min(nearest, float(away.min()))
+        k = int((away == 0.0).argmax()) - 1  # the way that ends in the first place inside
         if k >= 0 and towards[k] > _LATE * limits.approach_speed:
             raise ValueRangeError(
                 f"reference: runs into world.{name} at {1e3 * towards[k]:.3g} mm/s, at t = "
                 f"{times[k + 1]:.3g} s, and from {1e3 * limits.approach_speed:.3g} mm/s on the force "
                 "peaks beyond three times the wanted one; approach slower (allow_unstable: true runs it all the same)"
             )
-
+    if nearest > deepest:
+        raise ValueRangeError(
+            f"contact: nothing springy comes nearer than {nearest:.3g} m to the reference, and contact.limits.depth is "
+            f"{deepest:g} m: no force would come about"
+        )
 
 
 def _damping_for_it(limits: ContactLimits) -> str:

@@ -29,7 +29,9 @@ NUMBERS = (
     Number("force_scale", 1.0, 1e-3, 1e3, "newtons at the leader for one at the end effector"),
     Number("force_limit", 10.0, 0.0, 1e3, "largest force at the leader, N"),
     Number("torque_limit", 1.0, 0.0, 1e3, "largest torque at the leader, N·m"),
-    Number("leader_delay", 0.0, 0.0, 1.0, "of messages to and from the leader, each way, s, for what is borne"),
+    Number(
+        "leader_delay", 0.0, 0.0, 1.0, "of messages to and from the leader, each way, s, for what is borne"
+    ),
 )
 POSE_TIMEOUT = 0.1  # s, unless said: a leader's poses are a stream
 # Periods from a leader's pose to the force at where that takes the end effector, beside the plant's lag and delay: the
@@ -81,11 +83,13 @@ class HapticTopics:
         self._message.header.frame_id = frame
 
     def hear(self, wrench: Array, stamp: Any) -> None:
-        """Let the leader feel a wrench at the sensor, shape (6,), N and N·m, with its stamp; nothing if it does not lead."""
+        """Let the leader feel a wrench at the sensor, shape (6,), N and N·m, with its stamp, while it leads."""
         control = self._control
         felt = np.zeros(6)
         if control.phase is Phase.ACTIVE and self._target.is_led(control.time):
-            felt = self._number("force_scale") * self._sensor.felt(control.robot.fkm(control.measured), wrench)
+            felt = self._number("force_scale") * self._sensor.felt(
+                control.robot.fkm(control.measured), wrench
+            )
         if control.is_commanding:
             self._publish(felt, stamp)
 

@@ -192,7 +192,7 @@ class RunningCompliant(RunningPlant):
             self.switch(control.mode)
 
     def take_effort(self, effort: Array | None) -> None:
-        """Drive the joints by torques, in the plant's own mode; without, THETA_GC holds them; see `RunningPlant.take_effort`."""
+        """Drive the joints by torques in the plant's own mode, else hold them; see `RunningPlant.take_effort`."""
         if effort is not None:
             self.set_joint_control(ControllerSettings(self._mode, asked=effort))
         elif self.mode != _HOLDS:
