@@ -370,8 +370,9 @@ class Spec(Part, frozen=True, kw_only=True, dict=True):
             return dict(self.robots)
         if self.start is None:
             raise ShapeError("missing key 'start'")
-        one = self.robot if isinstance(self.robot, RobotSpec) else RobotSpec(source=str(self.robot))
-        return {"": StartedRobotSpec(**msgspec.structs.asdict(one), start=self.start)}
+        if not isinstance(self.robot, RobotSpec):
+            return {"": StartedRobotSpec(source=str(self.robot), start=self.start)}
+        return {"": StartedRobotSpec(**msgspec.structs.asdict(self.robot), start=self.start)}
 
     @property
     def law_by_label(self) -> dict[str, AnyLaw]:
