@@ -153,5 +153,6 @@ def _loop_of(loaded: Loaded, law: AnyLaw, numbers: Mapping[str, float]) -> Calla
     time, delay = case.plant.lag(robot).mean
     late = delay + _PERIODS * period + 2 * numbers["leader_delay"]
     model = Servo(time_constant=time, delay=late).linear_model(robot, start, period)
+    assert model is not None
     contact, prepared, stiff = sensed(case), loaded.prepared_law("haptics", law), np.zeros(len(start))
     return lambda stiffness: bears(contact, prepared, model, start, scale * stiffness, stiff)
