@@ -6,6 +6,7 @@ import pytest
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
 from nodes import PATIENT
+from rclpy.parameter import Parameter
 
 import dqcontrol as dqc
 from dqcontrol import algebra
@@ -25,11 +26,13 @@ SOFT = {
 }
 
 
+@pytest.mark.slow
 def test_it_gives_way_by_force_over_stiffness_and_a_killed_controller_leaves_it_at_rest(spec, start, node):
     from dqcontrol.ros2.robot_node import RobotNode
 
     path = spec(**SOFT, period=0.005)
     robot = RobotNode(load(path), interface="effort")
+    robot.set_parameters([Parameter("command_timeout", value=0.5)])  # a busy machine has efforts late
     node.host(robot)
     plant, arm = robot._plant, dqc.load_robot("iiwa7")
     begin = algebra.translation(arm.fkm(plant.q))
