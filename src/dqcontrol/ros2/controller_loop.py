@@ -457,7 +457,8 @@ class Following:
         if self._haptics and felt.age > self.loaded.stale_after:
             self._haptics.let_go()
         control.step(self._passed, measured, age, gap, felt.effort, felt.wrench)
-        if self._impedance is None or measured is not None:  # no effort by joints that nobody saw
+        # no effort by joints that nobody saw, nor after a fault: the springs may be what is wrong
+        if self._impedance is None or (measured is not None and control.is_calm):
             self._send(control.rate)
         if self.recorder:
             self.recorder.take(control, self._passed)
