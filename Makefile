@@ -182,7 +182,7 @@ bench: $(PEERS)/bench
 	@$(PEERS)/bin/python benchmarks/pereira2016.py
 	@$(PEERS)/bin/python benchmarks/sweep.py
 	@$(PEERS)/bin/python benchmarks/recording.py
-	@$(PEERS)/bin/python benchmarks/figures.py
+	@$(PEERS)/bin/python benchmarks/waiting.py
 	@$(PEERS)/bin/python benchmarks/quadratic_programs.py
 	@$(PEERS)/bin/python benchmarks/constraints.py
 	@$(PEERS)/bin/python benchmarks/reactive_scenes.py

@@ -8,7 +8,8 @@ configurations for both that keep the margin. Judge: distances by `geometry` at 
 random edges of 0.8 rad: certified against sampled every 0.05 rad, time of processor of both in one process, and
 certified ones sampled 1000 times. Then scenes of balls, as in `reactive_scenes.py`, whose ways another ball crosses
 that no plan foresees, or on which it stays; margins of 10 mm. Last a little-john, whose base drives: to between the
-boards of a shelf, and out of a room through a door of 1.05 × its chassis and what is asked.
+boards of a shelf, and out of a room through a door of 1.05 × its chassis and what is asked; there the same on a base
+that steers, too.
 """
 
 from __future__ import annotations
@@ -347,15 +348,29 @@ def door_drive(seed: int) -> tuple[dict[str, Body], float, np.ndarray, np.ndarra
     return room, margin, np.array([0, 0, 0, 0, -0.9, 0.9, 0.9, 0]), goal
 
 
+def little_car() -> dqc.Robot:
+    """Return a little-john whose base steers as a car does, in arcs of 0.55 m."""
+    own = dqc.load_robot("little-john")
+    base = dqc.CarLikeBase(0.065, 0.13, wheelbase=0.3, steering_limit=0.6, rim_speed=1.0)
+    car = dqc.WholeBody([base, *own.parts[1:]])
+    car.shapes = own.shapes
+    return car
+
+
 def drives(count: int) -> None:
     """Plan ways of a base that drives and its arm, beside the same legs one after the other, and follow them."""
-    robot = dqc.load_robot("little-john")
-    assert robot.shapes is not None
+    turns, steers = dqc.load_robot("little-john"), little_car()
     print(
         f"| {count} each | found | one after the other [s] | together [s] | least room [mm] | off the way [rad, m] |"
     )
     print("|---" * 6 + "|")
-    for name, scene_of in (("to a shelf", shelf_drive), ("through a door", door_drive)):
+    kinds = (
+        ("to a shelf", shelf_drive, turns),
+        ("through a door", door_drive, turns),
+        ("steering, through a door", door_drive, steers),
+    )
+    for name, scene_of, robot in kinds:
+        assert robot.shapes is not None
         apart, lasts, rooms, off = [], [], [], 0.0
         for seed in range(count):
             bodies, margin, start, goal = scene_of(seed)

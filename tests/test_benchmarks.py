@@ -1,5 +1,6 @@
 """The benchmarks run and agree with their peers; how fast they are is not judged here."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -20,6 +21,20 @@ def shown(module):
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
+
+
+def test_each_program_that_is_named_is_there():
+    root = FOLDER.parent
+    for page in (
+        root / "Makefile",
+        root / "README.md",
+        root / "CONTRIBUTING.md",
+        *(root / "docs").glob("*.md"),
+    ):
+        for program in re.findall(
+            r"\b(?:benchmarks|tools|examples)/\w+\.(?:py|yaml)\b", page.read_text(encoding="utf-8")
+        ):
+            assert (root / program).exists(), f"{page.name}: {program}"
 
 
 @pytest.mark.slow

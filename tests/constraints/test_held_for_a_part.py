@@ -1,7 +1,5 @@
 """A body that a hand holds for a part of a run: it stands, is carried, and stands elsewhere."""
 
-from pathlib import Path
-
 import msgspec
 import numpy as np
 import pytest
@@ -22,7 +20,37 @@ HELD = Held(
 )
 ROD = Body(box=(0.03, 0.05, 0.2), position=(0.5, 0.4, 0.5), held=HELD)
 POST = Body(sphere=0.05, position=(0.2, 0.1, 0.9))
-CARRY = Path(__file__).parents[2] / "examples" / "carry.yaml"
+CARRY = """
+name: carry
+robot: panda-hand
+start: {position: [0.45, -0.3, 0.39], quaternion: [0, 1, 0, 0]}
+period: 10 ms
+world:
+  table: {box: [0.7, 1.2, 40 mm], position: [0.55, 0, 0.18]}
+  wall: {box: [0.3, 20 mm, 0.2], position: [0.45, 0, 0.3]}
+  rod:
+    cylinder: [20 mm, 120 mm]
+    position: [0.45, -0.3, 0.26]
+    held: {since: 2.5 s, until: 11 s, position: [0, 0, 30 mm], put: {position: [0.45, 0.3, 0.26]}}
+constraints:
+  margin: 5 mm
+  acceleration: 10
+  clear_of: {wall: {}, rod: {}, table: {links: [panda_link5, panda_link6, panda_link7, panda_hand]}}
+reference:
+  kind: sequence
+  references:
+    - {kind: straight, way: [0, 0, -0.1], duration: 2}
+    - {kind: set-point, duration: 1}
+    - {kind: straight, way: [0, 0, 0.22], duration: 2}
+    - {kind: straight, way: [0, 0.6, 0], duration: 4}
+    - {kind: straight, way: [0, 0, -0.22], duration: 2}
+    - {kind: set-point, duration: 0.5}
+    - {kind: straight, way: [0, 0, 0.1], duration: 2}
+law: {kind: proportional-feedforward, gain: 5}
+plant: {kind: integrator}
+outcome:
+  - {clear_of: [wall], by: 5 mm}
+"""
 
 
 def keeping(rod=ROD):
@@ -88,7 +116,7 @@ def test_where_nobody_knows_that_it_was_put_plans_do_without_it():
 
 
 def spec(**changes):
-    given = msgspec.yaml.decode(CARRY.read_bytes())
+    given = msgspec.yaml.decode(CARRY)
     given["world"]["rod"] |= changes
     return given
 

@@ -1,5 +1,8 @@
 """Torques of an impedance: against formulas written out, against energy, and in MuJoCo against closed forms."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -11,6 +14,8 @@ from dqcontrol.contact import ForceSensor, Impedance, Tool
 from dqcontrol.contact.impedance import _most_late
 from dqcontrol.errors import DivergedError, Error, ValueRangeError
 from dqcontrol.plants import CompliantPlant, MujocoPlant, Push, Wrist
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 ARM = dqc.load_robot("iiwa7")
 START = np.array([0, 0.6, 0, -1.6, 0, 0.9, 0])
@@ -287,6 +292,13 @@ def test_bad_input_of_compliant_arms():
     ):
         with pytest.raises(ValueRangeError, match=rf"plant\.impedance: .*{words}"):
             CompliantPlant(**more)
+
+
+def test_a_run_that_gives_way_as_its_springs_should_is_told_so():
+    words = dqc.run(EXAMPLES / "impedance.yaml").verdict.words
+    assert re.search(
+        r"^15\.\d N at most felt, 25 N allowed; pressed on board: .*; gave way by 10\.\d mm RMS$", words
+    )
 
 
 @pytest.mark.parametrize("ratio", [0.3, 0.7, 1.0, 3.0])

@@ -1,13 +1,16 @@
 """What a contact loop bears, against closed forms, on oblique walls, and at the speed at which it may be approached."""
 
 import cmath
+import itertools
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.contact import Admittance, Compliance, ForceSensor, WantedWrench, contact_limits
+from dqcontrol.contact.limits import _environment
 from dqcontrol.plants import Servo, Wrist
 from dqcontrol.references import Guarded, SetPoint, Straight
 
@@ -144,3 +147,26 @@ def test_a_contact_at_the_approach_speed_peaks_at_three_times_the_wanted_force(
     record = dqc.simulate(ARM, down, law, plant, START, period, duration=min(way, gap + 0.3 * speed) / speed)
     peak = record.readings["touch_force"].values[:, 2].max()
     assert 0.8 * 3 * wanted < peak <= 3 * wanted
+
+
+@pytest.mark.parametrize("mass", [0.0, 0.1, 100.0])
+@pytest.mark.parametrize("lag", [0.0, 1e-4, 0.05])
+def test_filter_and_loose_part_over_a_period_are_those_of_the_matrix_exponential(mass, lag):
+    for stiffness, period in itertools.product(np.geomspace(10, 1e8, 8), (0.001, 0.033)):
+        inner, by_begin, by_end, force, direct = _environment(stiffness, mass, lag, period)
+        states, x = len(inner), len(inner) - 2
+        rates = np.zeros((states + 2, states + 2))
+        rates[states, states + 1] = 1.0
+        if mass:
+            frequency = np.sqrt(stiffness / mass)
+            rates[x, x + 1], rates[x + 1, x], rates[x + 1, states] = frequency, -frequency, frequency
+        if lag:
+            rates[0, 0] = rates[0, states] = -1 / lag
+            if mass:
+                rates[0, x] = 1 / lag
+        moved = expm(rates * period)[:states]
+        assert inner == pytest.approx(moved[:, :states], abs=1e-10)
+        assert by_end == pytest.approx(moved[:, states + 1] / period, abs=1e-10)
+        assert by_begin + by_end == pytest.approx(moved[:, states], abs=1e-10)
+        assert direct == (0 if lag else -stiffness)
+        assert force == pytest.approx(stiffness * np.eye(states)[0 if lag else x] if states else np.zeros(0))

@@ -133,7 +133,7 @@ def test_check_says_what_the_knobs_mean():
     checks = check(spec())
     assert checks.contact is not None
     text = " ".join(str(checks).split())  # lines are as long as the terminal is wide
-    for words in ("bears up to", "moves the free hand at 10 mm/s", "approach no faster"):
+    for words in ("bears up to", "moves the end effector in free space at 10 mm/s", "approach no faster"):
         assert words in text, text
 
 

@@ -105,3 +105,40 @@ def test_a_base_that_drives_leaves_a_room_through_a_door_hardly_wider_than_it_is
     assert (hand.vec8 @ robot.fkm(q[-1])) ** 2 > 1 - 1e-9
     again = drive_and_plan(robot, keep, start, hand, seed=seed)
     assert np.array_equal(again.configurations([1.0, 5.0]), way.configurations([1.0, 5.0]))
+
+
+@pytest.mark.parametrize("seed", [0, pytest.param(3, marks=pytest.mark.slow)])
+def test_a_base_that_steers_goes_through_such_a_door_too(seed):
+    """No word of three arcs and lines leads there: it drives to the door, through, and on."""
+    own = dqc.load_robot("little-john")
+    car = dqc.CarLikeBase(0.065, 0.13, wheelbase=0.3, steering_limit=0.6, rim_speed=1.0)
+    robot = dqc.WholeBody([car, *own.parts[1:]])
+    robot.shapes = own.shapes
+    rng = np.random.default_rng([14, seed])
+    half = 0.5 * 1.05 * (2 * own.shapes.shapes[0].shape.radius + 0.04)
+    ends = {"left": (2.0 + half, 2.0 - half), "right": (-2.0 - half, 2.0 - half)}
+    walls = {
+        name: dqc.world.Body(box=(0.1, size, 1.5), position=(1.25, 0.5 * middle, 0.75))
+        for name, (middle, size) in ends.items()
+    }
+    walls |= {
+        f"side {y:g}": dqc.world.Body(box=(2.6, 0.1, 1.5), position=(0.0, y, 0.75)) for y in (-2.0, 2.0)
+    }
+    keep = dqc.constraints.Constraints(
+        world=dqc.World(bodies=walls), clear_of="all", margin=0.02, self_margin=0.005, acceleration=5
+    )
+    start = np.array([0, -0.8, 2.0, 0, -0.9, 0.9, 0.9, 0])
+    goal = np.array([2.6, rng.uniform(-0.5, 0.5), rng.uniform(-2, 2), 0.3, -0.6, 0.9, 0.7, 0])
+    hand = dqc.DualQuaternion(robot.fkm(goal))
+    way = drive_and_plan(robot, keep, start, hand, seed=seed)
+    q = way.configurations(np.linspace(0, way.duration, 4000))
+    base, boxes = robot.shapes.shapes[0], [body.shapes[0] for body in walls.values()]
+    for each in q[::20]:
+        moved = base.shape.moved(robot.frames(each)[base.frame - 1])
+        assert min(distance(moved, box).distance for box in boxes) >= 0.02
+    assert (hand.vec8 @ robot.fkm(q[-1])) ** 2 > 1 - 1e-9
+    rolled, turned = np.diff(q[:, :2], axis=0), np.diff(q[:, 2])
+    size = np.linalg.norm(rolled, axis=1)
+    assert np.abs(turned[size > 1e-4] / size[size > 1e-4]).max() < 1.01 * np.tan(0.6) / 0.3  # as it can steer
+    again = drive_and_plan(robot, keep, start, hand, seed=seed)
+    assert np.array_equal(again.configurations([1.0, 5.0]), way.configurations([1.0, 5.0]))

@@ -265,6 +265,17 @@ def test_slides_without_limits_have_nothing_to_plan_within():
         plan(slider, keep, [0.0, 0.0], [1.0, 0.0])
 
 
+def test_slides_without_limits_behind_what_turns_them_are_named():
+    """Nobody knows how far from the first axis their shapes get, so how fast distances change."""
+    limits = dqc.robots.Limits([-3.0, -np.inf], [3.0, np.inf], [2.0, 1.0], [np.inf, np.inf])
+    slider = dqc.SerialArm.from_dh(
+        [0, 0], [0, 0], [0.5, 0.0], [np.pi / 2, 0], ["revolute", "prismatic"], limits=limits
+    )
+    keep = dqc.constraints.Constraints(**around({"ball": sphere((0.0, 0.0, 3.0), 0.1, links=["hand"])}))
+    with pytest.raises(ValueRangeError, match=r"constraints: .* has no limits of joint_2, which slides"):
+        plan(slider, keep, [0.0, 0.0], [1.0, 0.0])
+
+
 def test_constraints_that_contradict_each_other_name_what_is_crossed():
     """Two boxes apart, in both of which the hand is to stay."""
     robot = load("panda")

@@ -1,5 +1,6 @@
 """Ways that are planned again where constraints hold the robot, and ways out for laws that have none."""
 
+import sys
 import warnings
 
 import numpy as np
@@ -9,7 +10,7 @@ from test_plan import inside_shelf, load
 
 import dqcontrol as dqc
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
-from dqcontrol.errors import Error, NoteWarning, ValueRangeError
+from dqcontrol.errors import Error, MissingExtraError, NoteWarning, ValueRangeError
 from dqcontrol.planning import Again, PlanTo, plan
 from dqcontrol.planning.plan_to import ResumedWay
 from dqcontrol.planning.standing_world import standing
@@ -254,3 +255,14 @@ def test_a_report_and_pictures_say_when_and_why_it_was_planned_again():
     assert any("planned again:\n held by upper" in each for each in words)
     labels = [text.get_text() for text in path_3d(record, crossed).legends[0].get_texts()]
     assert "planned again" in labels
+
+
+def test_libraries_that_are_missing_are_named_before_anything_moves(monkeypatch):
+    arm = dqc.load_robot("panda")
+    law = dqc.laws.Proportional(gain=2.0, constraints=kept_clear(escape="plan", lower=LOWER))
+    still = dqc.references.SetPoint(arm.fkm(START))
+    for library in ("ompl.geometric", "toppra"):
+        with monkeypatch.context() as patch:
+            patch.setitem(sys.modules, library, None)
+            with pytest.raises(MissingExtraError, match=library.partition(".")[0] + ": plans while"):
+                dqc.simulate(arm, still, law, dqc.plants.Integrator(), START, 0.01, 0.05)

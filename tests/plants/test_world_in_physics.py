@@ -161,7 +161,7 @@ SCENES = {
                 {"contact": "none"},
             ],
         },
-        r"^table: [\w ()]+ \d+ mm at .*, 10 mm asked; hand [\d.]+ mm and [\d.]+° off at the end; no contact; ",
+        r"^[\w ()]+ \d+ mm clear of table at .*, 10 mm asked; hand [\d.]+ mm and [\d.]+° off at the end; no contact; ",
     ),
     "not clear": (
         going(0, 0, -0.3)
@@ -202,7 +202,7 @@ SCENES = {
             },
             "outcome": [{"force": {"at_most": 500}}],
         },
-        r"N at most felt, 500 N allowed; hit wall: panda_[\w.]+ ",
+        r"N at most felt, 500 N allowed; pressed on wall: panda_[\w.]+ ",
     ),
 }
 

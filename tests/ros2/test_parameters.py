@@ -1,13 +1,17 @@
 """Parameters given at the start and later: wrong ones are refused in one line, and none is left out silently."""
 
+import gc
 import signal
 import sys
+import traceback
 
 import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'")
 
 from nodes import PATIENCE, read_until
+from rclpy.exceptions import InvalidHandle
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from dqcontrol.cli import main
@@ -19,17 +23,34 @@ from dqcontrol.ros2.tuning import check_stable
 
 @pytest.fixture
 def made():
-    """Return what makes a node of ours with ROS arguments; ROS ends with the test."""
-    contexts = []
+    """Return what makes a node of ours with ROS arguments; it, or what is left of it, ends with the test, then ROS."""
+    contexts, nodes = [], []
 
     def make(build, *arguments):
         contexts.append(middleware.ros(arguments))
         contexts[-1].__enter__()
-        return build()
+        nodes.append(build())
+        return nodes[-1]
 
     yield make
+    for node in nodes:
+        node.destroy_node()
+    gc.collect()  # nodes whose construction failed: later, a thread of pytest's would end them beside others' start
     for context in contexts:
         context.__exit__(None, None, None)
+
+
+@pytest.mark.parametrize("name", ["controller", "robot"])
+def test_a_node_whose_construction_fails_has_left_ros(spec, made, name):
+    left = []
+    with pytest.raises(Error) as caught:
+        made(lambda: {"controller": controller, "robot": robot}[name](spec()), "-p", "nothing:=3")
+    for frame, _ in traceback.walk_tb(caught.tb):
+        left += [one for one in frame.f_locals.values() if isinstance(one, Node)]
+    assert left
+    for one in left:
+        with pytest.raises(InvalidHandle), one.handle:
+            pass
 
 
 def controller(path, **options):

@@ -26,19 +26,23 @@ def plan(spec: Path, /) -> None:
     from dqcontrol.experiments import prepare
     from dqcontrol.planning.drive_and_plan import DriveAndPlan
     from dqcontrol.planning.plan_to import PlanTo
+    from dqcontrol.references import DriveThrough
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NoteWarning)  # what it says is printed below
         setting = prepare(spec)
     for label, scene in setting.scenes.items():
-        way = scene.reference
-        if not isinstance(way, PlanTo | DriveAndPlan):
+        whole = scene.reference
+        ways = whole.ways if isinstance(whole, DriveThrough) else [whole]
+        planned = [way for way in ways if isinstance(way, PlanTo | DriveAndPlan)]
+        if not planned:
             kind = setting.spec.reference.__struct_config__.tag
             raise ShapeError(
                 f"{spec}: reference: expected kind plan-to, got {kind}, which has nothing to plan"
             )
-        print_table(_points(way.arm if isinstance(way, DriveAndPlan) else way, label or scene.robot.name))
-        print(way)
+        for way in planned:
+            print_table(_points(way.arm if isinstance(way, DriveAndPlan) else way, label or scene.robot.name))
+            print(way)
 
 
 def _points(way: PlanTo, title: str) -> Table:

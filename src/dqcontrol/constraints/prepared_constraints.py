@@ -56,7 +56,7 @@ from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, Plane, Shape, Spher
 from dqcontrol.geometry.shape_rows import FIRST_CORNER, KIND, PLANE, RADIUS, ROUND, SHAPE
 from dqcontrol.robots.command_mode import AT_ONCE, Lag
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
-from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.robot import Robot, base_coordinates
 from dqcontrol.world import Motion
 from dqcontrol.world.body import INSTANT
 
@@ -543,6 +543,13 @@ class PreparedConstraints:
 
     def _allowances(self) -> Array:
         """Return of each row κ T²/8 for the largest κ that limits of speed allow, and what is late."""
+        if not np.isfinite(self.levers).all():
+            limits, slides = self.robot.limits, np.array(self.robot.joint_types) == "prismatic"
+            endless = slides & ~base_coordinates(self.robot) & ~np.isfinite(limits.upper - limits.lower)
+            raise ValueRangeError(
+                f"constraints: {self.robot.name} has no limits of {self.robot.joint_names[int(endless.argmax())]}, "
+                "which slides, without which nothing is known of how fast distances change"
+            )
         used = self.levers > 0
         unknown = used & ~np.isfinite(self._velocity)
         if unknown.any():

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
 _SOFTEST, _STIFFEST = 10.0, 1e8  # N/m that are looked at: a sponge, and beyond steel on steel
 _LOOKED_AT = 49  # between them: seven a decade, so that a window of instability is not stepped over
+_HALVINGS = 14  # of a step of that grid: the limit to 2e-5 of its value, of which three digits are printed
+_FACTORIALS = 1 / np.cumprod(np.arange(1.0, 14.0))  # 1/k!
 _ROUNDING = 1e-7  # of a pole's modulus: double poles at 1, of redundant joints at rest, are found to that
 _MASSES = tuple(np.geomspace(0.1, 100.0, 7).tolist())  # kg of loose parts: a pen to a machine
 # K θ v / w at which a contact at speed v peaks at 3 w, where the reference stops at the second sample with a force and
@@ -240,6 +242,7 @@ class _Loop:
             law.period,
             admittance.sensor.filter,
         )
+        self._steps = [exact_step(row[0], row[1], row[2], law.period) for row in self._rows]
         robot, n = law.robot, law.robot.configuration_size
         a, b = model.transition, model.inputs
         pose = robot.fkm(q)
@@ -312,7 +315,7 @@ class _Loop:
         command[:, :size] = self._by_joints
         for i, row in enumerate(self._rows):
             c = felt + 2 * i
-            f = exact_step(row[0], factor * row[1], row[2], period)
+            f = self._steps[i] if factor == 1 else exact_step(row[0], factor * row[1], row[2], period)
             ahead, after = f[2] * self._acts[:, i] @ forces, f[5] * self._acts[:, i] @ forces
             ahead[c : c + 2] += f[:2]
             after[c : c + 2] += f[3:5]
@@ -362,7 +365,7 @@ def _first_failure(
     if failed == 0:
         return 0.0
     low, high = grid[failed - 1], grid[failed]
-    for _ in range(24):
+    for _ in range(_HALVINGS):
         middle = np.sqrt(low * high)
         low, high = (middle, high) if radius(middle) <= 1 + _ROUNDING else (low, middle)
     return float(np.sqrt(low * high))
@@ -379,22 +382,33 @@ def _environment(
     if not states:
         return np.zeros((0, 0)), np.zeros(0), np.zeros(0), np.zeros(0), -stiffness
     rates, by_way = np.zeros((states, states)), np.zeros(states)
-    x = states - 2
-    force = np.zeros(states)
-    if mass:  # F = −K (way − x), and K (way − x) moves it
-        force[x] = stiffness
-        rates[x, x + 1], rates[x + 1, x], by_way[x + 1] = 1.0, -stiffness / mass, stiffness / mass
-    if lag:
-        rates[0] = force / lag
-        rates[0, 0] -= 1 / lag
-        by_way[0] = -stiffness / lag
-        force, direct = np.eye(states)[0], 0.0
-    else:
-        direct = -stiffness
-    whole = np.zeros((states + 2, states + 2))
-    whole[:states, :states], whole[:states, states], whole[states, states + 1] = rates, by_way, 1.0
-    from scipy.linalg import expm  # a third of Numba's import: only where it is used
+    x, frequency = states - 2, np.sqrt(stiffness / mass) if mass else 0.0
+    if mass:  # its place, and its speed over the frequency: all states have the size of the way
+        rates[x, x + 1], rates[x + 1, x], by_way[x + 1] = frequency, -frequency, frequency
+    if lag:  # of the force over the stiffness
+        rates[0, 0], by_way[0] = -1 / lag, -1 / lag
+        if mass:
+            rates[0, x] = 1 / lag
+    # A decay and an oscillation are never equal, so the modes span the states. SciPy's matrix exponential takes a
+    # hundred times as long where its BLAS wakes threads for a matrix of three rows.
+    modes, shapes = np.linalg.eig(rates * period)
+    inverse = np.linalg.inv(shapes)
+    constant, straight = _phi(modes)
 
-    moved = np.asarray(expm(whole * period), dtype=np.float64)[:states]
-    by_next = moved[:, states + 1] / period
-    return moved[:, :states], moved[:, states] - by_next, by_next, force, direct
+    def of_states(values: Array) -> Array:
+        return (shapes * values @ inverse).real
+
+    by_end = period * of_states(straight) @ by_way
+    by_begin = period * of_states(constant) @ by_way - by_end
+    force = stiffness * np.eye(states)[0 if lag else x]
+    return of_states(np.exp(modes)), by_begin, by_end, force, 0.0 if lag else -stiffness
+
+
+def _phi(z: Array) -> tuple[Array, Array]:
+    """Return (exp z − 1)/z and (exp z − 1 − z)/z²; by their series near 0, where the differences lose digits."""
+    near = np.abs(z) < 0.1  # the series leave out less than 1e-16 there
+    powers = np.where(near, z, 0.0)[..., None] ** np.arange(12)
+    far = np.where(near, 1.0, z)
+    first = np.where(near, powers @ _FACTORIALS[:-1], np.expm1(far) / far)
+    second = np.where(near, powers @ _FACTORIALS[1:], (np.expm1(far) - far) / far**2)
+    return first, second

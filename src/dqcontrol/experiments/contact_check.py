@@ -194,7 +194,8 @@ def contact_table(spec: Spec, cases: tuple[Combination, ...]) -> Table | None:
         for row in _meanings(case.variant.law.contact, limits_of(spec, case), spec)
     ]
     columns = [Column("case"), Column("knob"), Column("value"), Column("what it means")]
-    return Table(columns, rows, "contact") if rows else None
+    first = len(cases) == 1  # the label of one case says nothing
+    return Table(columns[first:], [row[first:] for row in rows], "contact") if rows else None
 
 
 def _age(tared: str | None) -> str:
@@ -219,25 +220,26 @@ def _meanings(contact: Admittance, limits: ContactLimits, spec: Spec) -> Iterato
     i = ("mx", "my", "mz", "x", "y", "z").index(limits.axis)
     mass, damping, stiffness = contact.axis_rows[i]
     along, wall = f" along {limits.axis}", "N·m/rad" if i < 3 else "N/m"
+    of_damping, of_mass, of_force = ("N·m·s/rad", "kg·m²", "N·m") if i < 3 else ("N·s/m", "kg", "N")
     touched = stiffness_touched(spec)
     bears = "whatever stands still" if np.isinf(limits.stiffness) else f"up to {limits.stiffness:.3g} {wall}"
     needs = "is borne with none" if np.isinf(limits.least_damping) else f"needs {limits.least_damping:.3g}"
     yield [
         "damping" + along,
-        f"{damping:.4g}",
+        f"{damping:.4g} {of_damping}",
         f"bears {bears}; {touched:.4g} {wall} {needs}",
     ]
     loose = limits.loose_part
     if loose.mass:
         yield [
             "damping" + along,
-            f"{damping:.4g}",
+            f"{damping:.4g} {of_damping}",
             f"bears loose parts behind a contact of up to {loose.stiffness:.3g} N/m (worst: {loose.mass:.3g} kg)",
         ]
     if mass:
         yield [
             "mass" + along,
-            f"{mass:.4g}",
+            f"{mass:.4g} {of_mass}",
             f"a lag of {1e3 * mass / damping:.3g} ms in the loop" if damping else "no damping",
         ]
     wanted = contact.force.components[i]
@@ -245,8 +247,8 @@ def _meanings(contact: Admittance, limits: ContactLimits, spec: Spec) -> Iterato
         size = float(np.abs(wanted.values).max()) if isinstance(wanted, ForceReference) else abs(wanted)
         yield [
             f"force.{limits.axis}",
-            f"{size:.4g}",
-            f"moves the free hand at {1e3 * size / damping:.3g} mm/s",
+            f"{size:.4g} {of_force}",
+            f"moves the end effector in free space at {1e3 * size / damping:.3g} mm/s",
         ]
         if limits.approach_speed is not None:
             speed = (
@@ -256,7 +258,7 @@ def _meanings(contact: Admittance, limits: ContactLimits, spec: Spec) -> Iterato
     if stiffness:
         yield [
             "stiffness" + along,
-            f"{stiffness:.4g}",
+            f"{stiffness:.4g} {wall}",
             f"{1e3 / stiffness:.3g} mm a newton" if i >= 3 else "holds the turn",
         ]
     if wanted is not None and stiffness:

@@ -194,10 +194,14 @@ def _clear(given: Expectation, record: Record, robot: Robot, world: World, perio
     if not values.size:
         return Judged(True, "nothing to keep clear of")
     at, row = np.unravel_index(int(values.argmin()), values.shape)
-    words = f"{prepared.labels[row]} {length_text(float(values[at, row]))} at {record.time[at]:.3g} s"
-    return Judged(
-        bool(values[at, row] >= (given.by or 0.0)), f"{words}, {1e3 * (given.by or 0.0):g} mm asked"
+    near, asked = float(values[at, row]), given.by or 0.0
+    thing, _, link = prepared.labels[row].partition(": ")
+    least = (
+        f"{link} {length_text(near)} clear of {thing}"
+        if near > 0
+        else f"{link} {length_text(-near)} in {thing}"
     )
+    return Judged(near >= asked, f"{least} at {record.time[at]:.3g} s, {1e3 * asked:g} mm asked")
 
 
 def _peak(record: Record) -> float:

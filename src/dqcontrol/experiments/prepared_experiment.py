@@ -60,6 +60,7 @@ from dqcontrol.planning.branches import first_through
 from dqcontrol.planning.certified_edges import CertifiedEdges
 from dqcontrol.plants.plant import lagging_mode, running_plant
 from dqcontrol.references import Previewed, Reference
+from dqcontrol.references.gripping import GripperStep
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import ReachingPosture, Robot, TreeRobot, WholeBody, describe
 from dqcontrol.robots.command_mode import Lag
@@ -363,6 +364,7 @@ def prepare_spec(
         False: laws are prepared and plants started by the runs alone, which follow at once; gains are not worked out.
         What constraints keep is checked all the same: a run does not ask whether its start keeps it.
     """
+    spec = spec.with_empty_hands
     variants, plants = spec.variants, spec.plant_by_label
     robots = spec.robot_by_label
     trials = len(robots) * len(variants) * len(plants) * spec.repeats
@@ -382,6 +384,10 @@ def prepare_spec(
             if spec.reference.plans_around:
                 parts = *parts, [each.law.constraints for each in variants], list(plants.values()), spec.world
             scenes[label] = _once(known, parts, lambda chosen=robot: _scene(spec, chosen, folder, known))
+    spec = spec.gripping(_gripper_steps(scenes))
+    variants, plants = spec.variants, spec.plant_by_label
+    for label in robots:
+        with error_prefix(f"robots.{label}") if label else nullcontext():
             limits = {name: spec.limits_of(plant, scenes[label].robot) for name, plant in plants.items()}
             different = {each.velocity: each for each in limits.values()}
             laws = [(dict.fromkeys(different), None)] * len(variants)
@@ -407,6 +413,19 @@ def prepare_spec(
         for case in cases:
             check_contact(spec, case)
     return PreparedExperiment(spec, folder, scenes, tuple(cases))
+
+
+def _gripper_steps(scenes: dict[str, PreparedRobot]) -> tuple[GripperStep, ...]:
+    """Return when grippers close and open, which is the same for all robots."""
+    with error_prefix("reference"):
+        found = {label: scene.reference.gripper_steps for label, scene in scenes.items()}
+    first = next(iter(found.values()))
+    for label, steps in found.items():
+        if [each[:4] for each in steps] != [each[:4] for each in first]:
+            raise ShapeError(
+                f"reference: robots {next(iter(found))} and {label} grip at different times; give each its own spec"
+            )
+    return first
 
 
 def _once(known: dict[bytes, Any], key: object, make: Callable[[], T]) -> T:

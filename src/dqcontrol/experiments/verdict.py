@@ -186,10 +186,18 @@ class Judge:
         found.extend(("task", words) for words, failed in further if failed)
         told = [words for words, failed in (*pressed, *further) if not failed]
         task = metrics.verdict
-        met += [words for words in hit if self._outcome or self._may_be_hit(words)]
+        met += [
+            words.replace("hit ", "pressed on ", 1) if self._is_springy(words) else words
+            for words in hit
+            if self._outcome or self._may_be_hit(words)
+        ]
         met += grip if self._outcome else []
         if self._outcome and not found:
-            return Verdict("; ".join([*met, task, *told, *self._kept(record), *self._done(record)]), "")
+            if hit and isinstance(self._plant, MujocoPlant) and self._plant.impedance:
+                task = task.replace("not followed: errs", "gave way", 1)
+            cleared = any(each.clear_of is not None for each in self._outcome)
+            kept = () if cleared else self._kept(record)
+            return Verdict("; ".join([*met, task, *told, *kept, *self._done(record)]), "")
         if task.startswith("not ") and not self._outcome:
             if not found and (left := self._left(record, result)):
                 words = [
@@ -216,9 +224,16 @@ class Judge:
 
     def _may_be_hit(self, words: str) -> bool:
         """Return whether what was hit is a body that gives way."""
-        name = words.removeprefix("hit ").partition(": ")[0]
-        body = None if self._world is None else self._world.bodies.get(name)
+        body = self._hit(words)
         return body is not None and (body.is_moved_by_physics or body.role == "springy")
+
+    def _is_springy(self, words: str) -> bool:
+        body = self._hit(words)
+        return body is not None and body.role == "springy"
+
+    def _hit(self, words: str) -> Body | None:
+        name = words.removeprefix("hit ").partition(": ")[0]
+        return None if self._world is None else self._world.bodies.get(name)
 
     # What was to be kept
 
@@ -447,7 +462,7 @@ class Judge:
     def _done(self, record: Record) -> Iterator[str]:
         """Yield what else was to be done, and was."""
         plant = self._plant
-        if GRIP_FORCE in record.readings:
+        if GRIP_FORCE in record.readings and not any(self._grip(record)):
             yield "held the box"
         gripper = plant.gripper if isinstance(plant, MobilePlant | MujocoPlant) else None
         if isinstance(plant, MobilePlant | MujocoPlant) and gripper and gripper.schedule and _free(plant):

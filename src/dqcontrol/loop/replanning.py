@@ -16,7 +16,9 @@ from dqcontrol.errors import NoteWarning, PlanError, ValueRangeError
 from dqcontrol.loop.constraint_signals import HELD_WINDOW, is_held
 from dqcontrol.loop.signals import Signal
 from dqcontrol.references import Reference
+from dqcontrol.references.drive_through import DriveThrough
 from dqcontrol.references.drive_to import PlannedWay
+from dqcontrol.references.reference import SNAP
 from dqcontrol.references.sample import POSE, TIME, TWIST, TWIST_RATE
 
 if TYPE_CHECKING:
@@ -74,6 +76,10 @@ class Replanning:
         kept = law.constraints
         if reference is None or kept is None or (again is None and kept.given.escape != "plan"):
             return None
+        from dqcontrol.planning.extra import from_extra
+
+        for library in ("ompl.geometric", "toppra"):  # now, not where the robot is held
+            from_extra(library, "plans while the robot moves")
         return cls(law, reference, lasts=lasts)
 
     def with_room(self, samples: Array) -> Array:
@@ -194,20 +200,33 @@ def refuse_replanning(law: Controller, reference: Reference | None, why: str) ->
         raise ValueRangeError(f"{key}: plans while the robot moves, {why}; leave it out")
 
 
-def plan_signals(reference: Reference | None, replanning: Replanning | None, count: int) -> dict[str, Signal]:
-    """Return which plan counted at each sample, and what is known of it; nothing where none was made."""
-    made = replanning.plans if replanning else []
-    if not made and reference is not None and reference.plans_around:
-        from dqcontrol.planning.drive_and_plan import DriveAndPlan
-        from dqcontrol.planning.plan_to import PlanTo
-
-        way = reference.arm if isinstance(reference, DriveAndPlan) else reference
-        made = [MadePlan(0, way)] if isinstance(way, PlanTo) else []
+def plan_signals(
+    reference: Reference | None, replanning: Replanning | None, times: Array
+) -> dict[str, Signal]:
+    """Return which plan counted at each sample, at times (N,), s, and what is known of it; nothing without plans."""
+    made = replanning.plans if replanning else _plans_of(reference, times)
     if not made:
         return {}
-    values = np.full((count, len(_PARTS)), np.nan)
+    values = np.full((len(times), len(_PARTS)), np.nan)
     values[:, 0] = 0.0
     for number, each in enumerate(made, 1):
         known = each.way.plan.certificate
         values[each.sample :] = number, known.edges, known.seed, known.room
     return {PLAN: Signal(PLAN, _PARTS, _UNITS, values)}
+
+
+def _plans_of(reference: Reference | None, times: Array) -> list[MadePlan]:
+    """Return the plans of a reference, which was planned before the run."""
+    steps = isinstance(reference, DriveThrough)
+    if reference is None or not (steps or reference.plans_around):
+        return []
+    from dqcontrol.planning.drive_and_plan import DriveAndPlan
+    from dqcontrol.planning.plan_to import PlanTo
+
+    ways = zip(reference.ways, reference.begins, strict=True) if steps else [(reference, 0.0)]
+    found = [(each.arm if isinstance(each, DriveAndPlan) else each, begin) for each, begin in ways]
+    return [
+        MadePlan(int(np.searchsorted(times, begin - SNAP)), way)
+        for way, begin in found
+        if isinstance(way, PlanTo)
+    ]

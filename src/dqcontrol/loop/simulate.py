@@ -221,7 +221,7 @@ def simulate_prepared(
         | task_errors(law, trace.q)
         | constraint_signals(law, trace.q, done[:, -1], trace.kept)
         | held_signals(law, trace.q, done[:, -1], trace.readings)
-        | plan_signals(reference, replanning, len(trace.q)),
+        | plan_signals(reference, replanning, done[:, -1]),
     )
 
 

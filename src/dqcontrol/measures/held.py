@@ -101,7 +101,7 @@ def plans_of_run(record: Record) -> list[PlanOfRun]:
     found = []
     for k in np.flatnonzero(np.diff(values[:, 0], prepend=0.0) > 0):
         _, edges, seed, room = values[k]
-        by = _held_by(record, int(k)) if k else ""
+        by = _held_by(record, int(k)) if k and is_held(record.readings[EFFECT].values[k - 1]) else ""
         place = np.array(record.position[k])
         found.append(PlanOfRun(float(record.time[k]), place, by, int(edges), int(seed), float(room)))
     return found

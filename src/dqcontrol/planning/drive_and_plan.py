@@ -24,9 +24,11 @@ from dqcontrol.planning.plan import EFFORT, as_goal, as_law_keeps, checked_start
 from dqcontrol.planning.plan_to import PlanTo, limits_of_ways, samples_of
 from dqcontrol.planning.smooth_way import SmoothWay
 from dqcontrol.planning.standing_base import driven_coordinates
+from dqcontrol.planning.steered_paths import MARK, SteeredPaths, proved
 from dqcontrol.references.drive_to import (
     AROUND_TRIES,
     CLEARANCE,
+    WIDER,
     DriveTo,
     PlannedWay,
     check_around,
@@ -42,8 +44,8 @@ from dqcontrol.world import floor_around, stands
 
 _PLACES = 16  # where the base may stand, that are planned from: an arm's plan that fails takes about a second
 _NARROW_PLACES = 4  # of these, through passes that are narrow
+_WORD = 20  # edges: what it takes to look at arcs and lines of a base that steers
 _BEGINS = 9  # instants at which base and arm may set off, that are looked at: an eighth of what may be gained
-_MARK = 0.1  # s: of a motion, from where it is halved until it is proved
 _STANDS = 1e-9  # rad or m: a fold that is none
 
 
@@ -211,7 +213,7 @@ def drive_and_plan(
     folded = np.where(driven, first, folded_posture(robot, first))
     folds = [] if np.abs(folded - first).max() < _STANDS else [planned(first, folded)]
     limits = limits_of_ways(robot, kept, speed_fraction)
-    for tried, path in enumerate(_paths(edges, first, folded, target, speed_fraction)):
+    for tried, path in enumerate(_paths(edges, first, folded, target, speed_fraction, seed, effort)):
         try:
             arm = planned(path.at(path.begins[-1:])[0][0], target)
         except PlanError as error:
@@ -250,7 +252,7 @@ def _without_rests(
 def _proved(edges: CertifiedEdges, legs: tuple[_Leg, ...], arm: PlanTo) -> DriveAndPlan | None:
     """Return the way of some legs if it keeps what is asked, all of it, and the law lets it pass."""
     way = DriveAndPlan(legs, arm)
-    count = max(2, int(way.duration / _MARK) + 1)
+    count = max(2, int(way.duration / MARK) + 1)
     room = edges.least_room_on(way.gone, np.linspace(0.0, way.duration, count))
     if room.least < 0:
         return None
@@ -265,7 +267,13 @@ def _proved(edges: CertifiedEdges, legs: tuple[_Leg, ...], arm: PlanTo) -> Drive
 
 
 def _paths(
-    edges: CertifiedEdges, start: Array, folded: Array, goal: Array | DualQuaternion, speed_fraction: float
+    edges: CertifiedEdges,
+    start: Array,
+    folded: Array,
+    goal: Array | DualQuaternion,
+    speed_fraction: float,
+    seed: int,
+    effort: int,
 ) -> Iterator[BasePath]:
     """Yield paths of the base to where the arm, folded, is near a goal, proved to keep all that is kept."""
     robot, given = edges.robot, edges.kept.given
@@ -286,17 +294,30 @@ def _paths(
         )
     else:
         ways = (DriveTo(robot, start, place, *limits) for place in places)
-    first, inputs = int(robot.drives[0, 0]), robot.input_coordinates
+    first = int(robot.drives[0, 0])
     for way in ways:
         path = BasePath(folded, first, way.base_pieces)
-        if not len(path.pieces):
-            continue
-        marks = np.linspace(0.0, path.begins[-1], max(2, int(path.begins[-1] / _MARK) + 1))
+        if len(path.pieces) and proved(edges, path):
+            yield path
+    if names:
+        yield from _steered_ways(edges, folded, reachable, seed, effort)
 
-        def motion(lengths: Array, path: BasePath = path) -> tuple[Array, Array]:
-            return path.at(lengths)[0], path.travelled(lengths)[:, inputs]
 
-        if edges.least_room_on(motion, marks).least >= 0:
+def _steered_ways(
+    edges: CertifiedEdges, start: Array, places: Array, seed: int, effort: int
+) -> Iterator[BasePath]:
+    """Yield paths of a base that steers to the nearest places, straight on through narrow passes."""
+    robot, first = edges.robot, int(edges.robot.drives[0, 0])
+    if len(robot.bases) != 1 or robot.drives[0, TURNING_RADIUS] == 0:
+        return
+    here = start[first : first + 3]
+    steered = SteeredPaths(edges, start, WIDER * robot.drives[0, TURNING_RADIUS])
+    near = np.linalg.norm(places[:, first : first + 2] - here[:2], axis=1)
+    for place in places[np.argsort(near, kind="stable")[:_NARROW_PLACES]]:
+        passes = narrow_passes(edges, start, place)
+        poses = [each[first : first + 3] for each in chain([start], *passes, [place])]
+        path = steered.to(poses, seed, effort // _WORD)
+        if path is not None:
             yield path
 
 

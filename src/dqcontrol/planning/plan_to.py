@@ -214,9 +214,9 @@ class PlanTo(PlannedWay):
         ``goal`` is a pose, of which all configurations count; a ``configuration``; or ``body``, one of the world, in
         whose axes the pose is then given. What is left out of a pose is the end effector's at the start.
         """
-        if start.place != "reference":
+        if again is not None and start.place != "reference":
             raise ValueRangeError(
-                f"{start.place}: plan-to starts where the robot does, so it is no part of a sequence"
+                "again: steps of a sequence are planned once, before anything moves; leave it out"
             )
         return SetPoint(goal.pose(start.pose))
 
@@ -243,8 +243,9 @@ class PlanTo(PlannedWay):
         target = goal.target(reference.at(0.0).pose, world)
         if not len(robot.drives):
             found = plan(robot, kept, start, target, seed, effort, clearance=clearance)
+            timed = cls(found, speed_fraction, approach, again)
             warnings.warn(f"plan: {found}", NoteWarning, stacklevel=2)
-            return cls(found, speed_fraction, approach, again)
+            return timed
         from dqcontrol.planning.drive_and_plan import drive_and_plan  # which makes one of these
 
         if again is not None:

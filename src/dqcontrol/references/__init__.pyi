@@ -8,6 +8,7 @@ from .drawing.drawing_file import (
 from .drive_through import DriveThrough as DriveThrough
 from .drive_to import DriveTo as DriveTo
 from .follow import Follow as Follow
+from .gripping import Grip as Grip, Release as Release
 from .guarded import Guarded as Guarded, OnTouchedPlane as OnTouchedPlane
 from .jerk_limited import JerkLimited as JerkLimited
 from .planar import (

@@ -71,8 +71,8 @@ def arcs_and_lines(start: Array, goal: Array, radius: float) -> list[Piece]:
     c, s = math.cos(start[2]), math.sin(start[2])
     dx, dy = (goal[:2] - start[:2]) / radius
     place = np.array([c * dx + s * dy, c * dy - s * dx, math.remainder(goal[2] - start[2], math.tau)])
-    ways = [way for way in _words(place) if _arrives(way, place)]
-    best = min(ways, key=lambda way: sum(abs(length) for _, length in way))
+    words = sorted(_words(place), key=lambda word: sum(abs(length) for _, length in word))
+    best = next(word for word in words if _arrives(word, place))
     pieces = [
         Piece(radius * length, steer * length) if steer else Piece(radius * length, 0.0)
         for steer, length in best

@@ -1,20 +1,24 @@
-"""Several ways of a mobile manipulator in a row, with rests between them."""
+"""Several ways of a robot in a row, with rests between them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
-from dqcontrol.references.drive_to import DriveTo, PlannedWay
+from dqcontrol.references.drive_to import PlannedWay
 from dqcontrol.references.reference import NO_CORNERS
 from dqcontrol.references.sample import SAMPLE_SIZE
 from dqcontrol.robots import Robot
+
+if TYPE_CHECKING:
+    from dqcontrol.references.gripping import GripperStep
 
 _SAME_PLACE = 1e-9  # rad or m
 
@@ -32,8 +36,8 @@ class DriveThrough(PlannedWay):
 
     Attributes
     ----------
-    arrivals
-        When each way ends, shape (k,), s; its rest begins then.
+    begins, arrivals
+        When each way begins, and ends, shape (k,), s; its rest begins then.
 
     Raises
     ------
@@ -50,13 +54,13 @@ class DriveThrough(PlannedWay):
     2.0
     """
 
-    ways: Sequence[DriveTo]
+    ways: Sequence[PlannedWay]
     rests: Sequence[float]
     robot: Robot = field(init=False, repr=False)
     duration: float = field(init=False)
     corners: NDArray[np.float64] = field(init=False, repr=False)
     arrivals: Array = field(init=False, repr=False)
-    _begins: Array = field(init=False, repr=False)
+    begins: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         ways, rests = tuple(self.ways), as_array("rests", self.rests)
@@ -65,7 +69,7 @@ class DriveThrough(PlannedWay):
         if (rests < 0).any():
             raise ValueRangeError(f"rests: must be ≥ 0, got {rests.min():g}")
         for i, (before, way) in enumerate(pairwise(ways), 1):
-            apart = np.abs(np.subtract(way.start, before.goal)).max()
+            apart = np.abs(way.configurations([0.0]) - before.configurations([before.duration])).max()
             if way.robot.input_names != before.robot.input_names or apart > _SAME_PLACE:
                 raise ValueRangeError(f"ways[{i}]: must begin where ways[{i - 1}] ends")
         ends = np.cumsum(np.array([way.duration for way in ways]) + rests)
@@ -74,7 +78,7 @@ class DriveThrough(PlannedWay):
             "duration": float(ends[-1]),
             "corners": NO_CORNERS,
             "arrivals": ends - rests,
-            "_begins": np.r_[0.0, ends[:-1]],
+            "begins": np.r_[0.0, ends[:-1]],
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -91,14 +95,20 @@ class DriveThrough(PlannedWay):
         """Return the means of the robot's inputs from times (N,), s, to a period later: shape (N, m)."""
         at = as_array("times", times)
         return sum(
-            (way.mean_inputs(at - begin, period) for way, begin in zip(self.ways, self._begins, strict=True)),
+            (way.mean_inputs(at - begin, period) for way, begin in zip(self.ways, self.begins, strict=True)),
             start=np.zeros((len(at), self.robot.input_size)),
         )
 
     def rested(self, times: Array) -> Array:
         """Return for how long the robot has been at the end of a way, s, shape (N,); not positive on the way."""
-        of = np.clip(np.searchsorted(self._begins, times, side="right") - 1, 0, len(self.ways) - 1)
+        of = np.clip(np.searchsorted(self.begins, times, side="right") - 1, 0, len(self.ways) - 1)
         return times - self.arrivals[of]
+
+    @property
+    def gripper_steps(self) -> tuple[GripperStep, ...]:
+        """Those of its ways."""
+        ways = zip(self.ways, self.begins, strict=True)
+        return tuple(step.later(float(begin)) for way, begin in ways for step in way.gripper_steps)
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""
@@ -107,7 +117,7 @@ class DriveThrough(PlannedWay):
             out[here] = way.motion(times[here] - begin)
         return out
 
-    def _shares(self, times: Array) -> list[tuple[DriveTo, float, NDArray[np.bool_]]]:
+    def _shares(self, times: Array) -> list[tuple[PlannedWay, float, NDArray[np.bool_]]]:
         """Return each way that some times are of, when it begins, and which they are."""
-        of = np.clip(np.searchsorted(self._begins, times, side="right") - 1, 0, len(self.ways) - 1)
-        return [(way, float(self._begins[k]), of == k) for k, way in enumerate(self.ways) if (of == k).any()]
+        of = np.clip(np.searchsorted(self.begins, times, side="right") - 1, 0, len(self.ways) - 1)
+        return [(way, float(self.begins[k]), of == k) for k, way in enumerate(self.ways) if (of == k).any()]

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 _LONGEST = 1e6  # s, twelve days: looked at each `_LOOK`, a longer way takes gigabytes
 _RAMP = 1.0  # s; no motion reaches its full speed sooner
-_WIDER = 1.25  # arcs of bases that steer, against their least radius: the rest is for corrections
+WIDER = 1.25  # arcs of bases that steer, against their least radius: the rest is for corrections
 _PEAK_ACCELERATION = 10 / math.sqrt(3)  # of minimum jerk, over a unit way in a unit time
 _SpeedFraction = Annotated[float, Meta(gt=0, le=1, description="of the limits")]
 _Acceleration = (
@@ -554,7 +554,7 @@ def _sideways(robot: Robot, start: Array, goal: Array, via: Sequence[Array]) -> 
 def _pieces(drive: Array, start: Array, goal: Array, via: Sequence[Array]) -> list[Piece]:
     """Return the pieces of the way of one drive."""
     if drive[TURNING_RADIUS] > 0:
-        return arcs_and_lines(start, goal, _WIDER * drive[TURNING_RADIUS])
+        return arcs_and_lines(start, goal, WIDER * drive[TURNING_RADIUS])
     return turns_and_lines(start, goal, via)
 
 

@@ -22,6 +22,7 @@ from dqcontrol.world import World
 
 if TYPE_CHECKING:
     from dqcontrol.constraints.prepared_constraints import PreparedConstraints
+    from dqcontrol.references.gripping import GripperStep
     from dqcontrol.references.guarded import Guards
     from dqcontrol.robots import Robot
 
@@ -152,6 +153,22 @@ class Reference(ABC):
                 "'touch' outside of it"
             )
         return Guards()
+
+    @property
+    def gripper_steps(self) -> tuple[GripperStep, ...]:
+        """When grippers close and open along it, in order: never, unless a subclass says so.
+
+        Raises
+        ------
+        ValueRangeError
+            If it changes a reference with such steps.
+        """
+        inner = getattr(self, "reference", None)
+        if isinstance(inner, Reference) and inner.gripper_steps:
+            raise ValueRangeError(
+                f"reference: {type(self).__name__} changes a motion with 'grip' or 'release'; change the other steps"
+            )
+        return ()
 
     @abstractmethod
     def motion(self, times: Array) -> Array:

@@ -16,6 +16,7 @@ from dqcontrol.references.reference import Reference, corners_between
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST
 
 if TYPE_CHECKING:
+    from dqcontrol.references.gripping import GripperStep
     from dqcontrol.references.guarded import Guards
 
 _SAME_POSE = 1e-6  # largest difference of the eight coefficients between an end and the next start
@@ -99,6 +100,12 @@ class Sequence(Reference):
                 f"references: {len(planes)} of them have 'touch'; one plane is told in a run"
             )
         return Guards(tuple(move for each in found for move in each.moves), planes[0] if planes else None)
+
+    @property
+    def gripper_steps(self) -> tuple[GripperStep, ...]:
+        """Those of its parts."""
+        parts = zip(self.references, self._times, strict=False)
+        return tuple(step.later(float(time)) for part, time in parts for step in part.gripper_steps)
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""

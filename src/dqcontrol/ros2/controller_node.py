@@ -14,7 +14,7 @@ from dqcontrol.loop.interrupts import Interrupts
 from dqcontrol.ros2.controller_loop import Following
 from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.loading import load
-from dqcontrol.ros2.middleware import spin
+from dqcontrol.ros2.middleware import destroyed_on_failure, spin
 from dqcontrol.ros2.recorder import Recorder
 
 _LEVELS = {Phase.STOPPED: "error", Phase.STOPPING: "warning"}
@@ -64,6 +64,7 @@ class ControllerNode(Node):
     outcome: str
     ended: bool
 
+    @destroyed_on_failure
     def __init__(
         self,
         spec: str | Path,

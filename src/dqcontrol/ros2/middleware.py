@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import gc
 import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Concatenate, ParamSpec, TypeVar
 
 from dqcontrol.errors import Error, MissingExtraError
 from dqcontrol.loop.clock import real_time, threads_of_process
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.timer import Timer
 
+_Made = TypeVar("_Made", bound="Node")
+_Given = ParamSpec("_Given")
 _PACKAGES = (
     "rclpy",
     "sensor_msgs.msg",
@@ -100,6 +103,25 @@ def ros(arguments: Sequence[str], names: Sequence[str] = (), *, network: bool = 
         yield
     finally:
         rclpy.utilities.try_shutdown()
+
+
+def destroyed_on_failure(
+    construct: Callable[Concatenate[_Made, _Given], None],
+) -> Callable[Concatenate[_Made, _Given], None]:
+    """Let a node whose construction fails leave ROS at once.
+
+    Else the garbage collector ends it, maybe in another thread, while ROS starts or ends another node.
+    """
+
+    @functools.wraps(construct)
+    def constructing(node: _Made, /, *given: _Given.args, **options: _Given.kwargs) -> None:
+        try:
+            construct(node, *given, **options)
+        except BaseException:
+            node.destroy_node()
+            raise
+
+    return constructing
 
 
 def steady_timer(node: Node, seconds: float, act: Callable[[], None]) -> Timer:

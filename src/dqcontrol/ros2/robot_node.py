@@ -43,7 +43,7 @@ from dqcontrol.ros2.messages import (
     trajectory_point,
     transform_publisher,
 )
-from dqcontrol.ros2.middleware import steady_timer
+from dqcontrol.ros2.middleware import destroyed_on_failure, steady_timer
 from dqcontrol.ros2.parameters import Number, declare, number, on_change, refuse_unknown
 from dqcontrol.ros2.tracked_hand import pose_publisher
 from dqcontrol.supervisor.supervisor_layout import GO
@@ -90,6 +90,7 @@ class RobotNode(Node):
         All that are to be served.
     """
 
+    @destroyed_on_failure
     def __init__(
         self,
         loaded: Loaded,

@@ -8,6 +8,8 @@ import math
 import types
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeAlias, get_type_hints
 
@@ -25,6 +27,9 @@ from dqcontrol.extensions.registry import registered, union_of
 from dqcontrol.extensions.user_code import function_at, place_from
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.planning import PlanTo
+from dqcontrol.planning.followed_path import followed
+from dqcontrol.planning.steps_in_turn import StepsInTurn
+from dqcontrol.references.drive_to import PlannedWay
 from dqcontrol.references.sample import as_pose
 from dqcontrol.references.yaml_form import SpecStart, Yaml
 from dqcontrol.robots import Robot
@@ -246,7 +251,15 @@ class SequenceSpec(ReferenceSpec, frozen=True, kw_only=True, tag="sequence"):
 
     references: Annotated[list[AnyReference], Meta(min_length=1)]
 
+    @property
+    def plans_around(self) -> bool:  # type: ignore[override] — of its parts
+        """Whether one of its parts does."""
+        return any(each.plans_around for each in self.references)
+
     def _shape(self, start: SpecStart) -> shapes.Reference:
+        if self.plans_around:
+            place = f"{start.place}.references".removeprefix("reference.")
+            return _Unplanned(start.pose, 1.0, folder=start.folder, place=place)
         parts, hand = [], start.pose
         for i, each in enumerate(self.references):
             if parts and not math.isfinite(parts[-1].duration):
@@ -257,6 +270,61 @@ class SequenceSpec(ReferenceSpec, frozen=True, kw_only=True, tag="sequence"):
             if math.isfinite(parts[-1].duration):
                 hand = parts[-1].samples([parts[-1].duration])[0, :8]
         return shapes.Sequence(parts)
+
+    def of_robot(
+        self,
+        reference: shapes.Reference,
+        robot: Robot,
+        start: Array,
+        world: World | None,
+        kept: PreparedConstraints | None = None,
+    ) -> shapes.Reference:
+        """Return all of it planned, each step from where the one before it ends, with what is in the hand then."""
+        if not self.plans_around:
+            return reference
+        if not isinstance(reference, _Unplanned):
+            raise ShapeError(
+                "reference: what changes a motion belongs to steps of a sequence that is planned"
+            )
+        if kept is None:
+            raise ValueRangeError("plan-to: is the reference of a law, and no further task's")
+        turn = StepsInTurn(robot, kept, world, start)
+        numbers = [
+            0,
+            *(i for i, each in enumerate(self.references) if each.plans_around and i),
+            len(self.references),
+        ]
+        for begin, end in pairwise(numbers):
+            makes = [
+                partial(_planned_step, each, reference.folder, f"{reference.place}[{i}]")
+                for i, each in enumerate(self.references[begin:end], begin)
+            ]
+            turn.go(makes)
+        return turn.way
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class _Unplanned(shapes.SetPoint):
+    """A sequence before it is planned: its first pose, for any time."""
+
+    folder: Path = Path()
+    place: str = ""
+
+
+def _planned_step(
+    spec: ReferenceSpec,
+    folder: Path,
+    place: str,
+    robot: Robot,
+    q: Array,
+    world: World | None,
+    kept: PreparedConstraints,
+) -> PlannedWay:
+    """Return a step of a sequence from a configuration, (n,), on."""
+    reference = spec.build(robot.fkm(q), folder, place)
+    with _within(f"{place}: "):
+        made = spec.of_robot(reference, robot, q, world, kept)
+    return made if isinstance(made, PlannedWay) else followed(made, kept, q, place)
 
 
 _Time = Annotated[float, Meta(ge=0, description="s; the last measurement counts from then on")]
@@ -426,6 +494,14 @@ def _fields_of_function(makes: Callable[..., Any]) -> list[tuple[Any, ...]]:
 def _form(hint: Any) -> Any:
     """Return what a YAML file may hold for a type that takes more than that in Python."""
     return next((each.form for each in getattr(hint, "__metadata__", ()) if isinstance(each, Yaml)), hint)
+
+
+def gripped_by_steps(reference: ReferenceSpec) -> set[str]:
+    """Return the bodies that steps of a sequence grip."""
+    if isinstance(reference, SequenceSpec):
+        return set().union(*(gripped_by_steps(each) for each in reference.references))
+    body = getattr(reference, "body", None)
+    return {body} if body and reference.__struct_config__.tag == shapes.Grip.kind else set()
 
 
 _PLANNED = PlanTo  # stands above the package of references: known by being imported here

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from functools import cache, cached_property
 from operator import itemgetter
 from pathlib import Path
@@ -42,6 +42,7 @@ from dqcontrol.experiments.spec.reference_spec import (
     Part,
     Quaternion,
     Vector,
+    gripped_by_steps,
     reference_data,
     rotation_from,
 )
@@ -56,7 +57,9 @@ from dqcontrol.laws.null_space import AnyNullSpace
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Stop
 from dqcontrol.plants import Disturbance, Plant, limits_before
+from dqcontrol.plants.mujoco.gripper import GripperEvent
 from dqcontrol.references import Reference
+from dqcontrol.references.gripping import GripperStep, held_by_steps, never_held
 from dqcontrol.robots import (
     PoseTask,
     ReachingPosture,
@@ -399,6 +402,32 @@ class Spec(Part, frozen=True, kw_only=True, dict=True):
     def surroundings(self) -> World | None:
         """The world, if it says one."""
         return None if self.world is None else World(bodies=self.world)
+
+    @property
+    def with_empty_hands(self) -> Spec:
+        """The same with nothing in the hand yet of what steps of its reference grip."""
+        names = gripped_by_steps(self.reference)
+        return msgspec.structs.replace(self, world=never_held(self.world or {}, names)) if names else self
+
+    def gripping(self, steps: Sequence[GripperStep]) -> Spec:
+        """Return the same with what hands hold, and grippers do, by steps of its reference."""
+        if not steps:
+            return self
+        events = [GripperEvent(time=step.begin, closed=step.closes) for step in steps]
+
+        def scheduled(plant: AnyPlant) -> AnyPlant:
+            if (gripper := getattr(plant, "gripper", None)) is None:
+                return plant
+            return msgspec.structs.replace(plant, gripper=msgspec.structs.replace(gripper, schedule=events))
+
+        plants = {
+            "plant": self.plant if isinstance(self.plant, UnsetType) else scheduled(self.plant),
+            "plants": self.plants
+            if isinstance(self.plants, UnsetType)
+            else {label: scheduled(each) for label, each in self.plants.items()},
+        }
+        bodies = held_by_steps(self.world or {}, steps)
+        return msgspec.structs.replace(self, world=bodies or None, **plants)
 
     def supervisor_of(self, plant: AnyPlant) -> Supervisor | None:
         """Return what stands before a plant, if anything."""

@@ -48,7 +48,9 @@ class NearestPose:
 
     def __str__(self) -> str:
         """Say how near, and what holds it back."""
-        near = f"{1e3 * self.position_error:.3g} mm and {math.degrees(self.orientation_error):.3g}°"
+        away = self.position_error
+        far = f"{1e3 * away:.3g} mm" if away < 1.0 else f"{away:.3g} m"
+        near = f"{far} and {math.degrees(self.orientation_error):.3g}°"
         held = ", ".join(self.held_by) or "no joint limit, but the number and length of its links"
         return f"the nearest found within all limits is {near} off, held by {held}"
 
