@@ -9,6 +9,7 @@ pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'"
 
 from nodes import PATIENT
 from rclpy.parameter import Parameter
+from std_msgs.msg import Float64MultiArray
 
 import dqcontrol as dqc
 from dqcontrol import algebra
@@ -72,6 +73,19 @@ def test_it_gives_way_by_force_over_stiffness_and_a_killed_controller_leaves_it_
     ticks = robot._ticks
     assert node.serve(lambda: robot._ticks > ticks + 100)
     np.testing.assert_allclose(plant.q, rests, atol=1e-5)
+
+
+def test_a_compliant_arm_holds_by_angles_until_efforts_come(spec, node):
+    from dqcontrol.ros2.robot_node import RobotNode
+
+    robot = RobotNode(load(spec(plant={"kind": "compliant", "mode": "TORQUE_GC"})), interface="effort")
+    node.host(robot)
+    assert node.serve(lambda: robot._plant.mode == "THETA_GC")
+    efforts = node.create_publisher(Float64MultiArray, "/forward_effort_controller/commands", 1)
+    none = Float64MultiArray(data=[0.0] * 7)
+    assert node.publish(efforts, none, lambda: robot._plant.mode == "TORQUE_GC")
+    assert node.serve(lambda: robot._plant.mode == "THETA_GC")
+    assert robot._condition()[1] == "holds: no commands"
 
 
 def test_who_takes_or_gives_no_efforts_says_so(spec):
