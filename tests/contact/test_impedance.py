@@ -357,3 +357,13 @@ def test_plants_without_torques_take_none():
     assert dqc.plants.Servo().by_effort() is None
     assert CompliantPlant(mode="THETA_GC").by_effort() is None
     assert dqc.plants.Servo().prepared_impedance(ARM) is None
+
+
+def test_weight_that_the_arm_does_not_bear_itself_is_in_the_torque():
+    pytest.importorskip("mujoco")
+    soft = Impedance(stiffness=400.0, turn_stiffness=20.0)
+    for share in (0.0, 0.4):
+        running = MujocoPlant(impedance=soft, gravity_compensation=share).start(ARM, START, 0.004, 0, 0)
+        for _ in range(250):
+            running.step(STILL)
+        np.testing.assert_allclose(running.q, START, atol=1e-4)
