@@ -8,12 +8,15 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 from numba.core.caching import FunctionCache
 
 import dqcontrol
 from dqcontrol.compiled import kernel_cache, numba_internals
+from dqcontrol.compiled.compile import Kernel
 from dqcontrol.errors import CacheWarning
+from dqcontrol.loop.rollout import settled
 
 PACKAGE = Path(dqcontrol.__file__).parent
 CALL = """
@@ -162,6 +165,19 @@ def test_it_counts_what_is_compiled(monkeypatch, capsys, tmp_path):
     for function in (call, None, call, call, call, None, call):
         kernel_cache.announce(function)
     assert capsys.readouterr().err == ANNOUNCED + "dqcontrol: compiling: 5 kernels so far …\n"
+
+
+def test_python_does_what_is_too_little_to_compile_for(monkeypatch):
+    monkeypatch.setattr(kernel_cache, "is_kept", lambda function: False)
+    seldom = Kernel(settled.function, settled.signature)
+    one, stop, count = np.eye(8)[0], np.array([1.0, 1.0]), np.zeros(10)
+    for work in (3, 2):
+        assert seldom.worth_compiling(work, 5)(one, one, stop, count) == 1
+    assert "compiled" not in vars(seldom)
+    monkeypatch.setattr(Kernel, "compiled", "machine code")
+    assert seldom.worth_compiling(1, 5) == "machine code"
+    monkeypatch.setattr(kernel_cache, "is_kept", lambda function: True)
+    assert Kernel(settled.function, settled.signature).worth_compiling(1, 5) == "machine code"
 
 
 def test_a_kernel_that_a_full_disk_cannot_keep_is_no_failure(monkeypatch):

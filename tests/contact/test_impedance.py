@@ -6,10 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.linalg
+from msgspec.structs import replace
 
 import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.contact import ForceSensor, Impedance, Tool
+from dqcontrol.contact.impedance import _most_late
 from dqcontrol.errors import DivergedError, Error, ValueRangeError
 from dqcontrol.plants import CompliantPlant, MujocoPlant, Push, Wrist
 
@@ -297,3 +299,61 @@ def test_a_run_that_gives_way_as_its_springs_should_is_told_so():
     assert re.search(
         r"^15\.\d N at most felt, 25 N allowed; pressed on board: .*; gave way by 10\.\d mm RMS$", words
     )
+
+
+@pytest.mark.parametrize("ratio", [0.3, 0.7, 1.0, 3.0])
+def test_torques_a_period_late_are_stable_up_to_where_it_says(ratio):
+    """A unit mass on a spring and a damper, told period by period, with its rate by differences."""
+    most = _most_late(ratio)
+    for share in (0.97, 1.03):
+        h = share * most
+        way, rate, before, torque = 1.0, 0.0, 1.0, 0.0
+        ways = []
+        for _ in range(2000):
+            asked = -h * h * way - 2 * ratio * h * (way - before)  # of Ω = h and T = 1
+            before, way, rate = way, way + rate + 0.5 * torque, rate + torque
+            torque = asked
+            ways.append(abs(way))
+        if share < 1:
+            assert max(ways[-500:]) < 0.5 * max(ways[:500])
+        else:
+            assert max(ways[-500:]) > 2 * max(ways[:500])
+
+
+@pytest.mark.parametrize(
+    "plant", [MujocoPlant(), CompliantPlant(mode="TORQUE_GC"), CompliantPlant(mode="TORQUE")], ids=str
+)
+def test_efforts_from_outside_do_what_the_plant_s_own_impedance_does_and_without_them_it_holds(plant):
+    """At 4 ms, by differences of measured angles, as messages bring them."""
+    pytest.importorskip("mujoco")
+    period, force = 0.004, np.array([0.0, 0.0, 5.0])
+    soft = Impedance(stiffness=400.0, turn_stiffness=20.0, axes="base", damping_ratio=0.7)
+    springs = replace(plant, impedance=soft).prepared_impedance(ARM)
+    push = {"pushes": [Push(time=0, duration=60, force=tuple(force), point="hand")]}
+    pushed = plant if isinstance(plant, MujocoPlant) else replace(plant, **push)
+    running = pushed.by_effort().start(ARM, START, period, 0, 0)
+    running.take_effort(None)
+    for _ in range(100):
+        running.step(STILL)
+    assert np.abs(running.q - START).max() < 1e-3  # it holds
+    last = running.measured.copy()
+    for _ in range(1000):
+        if isinstance(plant, MujocoPlant):
+            running.push(ARM.ends[0], algebra.translation(ARM.fkm(running.q)), force)
+        rates, last = (running.measured - last) / period, running.measured.copy()
+        running.take_effort(springs.torque(running.measured, rates, START).copy())
+        running.step(STILL)
+    way = algebra.translation(ARM.fkm(running.q)) - algebra.translation(ARM.fkm(START))
+    np.testing.assert_allclose(way, force / 400, atol=2e-4)
+    running.take_effort(None)
+    before = running.q.copy()
+    for _ in range(500):
+        running.step(STILL)
+    assert np.abs(running.data.qvel).max() < 1e-3
+    assert np.abs(running.q - before).max() < 5e-3
+
+
+def test_plants_without_torques_take_none():
+    assert dqc.plants.Servo().by_effort() is None
+    assert CompliantPlant(mode="THETA_GC").by_effort() is None
+    assert dqc.plants.Servo().prepared_impedance(ARM) is None

@@ -112,6 +112,23 @@ def spec(**changes):
     return data | changes
 
 
+PRESSING = spec()["contact"]
+
+
+def test_what_fits_is_not_refused():
+    tool = {"mass": 0.3, "center": [0, 0, 0.02]}
+    wrist = {"kind": "servo", "wrist": {**tool, "force_noise": 0.1}}
+    slow = {"kind": "straight", "way": [0, 0, -0.02], "duration": 4}
+    found = check(
+        spec(
+            contact=PRESSING | {"sensor": {"tool": tool}, "limits": {"depth": 0.01}},
+            plant=wrist,
+            reference=slow,
+        )
+    )
+    assert found.contact is not None
+
+
 def test_check_says_what_the_knobs_mean():
     checks = check(spec())
     assert checks.contact is not None
@@ -130,6 +147,9 @@ def test_check_says_what_the_knobs_mean():
         ({"contact": {"translation": {"stiffness": 5}}}, "mass and damping are both 0"),
         ({"contact": {"translation": {"damping": -5}}}, "damping"),
         ({"contact": {"translation": {"damping": 5}, "sensor": {"position": [1, 2]}}}, "contact.sensor.position"),
+        ({"contact": PRESSING | {"sensor": {"tool": {"mass": 1.2}}}}, "leaves 11.8 N .* that of another tool"),
+        ({"reference": {"kind": "straight", "way": [0, 0, -0.05], "duration": 1}}, "board at 93.* mm/s, at t = "),
+        ({"contact": PRESSING | {"limits": {"depth": 0.005}}}, "nothing springy comes nearer than 0.008"),
     ],
 )  # fmt: skip
 def test_what_is_refused_before_anything_moves(changes, words):

@@ -1,13 +1,16 @@
 """Hands that go through the floor or through their own base are told of, before and after."""
 
+import math
 import warnings
 
 import numpy as np
 import pytest
 
 import dqcontrol as dqc
+from dqcontrol.compiled.compile import Kernel
 from dqcontrol.errors import CollisionWarning
 from dqcontrol.experiments import run
+from dqcontrol.experiments.contact_kernels import pair_distances
 from dqcontrol.experiments.contacts import Contacts
 from dqcontrol.loop import Record
 
@@ -87,3 +90,19 @@ def test_a_hand_inside_its_own_chassis_is_found(point, depth):
     )
     found = [each for each in Contacts(robot).of_run(record) if each.words.startswith("in its own base")]
     assert [each.depth for each in found] == ([] if depth is None else [pytest.approx(depth)])
+
+
+def test_python_finds_the_distances_that_machine_code_finds(monkeypatch):
+    robot = dqc.load_robot("panda")
+    contacts = Contacts(robot)
+    q = np.random.default_rng(4).uniform(robot.limits.lower, robot.limits.upper, (20, 7))
+    found = []
+    for few in (0, math.inf):
+        seldom = Kernel(pair_distances.function, pair_distances.signature)
+        monkeypatch.setattr("dqcontrol.experiments.contacts.pair_distances", seldom)
+        monkeypatch.setattr("dqcontrol.experiments.contacts._FEW", few)
+        monkeypatch.setattr(Kernel, "_is_kept", False)
+        found.append(contacts._distances(q, np.arange(20.0)))
+        assert ("compiled" in vars(seldom)) == (few == 0)
+    assert np.ptp(found[0]) > 1.0
+    np.testing.assert_allclose(*found, atol=1e-12)

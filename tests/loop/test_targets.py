@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dqcontrol import algebra
-from dqcontrol.loop.targets import Clutch, PoseTarget, SampledTarget, Speeds, TwistTarget
+from dqcontrol.loop.targets import Clutch, LeaderTarget, PoseTarget, SampledTarget, Speeds, TwistTarget
 from dqcontrol.references.sample import POSE, TWIST
 
 START = algebra.pose([1, 0, 0, 0], [0.1, 0.2, 0.3])
@@ -136,3 +136,54 @@ def test_engaging_a_clutch_moves_nothing_and_then_the_hand_moves_as_the_device()
     np.testing.assert_allclose(clutch.goal(device), hand, atol=1e-12)
     moved = clutch.goal(algebra.multiply(device, step))
     np.testing.assert_allclose(moved, algebra.multiply(hand, step), atol=1e-12)
+
+
+def test_a_leader_is_followed_at_once_with_its_twist_and_from_where_both_are():
+    target = LeaderTarget(Speeds(linear=1.0, angular=2.0), timeout=0.1)
+    target.start(START)
+    there = algebra.pose(algebra.rotation_from_axis_angle([0, 0, 1], 1.0), [5.0, 0, 0])
+    spin, rows = np.array([0.2, 0.0, 1.0]), [START]
+    for k in range(1, 50):
+        t = k * DT
+        turn = algebra.pose(
+            algebra.rotation_from_axis_angle(spin / np.linalg.norm(spin), t * 1.02), [0, 0, 0]
+        )
+        moved = algebra.multiply(algebra.pose([1, 0, 0, 0], [5.0 + 0.3 * t, -0.1 * t, 0]), turn)
+        target.ask(t, algebra.multiply(moved, algebra.rotation(there).tolist() + [0.0] * 4))
+        rows.append(target.sample(t, rows[-1][POSE]).copy())
+    way = algebra.translation(rows[-1][POSE]) - algebra.translation(rows[1][POSE])
+    np.testing.assert_allclose(way, [0.3 * 48 * DT, -0.1 * 48 * DT, 0], atol=1e-12)
+    before, now = rows[-2][POSE], rows[-1][POSE]
+    moved = algebra.multiply(now, algebra.conjugate(before))
+    turned = 2 * algebra.log_screw(moved)[:3] / DT
+    np.testing.assert_allclose(rows[-1][TWIST][:3], turned, atol=1e-9)
+    place = algebra.translation(now)
+    np.testing.assert_allclose(
+        rows[-1][TWIST][3:], np.array([0.3, -0.1, 0]) + np.cross(place, turned), atol=1e-9
+    )  # v + p × ω
+
+
+def test_a_leader_that_was_lost_leads_on_from_where_both_are_then():
+    target, away = LeaderTarget(Speeds(linear=1.0), timeout=0.1), algebra.pose([1, 0, 0, 0], [9.0, 0, 0])
+    for lost in ("NaN", "silence"):
+        target.start(START)
+        target.ask(0.0, START)
+        target.sample(0.0, START)
+        assert target.is_led(0.05)
+        if lost == "NaN":
+            target.ask(0.05, np.full(8, np.nan))
+        stays = target.sample(0.15, START).copy()
+        assert not target.is_led(0.15), lost
+        target.ask(0.2, away)
+        np.testing.assert_allclose(target.sample(0.21, START)[POSE], stays[POSE], atol=1e-12, err_msg=lost)
+
+
+def test_a_leader_that_is_too_fast_is_followed_at_the_speeds():
+    target = LeaderTarget(Speeds(linear=0.1, angular=0.5))
+    target.start(START)
+    target.ask(0.0, START)
+    target.sample(0.0, START)
+    target.ask(0.0, algebra.multiply(algebra.pose([1, 0, 0, 0], [0.02, 0, 0]), START))
+    p = algebra.translation(follow(target, 40)[:, POSE])[:, 0]
+    assert np.diff(p).max() == pytest.approx(0.1 * DT)
+    assert p[-1] - p[0] == pytest.approx(0.02)

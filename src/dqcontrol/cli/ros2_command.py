@@ -22,7 +22,7 @@ class NodeOptions:
     """What controllers and robots have in common."""
 
     interface: Annotated[
-        Literal["velocity", "position", "trajectory", "humanoid"],
+        Literal["velocity", "position", "trajectory", "humanoid", "effort"],
         Parameter(help="What commands are; names their topic."),
     ] = "velocity"
     base_interface: Annotated[
@@ -45,7 +45,7 @@ def controller(
     /,
     *ros_arguments: RosArguments,
     name: str = "dqcontrol",
-    follow: Literal["spec", "pose", "twist", "servo"] = "spec",
+    follow: Literal["spec", "pose", "twist", "servo", "haptics"] = "spec",
     options: NodeOptions = _DEFAULTS,
     autostart: bool = False,
     out: Out = None,
@@ -61,7 +61,8 @@ def controller(
     name
         Of the node.
     follow
-        What the end effector follows: the spec's reference, poses or twists from topics, or the topics of MoveIt Servo.
+        What the end effector follows: the spec's reference, poses or twists from topics, the topics of MoveIt Servo, or
+        poses of a leader that feels what it does.
     autostart
         Start with the first joint states; end when the reference has ended or the robot was stopped.
     out

@@ -19,6 +19,7 @@ from traceback import extract_tb
 from typing import Any
 
 import numba
+import numpy as np
 from numba import types
 from numba.extending import overload
 
@@ -113,6 +114,7 @@ class Kernel:
         self.signature = signature
         self._strict = strict
         self._cacheable = cached
+        self._done = 0
         self.__doc__ = function.__doc__
         self.__name__: str = function.__name__
 
@@ -131,6 +133,25 @@ class Kernel:
         if self._cached:
             return _compile(self.function, self.signature, fastmath)
         return _compiled(self.function, self.signature, fastmath, cached=False)
+
+    def worth_compiling(self, work: int, few: int) -> Callable[..., Any]:
+        """Return the compiled function, or, as long as it is not and all its work was little, the one in Python.
+
+        Parameters
+        ----------
+        work
+            What it is to do now, in any unit.
+        few
+            How much Python does before the kernel is compiled, in the same.
+        """
+        self._done += work
+        if self._done > few or "compiled" in vars(self) or self._is_kept:
+            return self.compiled
+        return _quiet(self.function)
+
+    @cached_property
+    def _is_kept(self) -> bool:
+        return self._cached and kernel_cache.is_kept(self.function)
 
     @cached_property
     def pointer(self) -> int:
@@ -161,6 +182,16 @@ class Kernel:
             dispatcher = numba_used.jit(self.function, fastmath, ours=self._cached, kept=False)
             dispatcher.compile(self.signature)
             return numba_used.bitcode_of(dispatcher, self.signature)
+
+
+def _quiet(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function that warns of no division by zero, as its machine code does not."""
+
+    def call(*arguments: Any) -> Any:
+        with np.errstate(all="ignore"):
+            return function(*arguments)
+
+    return call
 
 
 def kernel(signature: Any, *, strict: bool = False) -> Callable[[Callable[..., Any]], Kernel]:

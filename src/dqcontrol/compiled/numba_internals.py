@@ -11,21 +11,26 @@ import functools
 import io
 import operator
 import pickle
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from inspect import Parameter, Signature
+from types import BuiltinFunctionType, FunctionType, ModuleType
 from typing import Any
 
 import llvmlite.binding
 import numba
 import numpy as np
 from numba import types
+from numba.core import event as numba_event, ir
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, _CacheLocator
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.cpu import CPUContext
+from numba.core.errors import termcolor
 from numba.core.targetconfig import TargetConfig
 from numba.core.types.functions import BaseFunction
+from numba.core.typing.context import BaseContext
 from numba.core.typing.templates import infer, infer_global, make_intrinsic_template
 
 from dqcontrol.compiled import kernel_cache
@@ -33,23 +38,24 @@ from dqcontrol.compiled import kernel_cache
 
 @contextmanager
 def quick_compilation() -> Iterator[None]:
-    """Let Numba look up options and operators once in what is compiled meanwhile: 0.7 of the time.
+    """Let Numba look up once what it looks up over and over in what is compiled meanwhile: 0.6 of the time.
 
     Numba's lock keeps other threads from compiling under these methods; afterwards Numba's own are back.
     """
     with global_compiler_lock:
-        before = TargetConfig.values, BaseFunction.get_call_type
-        TargetConfig.values = _values  # type: ignore[method-assign]
-        BaseFunction.get_call_type = _remembered(before[1])  # type: ignore[method-assign]
+        before = [(owner, name, getattr(owner, name)) for owner, name, _ in _QUICKER]
         try:
+            for owner, name, made in _QUICKER:
+                setattr(owner, name, made(getattr(owner, name)))
             yield
         finally:
-            TargetConfig.values, BaseFunction.get_call_type = before  # type: ignore[method-assign]
+            for owner, name, method in before:
+                setattr(owner, name, method)
 
 
-def _values(flags: TargetConfig) -> dict[str, Any]:
-    """Return all options of a function with their values; Numba asks for them thousands of times for each kernel."""
-    return _default_values(type(flags)) | flags._values
+def _values(_: Any) -> Callable[..., dict[str, Any]]:
+    """Return what gives all options of a function; Numba asks for them thousands of times for each kernel."""
+    return lambda flags: _default_values(type(flags)) | flags._values
 
 
 @functools.cache
@@ -57,7 +63,7 @@ def _default_values(kind: type[TargetConfig]) -> dict[str, Any]:
     return {name: option.default for name, option in kind.options.items()}
 
 
-def _remembered(search: Callable[..., Any]) -> Callable[..., Any]:
+def _call_type(search: Callable[..., Any]) -> Callable[..., Any]:
     """Return a search for what a call is typed as that finds each operator with the same types once."""
     found: dict[Any, Any] = {}
 
@@ -73,6 +79,58 @@ def _remembered(search: Callable[..., Any]) -> Callable[..., Any]:
 
 
 _OPERATORS = {each for each in vars(operator).values() if callable(each)}
+
+
+def _value_type(search: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a search for the type of a constant that finds each function, class and module once."""
+    found: dict[Any, Any] = {}
+
+    def value_type(context: Any, value: Any) -> Any:
+        if not isinstance(value, _CONSTANT):
+            return search(context, value)
+        if (context, value) not in found:
+            found[context, value] = search(context, value)
+        return found[context, value]
+
+    return value_type
+
+
+_CONSTANT = FunctionType, BuiltinFunctionType, ModuleType, type
+
+
+def _variables(_: Any) -> Callable[..., list[Any]]:
+    """Return what lists the variables of an instruction, which Numba does a dozen times."""
+    return lambda instruction, value: _add_variables([value], [])
+
+
+def _add_variables(values: Iterable[Any], found: list[Any]) -> list[Any]:
+    for value in values:
+        kind = type(value)
+        if kind is ir.Var:
+            found.append(value)
+        elif kind is dict:
+            _add_variables(value.values(), found)
+        elif kind is list or kind is tuple:
+            _add_variables(value, found)
+        elif kind is not ir.Loc and isinstance(value, ir.Inst):
+            found += value.list_vars()
+    return found
+
+
+def _unmarked(_: Any) -> Callable[..., str]:
+    """Return what leaves texts of errors, most of which Numba catches itself, without the terminal's marks."""
+    return lambda scheme, text, *_: text
+
+
+_QUICKER: list[tuple[Any, str, Callable[..., Any]]] = [
+    (TargetConfig, "values", _values),
+    (BaseFunction, "get_call_type", _call_type),
+    (BaseContext, "resolve_value_type", _value_type),
+    (ir.Inst, "_rec_list_vars", _variables),
+    (CPUContext, "load_additional_registries", functools.cache),  # imports, to no avail but the first time
+    (numba_event, "broadcast", lambda _: lambda event: None),  # to timers whose times nobody reads
+    *([(type(termcolor()), "_markup", _unmarked)] if hasattr(termcolor(), "_markup") else []),
+]
 
 
 def jit(

@@ -8,6 +8,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK
+from dqcontrol.contact.admittance_step import felt_wrench
 from dqcontrol.contact.contact_layout import ContactState, contact_state, contact_work
 from dqcontrol.errors import DivergedError, as_positive
 from dqcontrol.references.sample import SAMPLE_SIZE
@@ -40,6 +41,18 @@ class AdmittanceStage:
         self._state, self._work = np.zeros(contact_state.size()), np.zeros(contact_work.size())
         self.state = contact_state(self._state)
         self._k = 0
+
+    def felt(self, pose: Array, wrench: Array) -> Array:
+        """Return moment and force on the hand, shape (6,), along the axes of the base or its own, with nothing moved.
+
+        Parameters
+        ----------
+        pose, wrench
+            As for `step`; the tool's weight and bias, and what was tared, are taken off.
+        """
+        out = np.empty(6)
+        felt_wrench(pose, self._parameters, wrench, self.state.tare, out)
+        return out
 
     def step(self, pose: Array, sample: Array, wrench: Array) -> Array:
         """Return the sample (21,) that a law follows for one period.

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 
 from dqcontrol.algebra.elementary import position, quaternion_product
-from dqcontrol.compiled.compile import NOT_FINITE, OK, inline, kernel, shared
+from dqcontrol.compiled.compile import NOT_FINITE, OK, READ, STATUS, WRITE, inline, kernel, shared
 from dqcontrol.compiled.intrinsics import stack_array
 from dqcontrol.contact.contact_layout import (
     BASE,
@@ -119,6 +119,15 @@ def felt(pose, sample, given, tare, out):
             fx, fy, fz = turned(sample[0], -sample[1], -sample[2], -sample[3], fx, fy, fz)
             mx, my, mz = turned(sample[0], -sample[1], -sample[2], -sample[3], mx, my, mz)
     out[0], out[1], out[2], out[3], out[4], out[5] = mx, my, mz, fx, fy, fz
+
+
+@kernel(STATUS(READ, READ, READ, READ, WRITE))
+def felt_wrench(pose, parameters, wrench, tare, out):
+    """Write moment and force on the hand, axes of the base or its own, of force and torque at the sensor."""
+    given = contact_parameters(parameters)
+    unloaded(pose, given, wrench, out)
+    felt(pose, pose, given, tare, out)
+    return OK
 
 
 @inline

@@ -189,10 +189,19 @@ class PreparedImpedance:
         """Natural frequencies of its modes at the last call, shape (6,), rad/s; 0 where the arm cannot move."""
         return np.sqrt(np.maximum(self._found.squares, 0.0))
 
-    def check_period(self, q: Array, period: float) -> None:
+    def check_period(self, q: Array, period: float, *, is_late: bool = False) -> None:
         """Refuse springs that would swing by the time between torques alone, at rest in a configuration.
 
         The torque is held, and semi-implicit steps of a mode are stable while Ωh < 2 (√(1 + ζ²) − ζ).
+
+        Parameters
+        ----------
+        q
+            Configuration, shape (n,), rad or m.
+        period
+            h, between two torques, s.
+        is_late
+            Whether each acts a period later, and rates are differences of angles, as where messages carry both.
 
         Raises
         ------
@@ -204,13 +213,33 @@ class PreparedImpedance:
         if self.impedance.feels:
             given = impedance_parameters(self._given)
             fastest = float(np.sqrt(given.stiffness / given.mass).max())
-        most = 2 * (np.hypot(1.0, ratio) - ratio) / period
+        most = (_most_late(ratio) if is_late else 2 * (np.hypot(1.0, ratio) - ratio)) / period
         if fastest >= most:
             raise ValueRangeError(
                 f"plant.impedance: is too stiff for a torque every {1e3 * period:g} ms: its fastest mode swings at "
                 f"{fastest:.4g} rad/s, less than {most:.4g} are stable; take {(most / fastest) ** 2:.2g} of the "
                 "stiffnesses, a smaller damping ratio or shorter steps"
             )
+
+
+def _most_late(ratio: float) -> float:
+    """Return the Ωh up to which a mode is stable whose torque acts a period late, by differences of its way."""
+
+    def is_stable(step: float) -> bool:
+        by_rate, by_way = 2 * ratio * step, step * step
+        rows = [  # of way and rate, the way before, and the torque that acts in the coming period
+            [1, 1, 0, 0.5],
+            [0, 1, 0, 1],
+            [1, 0, 0, 0],
+            [-by_rate - by_way, 0, by_rate, 0],
+        ]
+        return float(np.abs(np.linalg.eigvals(np.array(rows))).max()) < 1.0
+
+    stable, unstable = 0.0, 2.0
+    for _ in range(40):
+        middle = 0.5 * (stable + unstable)
+        stable, unstable = (middle, unstable) if is_stable(middle) else (stable, middle)
+    return stable
 
 
 def _three(value: float | list[float] | None) -> list[float]:

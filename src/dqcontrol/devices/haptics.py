@@ -7,43 +7,24 @@ from dataclasses import replace
 
 import msgspec
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.contact import ContactLimits, contact_limits
+from dqcontrol.contact import Admittance, ContactLimits, contact_limits
 from dqcontrol.contact.limits import LoosePart
+from dqcontrol.controller import Controller
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.loop.live import Live
-from dqcontrol.loop.targets import Clutch, Target
+from dqcontrol.loop.targets import LeaderTarget
 from dqcontrol.plants.servo import Servo
-from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST
-
-
-class _Shown(Target):
-    """A target that is shown period by period."""
-
-    def __init__(self) -> None:
-        self.row: Array = np.zeros(SAMPLE_SIZE)
-
-    def start(self, pose: Array, time: float = 0.0) -> None:
-        """Begin at rest."""
-        self.row[:] = 0.0
-        self.row[POSE] = pose
-
-    def sample(self, time: float, pose: Array) -> Array:
-        """Return what was shown last."""
-        self.row[TIME] = time
-        return self.row
-
-    def is_over(self, time: float) -> bool:
-        """Return False: it runs until somebody ends it."""
-        return False
 
 
 class Haptics:
     """A leader and a follower, stepped together: pose there, wrench back, after a delay each way.
 
-    Both move alike in the room, from where they are at the begin: p_f − p_f0 = p_l − p_l0. The leader's law has a
+    Both move alike in the room, from where they are at the begin: p_f − p_f0 = p_l − p_l0, the follower no faster than
+    its ``speeds``. The leader's law has a
     contact without stiffness, so that it goes where it is pushed; it feels ``force_scale`` times what the environment
     exerts on the follower beside what its own sensor measures, and rests where both are in balance.
 
@@ -104,25 +85,19 @@ class Haptics:
         self.leader, self.follower, self.push = leader, follower, np.zeros(6)
         self._scale = as_positive("force_scale", force_scale)
         self._delay = round(as_positive("delay", delay, zero_allowed=True) / leader.period)
-        self._clutch = Clutch(follower.state.pose, leader.state.pose, of_hand=False)
-        self._goal = follower.state.pose
         self._sent = deque([leader.state.pose] * self._delay)
         self._felt = deque([np.zeros(6)] * self._delay)
-        self._target = _Shown()
-        self._target.start(self._goal)
+        self._target = LeaderTarget(follower.speeds)
+        self._target.start(follower.state.pose, follower.control.time)
         follower.control.target = self._target
 
     def step(self) -> None:
         """Move both for one period."""
-        leader, follower, period = self.leader, self.follower, self.leader.period
+        leader, follower = self.leader, self.follower
         pose, hand = (live.robot.fkm(live.plant.measured) for live in (leader, follower))
         self._sent.append(pose)
         self._felt.append(_turned(follower.plant.wrench, hand))
-        goal = self._clutch.goal(self._sent.popleft())
-        moved = algebra.multiply(goal, algebra.conjugate(self._goal))
-        # the twist that takes the last goal to this one goes on for a period
-        self._target.row[POSE], self._target.row[TWIST] = goal, 2 * algebra.log_screw(moved) / period
-        self._goal = goal
+        self._target.ask(follower.control.time, self._sent.popleft())
         leader.pushed = _turned(self.push + self._scale * self._felt.popleft(), algebra.conjugate(pose))
         leader.step()
         follower.step()
@@ -132,7 +107,6 @@ class Haptics:
 
         The follower's lag and both ways of signals count as a delay of the leader's joints; give the filter of the
         follower's sensor as that of the leader's ``contact.sensor``.
-        A scaled force is that of a stiffness scaled alike.
         """
         leader, (later, delay) = self.leader, self.follower.lag.mean
         time, own = leader.lag.mean
@@ -140,15 +114,42 @@ class Haptics:
         contact = leader.law.contact
         assert contact is not None
         law = msgspec.structs.replace(leader.law, contact=None).prepare(leader.robot, None, leader.period)
-        found = contact_limits(
-            contact, law, Servo(time_constant=time, delay=late), leader.state.q, self._scale * environment
-        )
-        part = found.loose_part
-        return replace(
-            found,
-            stiffness=found.stiffness / self._scale,
-            loose_part=LoosePart(part.stiffness / self._scale, part.mass),
-        )
+        return haptic_limits(contact, law, leader.state.q, (time, late), self._scale, environment)
+
+
+def haptic_limits(
+    contact: Admittance,
+    law: Controller,
+    q: ArrayLike,
+    lag: tuple[float, float],
+    force_scale: float = 1.0,
+    environment: float = 1e4,
+) -> ContactLimits:
+    """Return what a leader's contact bears of what a follower touches.
+
+    Parameters
+    ----------
+    contact
+        How the leader gives way; with the filter of the follower's sensor.
+    law
+        Without contact, ready to run, of the slower of both.
+    q
+        Its configuration, shape (n,), rad or m.
+    lag
+        Time constant and delay once around: of both robots, their periods and the ways between them, s.
+    force_scale
+        Newtons at the leader for one at the follower: a scaled force is that of a stiffness scaled alike.
+    environment
+        Stiffness of what is to be touched, N/m; see `contact_limits`.
+    """
+    servo = Servo(time_constant=lag[0], delay=lag[1])
+    found = contact_limits(contact, law, servo, q, force_scale * environment)
+    part = found.loose_part
+    return replace(
+        found,
+        stiffness=found.stiffness / force_scale,
+        loose_part=LoosePart(part.stiffness / force_scale, part.mass),
+    )
 
 
 def _turned(wrench: Array, pose: Array) -> Array:

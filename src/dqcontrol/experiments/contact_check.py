@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from msgspec.structs import replace
 
+from dqcontrol import algebra
 from dqcontrol.contact import Admittance, ContactLimits, ForceReference, bears, contact_limits
 from dqcontrol.contact.admittance import NEEDS_CONTACT
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.plants.plant import lagging_mode, running_plant
+from dqcontrol.plants.plant import RunningPlant, lagging_mode, running_plant
 from dqcontrol.plants.wrist import Wrist
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.tables.tables import Column, Table
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
 _RIM = np.array(
     [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]
 )  # radii from the middle
+_LATE = 1.2  # of the approach speed, which is predicted within a fifth
+_NOISES = 6.0  # standard deviations that one reading of a sensor may be off, in 3 axes
 _MOVES = 1e-6  # of the eight coefficients of a pose: 2 µm
 _UNKNOWN_STIFFNESS = 1e4  # N/m, for a world that says none: a table top of wood under a finger
 
@@ -45,15 +48,16 @@ def check_contact(spec: Spec, case: Combination) -> None:
         return
     robot, start = case.scene.robot, case.scene.start
     # A robot is started by nothing but a run, and no driver of one measures a wrench.
-    measures = not case.plant.is_robot and (
-        running_plant(case.plant.start(robot, start, spec.period, 1, spec.seed)).wrench.size > 0
-    )
-    if not measures:
+    plant = None
+    if not case.plant.is_robot:
+        plant = running_plant(case.plant.start(robot, start, spec.period, 1, spec.seed))
+    if plant is None or not plant.wrench.size:
         kind = type(case.plant).__struct_config__.tag
         raise ValueRangeError(
             f"contact: plant '{kind}' measures no wrench, so no force can be controlled; "
             "give a plant with a force sensor, as servo with 'wrist'"
         )
+    _check_tool(contact, case, plant, spec.period)
     tare, samples = contact.sensor.tare, case.scene.samples
     away = np.abs(samples[:, POSE] - samples[0, POSE]).max(axis=1) > _MOVES
     if tare and (first := samples[away, TIME]).size and first[0] < tare:
@@ -70,6 +74,55 @@ def check_contact(spec: Spec, case: Combination) -> None:
             f"contact: world.{stiffest[0]} has {stiffest[1]:.4g} N/m, but along {limits.axis} this loop is unstable "
             f"from {limits.stiffness:.3g} N/m on; {_damping_for_it(limits)} (allow_unstable: true "
             "runs it all the same)"
+        )
+    _check_approach(spec, case, contact, limits)
+
+
+def _check_tool(contact: Admittance, case: Combination, plant: RunningPlant, period: float) -> None:
+    """Raise an error if a tool's data do not explain what the sensor shows at the start, where nothing touches."""
+    if contact.sensor.tool is None or contact.sensor.tare:
+        return
+    plant.step(np.zeros(case.scene.robot.input_size))
+    felt = contact.start(period).felt(case.scene.robot.fkm(case.scene.start), plant.wrench)
+    noise = getattr(getattr(case.plant, "wrist", None), "force_noise", 0.0)
+    left, allowed = float(np.linalg.norm(felt[3:])), 2 * contact.lost.below + _NOISES * noise
+    if left > allowed:
+        raise ValueRangeError(
+            f"contact.sensor.tool: leaves {left:.3g} N on the sensor at the start, where nothing touches (allowed: "
+            f"{allowed:.3g} N): it is that of another tool; dqcontrol identify tool finds this one's"
+        )
+
+
+def _check_approach(spec: Spec, case: Combination, contact: Admittance, limits: ContactLimits) -> None:
+    """Raise an error if the reference runs into a springy box faster than the loop bears, or comes near none."""
+    boxes = {
+        name: body for name, body in (spec.world or {}).items() if body.stiffness is not None and body.box
+    }
+    if limits.approach_speed is None or not boxes:
+        return
+    poses, times = case.scene.samples[:, POSE], case.scene.samples[:, TIME]
+    forces = contact.wanted_forces(times)
+    wanted = np.array([float(max(forces.get(axis, [0.0]), key=abs)) for axis in "xyz"])
+    places = algebra.translation(poses)
+    speeds = contact.turned_to_axes(np.diff(places, axis=0) / spec.period, poses[1:], poses[1:])
+    towards = -speeds @ (wanted / np.linalg.norm(wanted))
+    nearest, deepest = np.inf, contact.limits.depth or np.inf
+    for name, body in boxes.items():
+        frame = algebra.matrix_from_pose(body.pose)
+        beyond = np.abs((places - frame[:3, 3]) @ frame[:3, :3]) - 0.5 * np.array(body.box)
+        away = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+        nearest = min(nearest, float(away.min()))
+        k = int((away == 0.0).argmax()) - 1  # the way that ends in the first place inside
+        if k >= 0 and towards[k] > _LATE * limits.approach_speed:
+            raise ValueRangeError(
+                f"reference: runs into world.{name} at {1e3 * towards[k]:.3g} mm/s, at t = "
+                f"{times[k + 1]:.3g} s, and from {1e3 * limits.approach_speed:.3g} mm/s on the force "
+                "peaks beyond three times the wanted one; approach slower (allow_unstable: true runs it all the same)"
+            )
+    if nearest > deepest:
+        raise ValueRangeError(
+            f"contact: nothing springy comes nearer than {nearest:.3g} m to the reference, and contact.limits.depth is "
+            f"{deepest:g} m: no force would come about"
         )
 
 

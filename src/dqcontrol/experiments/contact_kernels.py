@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from dqcontrol.algebra.dual_quaternion_kernels import position
-from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, inline, kernel
+from dqcontrol.compiled.compile import OK, READ2, STATUS, WRITE, WRITE2, inline, kernel
 from dqcontrol.geometry.distance_kernels import find_distance
 from dqcontrol.geometry.shape_rows import (
     ALONG,
@@ -40,17 +40,6 @@ def pair_distances(frames, shapes, pairs, shifts, placed, found, out):
         for p in range(pairs.shape[0]):
             find_distance(placed[int(pairs[p, 0])], placed[int(pairs[p, 1])], found)
             out[i, p] = found[DISTANCE] if found[DISTANCE] == found[DISTANCE] else math.inf
-    return OK
-
-
-@kernel(STATUS(READ2, READ, WRITE))
-def add_up_ways(q, levers, out):
-    """Write how far something that joints carry may have gone up to each sample, m."""
-    out[0] = 0.0
-    for i in range(1, out.shape[0]):
-        out[i] = out[i - 1]
-        for j in range(q.shape[1]):
-            out[i] += levers[j] * abs(q[i, j] - q[i - 1, j])
     return OK
 
 

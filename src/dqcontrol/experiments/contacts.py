@@ -17,7 +17,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.constraints.constraint_view import Surroundings
 from dqcontrol.constraints.constraints import Constraints
 from dqcontrol.errors import CollisionWarning
-from dqcontrol.experiments.contact_kernels import add_up_ways, pair_distances
+from dqcontrol.experiments.contact_kernels import pair_distances
 from dqcontrol.geometry import Capsule, Plane, Shape, Sphere, distance_kernels as kernels
 from dqcontrol.loop.record import Record
 from dqcontrol.plants import MobilePlant, Plant
@@ -39,6 +39,7 @@ _BELOW = (
 )  # m: links of the file so far below the base frame say that it does not stand on anything there
 _TOUCH = 1e-6  # m: what stands on the floor or rests against a wall is that near by rounding, and goes through nothing
 _FIRST_LOOK = 17  # samples; between them only what may have touched is looked at
+_FEW = 30_000  # distances, which take a second in Python: less than their kernel takes to compile
 
 
 class Contact(NamedTuple):
@@ -168,8 +169,7 @@ class Contacts:
         q, time = record.q, record.time
         look = len(q) if self._moved else min(_FIRST_LOOK, len(q))
         at = (np.arange(look) * (len(q) - 1) / max(look - 1, 1)).astype(np.intp)
-        way = np.empty(len(q))
-        add_up_ways(q, self._levers, way)
+        way = np.append(0.0, np.cumsum(np.abs(np.diff(q, axis=0)) @ self._levers))
         values = self._distances(q[at], time[at])
         while True:
             least = np.minimum(values.min(axis=0), 0.0)
@@ -189,7 +189,8 @@ class Contacts:
         """Return the distance of each pair at configurations (K, n), shape (K, P), m."""
         frames = np.ascontiguousarray(self._robot.frames(q)).reshape(len(q), -1)
         out = np.empty((len(q), len(self._watched)))
-        pair_distances(frames, self._shapes, self._pairs, self._shifts(time), *self._work, out)
+        find = pair_distances.worth_compiling(out.size, _FEW)
+        find(frames, self._shapes, self._pairs, self._shifts(time), *self._work, out)
         return out
 
     def _shifts(self, time: Array) -> Array:

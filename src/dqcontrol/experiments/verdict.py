@@ -462,7 +462,7 @@ class Judge:
     def _done(self, record: Record) -> Iterator[str]:
         """Yield what else was to be done, and was."""
         plant = self._plant
-        if GRIP_FORCE in record.readings:
+        if GRIP_FORCE in record.readings and not any(self._grip(record)):
             yield "held the box"
         gripper = plant.gripper if isinstance(plant, MobilePlant | MujocoPlant) else None
         if isinstance(plant, MobilePlant | MujocoPlant) and gripper and gripper.schedule and _free(plant):

@@ -46,6 +46,9 @@ class Control:
     longest_advance
         Of the reference's time in one step, s, however late that is; one and a half periods if omitted. Where it is
         more, the law is asked for all periods that it missed.
+    leads_targets
+        Whether the law sees the position command in place of the measured joints, of an arm that gives way: fed back,
+        these would wind its springs up to the force of a stiff one. The supervisor watches the measured ones.
 
     Attributes
     ----------
@@ -82,10 +85,13 @@ class Control:
         target: Target,
         supervisor: PreparedSupervisor,
         longest_advance: float | None = None,
+        *,
+        leads_targets: bool = False,
     ) -> None:
         self.law, self.target, self.supervisor = law, target, supervisor
         self.longest_advance: float = longest_advance or FASTEST_REFERENCE * law.period
         self.robot: Robot = law.robot
+        self._leads_targets = leads_targets
         self.phase, self.reason = Phase.INACTIVE, ""
         m = self.robot.input_size
         self.wanted, self.command = np.zeros(m), np.zeros(m)
@@ -282,13 +288,14 @@ class Control:
         most, missed = self.longest_advance / self.law.period, (time - self._asked) / self.law.period
         self._asked = time
         row = max(round(time / self.law.period), 0)
+        seen = self.position if self._leads_targets else self.measured
         try:
-            self.desired = self.target.sample(time, self.robot.fkm(self.measured))
+            self.desired = self.target.sample(time, self.robot.fkm(seen))
             if isinstance(self.target, JogTarget):
                 self.wanted[:] = self.target.rates(time)
                 return
             for _ in range(max(int(min(missed, most) + _EARLY), 1)):
-                self.law.step(self.measured, self.desired, row, self._law_state, self.wanted)
+                self.law.step(seen, self.desired, row, self._law_state, self.wanted)
         except (DivergedError, FallenError, ValueRangeError):
             self.wanted[:] = math.nan  # the supervisor stops, and says why
 

@@ -151,6 +151,56 @@ def _place(r, p, out):
     set_pose((r[0] / norm, r[1] / norm, r[2] / norm, r[3] / norm), p, out)
 
 
+@inline
+def _is_held(pose, time, given, bounds, moving):
+    """Return whether a goal is too old, or none: then the goal is where the end effector was at first."""
+    is_none = given.pose[0] != given.pose[0] or time - given.time > bounds.timeout
+    if is_none and moving.is_held[0] == 0.0:
+        for i in range(8):
+            moving.held[i] = pose[i]
+    moving.is_held[0] = 1.0 if is_none else 0.0
+    return is_none
+
+
+@inline
+def _find_turn(present, goal, turn, way):
+    """Write half the rotation vector, base axes, that turns one pose into another; ``turn`` is scratch."""
+    quaternion_product(
+        (goal[0], goal[1], goal[2], goal[3]), (present[0], -present[1], -present[2], -present[3]), turn
+    )
+    if turn[0] < 0.0:
+        for i in range(4):
+            turn[i] = -turn[i]
+    half_angle(turn, way)
+
+
+@kernel(TARGET_MOTION)
+def move_with_pose(pose, time, asked, speeds, memory):
+    """Be at a goal (of `asked_pose`) as soon as speeds allow, with the twist that takes it there: a hand leads it.
+
+    A goal that is too old, or none, is where the end effector is then.
+    """
+    moving, bounds = moving_sample(memory), target_speeds(speeds)
+    passed = _time_to_move(pose, time, moving)
+    if asked.shape[0] == 0:
+        return OK
+    given = asked_pose(asked)
+    is_none = _is_held(pose, time, given, bounds, moving)
+    if passed == 0.0:
+        return OK
+    goal = moving.held if is_none else given.pose
+    present, w, v = moving.pose, moving.angular, moving.linear
+    way, angle = _apart(present, goal)
+    pace = 1.0 / max(passed, way / bounds.linear, angle / bounds.angular)
+    _find_turn(present, goal, moving.turn, moving.way)
+    for i in range(3):
+        w[i] = 2.0 * pace * moving.way[i]
+    (px, py, pz), (gx, gy, gz) = position(present), position(goal)
+    v[0], v[1], v[2] = pace * (gx - px), pace * (gy - py), pace * (gz - pz)
+    _advance(passed, moving)
+    return OK
+
+
 @kernel(TARGET_MOTION)
 def move_to_pose(pose, time, asked, speeds, memory):
     """Move on straight towards a goal (of `asked_pose`), turning about one axis, with bounded speeds and accelerations.
@@ -162,15 +212,11 @@ def move_to_pose(pose, time, asked, speeds, memory):
     if asked.shape[0] == 0:
         return OK
     given = asked_pose(asked)
-    is_none = given.pose[0] != given.pose[0] or time - given.time > bounds.timeout
-    if is_none and moving.is_held[0] == 0.0:
-        for i in range(8):
-            moving.held[i] = pose[i]
-    moving.is_held[0] = 1.0 if is_none else 0.0
+    is_none = _is_held(pose, time, given, bounds, moving)
     if passed == 0.0:
         return OK
     goal = moving.held if is_none else given.pose
-    present, turn, w, v = moving.pose, moving.turn, moving.angular, moving.linear
+    present, w, v = moving.pose, moving.angular, moving.linear
     way, angle = _apart(present, goal)
     time_left = max(way / bounds.linear, angle / bounds.angular)  # at full speed
     rate = bounds.acceleration / bounds.linear
@@ -184,13 +230,7 @@ def move_to_pose(pose, time, asked, speeds, memory):
     px, py, pz = position(present)
     gx, gy, gz = position(goal)
     _approach(v, (pace * (gx - px), pace * (gy - py), pace * (gz - pz)), bounds.acceleration * passed)
-    quaternion_product(
-        (goal[0], goal[1], goal[2], goal[3]), (present[0], -present[1], -present[2], -present[3]), turn
-    )
-    if turn[0] < 0.0:
-        for i in range(4):
-            turn[i] = -turn[i]
-    half_angle(turn, moving.way)
+    _find_turn(present, goal, moving.turn, moving.way)
     twice, most = 2.0 * pace, slower * bounds.angular
     _approach(w, (twice * moving.way[0], twice * moving.way[1], twice * moving.way[2]), most)
     _advance(passed, moving)

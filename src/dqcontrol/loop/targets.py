@@ -17,6 +17,7 @@ from dqcontrol.loop.target_motion import (
     asked_twist,
     move_by_twist,
     move_to_pose,
+    move_with_pose,
     moving_sample,
     target_speeds,
 )
@@ -176,6 +177,55 @@ class Clutch:
 def _turn(pose: Array) -> Array:
     """Return the rotation of a pose alone, shape (8,)."""
     return np.concatenate([pose[:4], np.zeros(4)])
+
+
+class LeaderTarget(PoseTarget):
+    """Goes along with the poses of a leader, as soon as speeds allow: from where both are, alike in the room.
+
+    What is too old, or no pose at all (NaN), lets the leader go: the end effector stays where it is, and the next pose
+    moves nothing.
+
+    Examples
+    --------
+    >>> import numpy as np, dqcontrol as dqc
+    >>> target, hand = LeaderTarget(Speeds(linear=0.5)), dqc.algebra.pose([1, 0, 0, 0], [0.5, 0, 0.3])
+    >>> target.start(hand)
+    >>> for time, x in ((0.01, 7.0), (0.02, 7.001)):
+    ...     target.ask(time, dqc.algebra.pose([1, 0, 0, 0], [x, 0, 0]))
+    ...     sample = target.sample(time, hand)
+    >>> round(float(dqc.algebra.translation(sample[:8])[0]), 6), round(float(sample[11]), 6)
+    (0.501, 0.1)
+    """
+
+    _motion = move_with_pose
+
+    def __init__(self, speeds: Speeds, timeout: float = math.inf) -> None:
+        super().__init__(speeds, timeout)
+        self._clutch: Clutch | None = None
+        self._told = -math.inf
+        self.start(
+            algebra.pose([1.0, 0, 0, 0], [0.0, 0, 0])
+        )  # anywhere: a leader may be told before it begins
+
+    def start(self, pose: Array, time: float = 0.0) -> None:
+        """Begin at rest where the end effector is, without a leader."""
+        super().start(pose, time)
+        self._clutch = None
+
+    def ask(self, time: float, goal: Array) -> None:
+        """Go along with the leader's pose (8,) that was said at a time, s."""
+        is_some = bool(np.isfinite(goal).all())
+        if not is_some or time - self._told > self.timeout:
+            self._clutch = None
+        self._told = time
+        if is_some:
+            self._clutch = self._clutch or Clutch(self._row[POSE].copy(), goal, of_hand=False)
+            goal = self._clutch.goal(goal)
+        super().ask(time, goal)
+
+    def is_led(self, time: float) -> bool:
+        """Return whether a leader's pose counts at a time, s."""
+        return self._clutch is not None and not time - self._told > self.timeout
 
 
 class TwistTarget(MovingTarget):

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, NamedTuple, Protocol, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, Self
 
 import numpy as np
 from msgspec.structs import replace
@@ -21,6 +21,9 @@ from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.robots.command_mode import AT_ONCE, CommandMode, Lag
 from dqcontrol.robots.robot import Robot, base_coordinates
 from dqcontrol.world import World
+
+if TYPE_CHECKING:
+    from dqcontrol.contact import PreparedImpedance
 
 WRENCH_READINGS = ("wrist_force", "wrist_torque")  # of a force sensor, its axes, N and N·m
 BASE_POSITION, BASE_QUATERNION = "base_position", "base_quaternion"  # of a base that may lift and tilt
@@ -182,6 +185,16 @@ class RunningPlant:
             Where and how, shape (3,) each, inertial frame, m and N.
         """
 
+    def take_effort(self, effort: Array | None) -> None:
+        """Drive the joints by efforts from the next step on, in the place of targets, until told otherwise.
+
+        Parameters
+        ----------
+        effort
+            Shape (n,), N·m or N, beside what the plant's own controllers bear of the weight, and clipped to what the
+            joints have; None: they follow targets again, which begin where the joints are.
+        """
+
     def compiled(self) -> CompiledPlant | None:
         """Return it as the compiled loop takes it; None if its step is not one compiled function."""
         return None
@@ -305,6 +318,14 @@ class Plant(
     def lag(self, robot: Robot) -> Lag:
         """Return how late its joints follow targets that commands move; none unless it says so."""
         return AT_ONCE
+
+    def by_effort(self) -> Self | None:
+        """Return this plant with joints that take efforts, and hold where they are without; None if they take none."""
+        return None
+
+    def prepared_impedance(self, robot: Robot) -> PreparedImpedance | None:
+        """Return what gives the efforts that it is driven by in the place of servos; None if it has none."""
+        return None
 
     def compliance(self, robot: Robot, start: Array) -> Array:
         """Return what each joint gives way by under its servo, shape (n,), rad/N·m or m/N; 0 where unknown."""

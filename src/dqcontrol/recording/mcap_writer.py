@@ -195,7 +195,8 @@ class SampleWriter:
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._announced = b""  # schemas and channels, at the begin of the first chunk
-        # Room for a chunk: of each sample its messages, one behind the other; where they begin; and its time, ns.
+        # Room for a chunk: of each sample its messages, one behind the other, in which only numbers change; where they
+        # begin; and its time, ns.
         self._samples: Rows = np.empty(0, "V")
         self._places: list[int] = []
         self._stamps = np.empty(0, np.int64)
@@ -236,13 +237,13 @@ class SampleWriter:
             numbers |= {len(form) + place: rows for place, rows in alike.numbers}
             form += alike.form
         if not len(self._samples):
-            self._samples = np.empty(max(_CHUNK // len(form), 1), f"V{len(form)}")
+            self._samples = np.full(max(_CHUNK // len(form), 1), np.void(form))
             self._stamps = np.empty(len(self._samples), np.int64)
         begin = 0
         while begin < len(stamps):
             end = min(begin + len(self._samples) - self._filled, len(stamps))
             place = slice(self._filled, self._filled + end - begin)
-            self._stamps[place], self._samples[place] = stamps[begin:end], np.void(form)
+            self._stamps[place] = stamps[begin:end]
             for first, rows in numbers.items():
                 self._samples.getfield(rows.dtype, first)[place] = rows[begin:end]
             self._filled, begin = place.stop, end

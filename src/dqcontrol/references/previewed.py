@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -67,9 +68,8 @@ class Previewed(Reference):
         delay = as_positive("delay", self.delay, zero_allowed=True)
         lag = as_positive("lag", self.lag, zero_allowed=True)
         step = max(_STEP * lag, _LEAST_STEP) if self.step is None else as_positive("step", self.step)
-        starts = np.concatenate([[0.0], self.reference.corners])
-        jumps = self._moving(starts)[:, :6]
-        jumps[1:] -= self._moving(starts[1:] - 2 * SNAP)[:, :6]
+        starts, jumps = _starts(_Same(self.reference))
+        jumps = jumps.copy()
         close = np.diff(starts) < lag
         jumps[np.append(False, close) | np.append(close, False)] = 0.0  # samples of a smooth motion
         ends = starts[1:] - delay
@@ -95,20 +95,18 @@ class Previewed(Reference):
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""
-        out = self.reference.motion(times)
-        share: float = self._share  # type: ignore[attr-defined]
-        ahead: Array = times + self._ahead  # type: ignore[attr-defined]
-        moving = self._moving(ahead)
+        share, step = self._share, self._behind  # type: ignore[attr-defined]
+        seen = _seen_early(_Same(self.reference), self._ahead, step if share else 0.0, times.tobytes())  # type: ignore[attr-defined]
+        moving, position = seen.moving, seen.position
         if share:
-            before = ahead - self._behind  # type: ignore[attr-defined]
-            moving = (moving - share * self._moving(before) * (before >= 0)[:, None]) / (1 - share)
+            ahead: Array = times + self._ahead  # type: ignore[attr-defined]
+            moving = (moving - share * seen.before) / (1 - share)
             jumped = self._jumps(ahead)
             moving[:, :6] += jumped - self._jumps(ahead - self.lag)
-            moving[:, :6] -= share / (1 - share) * (jumped - self._jumps(before))
+            moving[:, :6] -= share / (1 - share) * (jumped - self._jumps(ahead - step))
         turning, speed, turning_rate, speed_rate = moving.reshape(-1, 4, 3).swapaxes(0, 1)
-        position = translation(out[:, POSE])
-        present = out[:, TWIST][:, 3:] - np.cross(position, out[:, TWIST][:, :3])
-        carried = np.cross(present, turning) + np.cross(position, turning_rate)
+        out = seen.samples.copy()
+        carried = np.cross(seen.present, turning) + np.cross(position, turning_rate)
         out[:, TWIST] = np.hstack([turning, speed + np.cross(position, turning)])
         out[:, TWIST_RATE] = np.hstack([turning_rate, speed_rate + carried])
         return out
@@ -117,12 +115,65 @@ class Previewed(Reference):
         """Return the sum of the jumps of [ω; ṗ] until each time, shape (N, 6)."""
         return self._jumped[np.searchsorted(self._starts, times, side="right")]  # type: ignore[attr-defined]
 
-    def _moving(self, times: Array) -> Array:
-        """Return [ω; ṗ] of the reference and its rate, shape (N, 12), at rest before and after it."""
-        samples = self.reference.samples(np.maximum(times, 0.0))
-        position = translation(samples[:, POSE])
-        turning, dual = samples[:, TWIST][:, :3], samples[:, TWIST][:, 3:]
-        turning_rate, dual_rate = samples[:, TWIST_RATE][:, :3], samples[:, TWIST_RATE][:, 3:]
-        speed = dual - np.cross(position, turning)
-        speed_rate = dual_rate - np.cross(speed, turning) - np.cross(position, turning_rate)
-        return np.hstack([turning, speed, turning_rate, speed_rate])
+
+class _Same:
+    """A reference as a key, whatever it says of equality."""
+
+    def __init__(self, reference: Reference) -> None:
+        self.reference = reference
+
+    def __hash__(self) -> int:
+        return id(self.reference)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and self.reference is other.reference
+
+
+class _Seen(NamedTuple):
+    """A reference at some times, and what it does later: whatever the lag, so the runs of a study share it.
+
+    Attributes
+    ----------
+    samples, position, present
+        Samples (N, 21), positions and ṗ, each (N, 3).
+    moving, before
+        [ω; ṗ] and its rate a delay later, and by how much before that, each (N, 12).
+    """
+
+    samples: Array
+    position: Array
+    present: Array
+    moving: Array
+    before: Array
+
+
+@lru_cache(maxsize=16)  # of a few thousand times each
+def _seen_early(same: _Same, delay: float, step: float, at: bytes) -> _Seen:
+    times = np.frombuffer(at)
+    samples = same.reference.motion(times)
+    position = translation(samples[:, POSE])
+    twist, ahead = samples[:, TWIST], times + delay
+    moving = _moving(same.reference, ahead)
+    before = ahead - step
+    led = _moving(same.reference, before) * (before >= 0)[:, None] if step else moving
+    return _Seen(samples, position, twist[:, 3:] - np.cross(position, twist[:, :3]), moving, led)
+
+
+@lru_cache(maxsize=4)
+def _starts(same: _Same) -> tuple[Array, Array]:
+    """Return the start of a reference and its corners, and how [ω; ṗ] jumps there."""
+    starts = np.concatenate([[0.0], same.reference.corners])
+    jumps = _moving(same.reference, starts)[:, :6]
+    jumps[1:] -= _moving(same.reference, starts[1:] - 2 * SNAP)[:, :6]
+    return starts, jumps
+
+
+def _moving(reference: Reference, times: Array) -> Array:
+    """Return [ω; ṗ] of a reference and its rate, shape (N, 12), at rest before and after it."""
+    samples = reference.samples(np.maximum(times, 0.0))
+    position = translation(samples[:, POSE])
+    turning, dual = samples[:, TWIST][:, :3], samples[:, TWIST][:, 3:]
+    turning_rate, dual_rate = samples[:, TWIST_RATE][:, :3], samples[:, TWIST_RATE][:, 3:]
+    speed = dual - np.cross(position, turning)
+    speed_rate = dual_rate - np.cross(speed, turning) - np.cross(position, turning_rate)
+    return np.hstack([turning, speed, turning_rate, speed_rate])

@@ -15,9 +15,10 @@ from std_msgs.msg import Bool
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.loop.control import Control, Phase, warm_up
-from dqcontrol.loop.targets import PoseTarget, Speeds, Target, TwistTarget
+from dqcontrol.loop.targets import LeaderTarget, PoseTarget, Speeds, Target, TwistTarget
 from dqcontrol.references.sample import POSE
 from dqcontrol.ros2.diagnostics import SILENCE, Diagnostics, PeriodMonitor
+from dqcontrol.ros2.haptic_topics import POSE_TIMEOUT, HapticTopics, leader_limits
 from dqcontrol.ros2.interfaces import (
     JOINT_STATES,
     NEWEST,
@@ -110,7 +111,15 @@ class Following:
         self._node, self.target = node, loaded.target(source)
         law, supervisor = loaded.prepared_law(source), loaded.prepared_supervisor(self._interface)
         warm_up(law, supervisor, loaded.case.scene.start, loaded.case.scene.samples[0])
-        self.control: Control = Control(law, self.target, supervisor, loaded.longest_advance)
+        self._impedance = loaded.impedance(self._interface)
+        self._velocities = np.zeros(len(loaded.parts.joints))
+        self.control: Control = Control(
+            law,
+            self.target,
+            supervisor,
+            loaded.longest_advance,
+            leads_targets=self._impedance is not None,
+        )
         self._periods, self._stamps = PeriodMonitor(loaded.state_period), Stamps("joint states")
         self._latest: tuple[float, float] | None = None  # heard, stamp
         self._origin = self._passed = 0.0  # s, by stamps
@@ -138,14 +147,33 @@ class Following:
         self._felt = WrenchInput(node, self._parts, self._joints, self._tool, self._guarded)
         if (world := loaded.setting.spec.surroundings) is not None:
             self._world = WorldTopics(node, self.control, world, self._base, self._guarded)
+        self._haptics: HapticTopics | None = None
+        if isinstance(self.target, LeaderTarget):
+            self._haptics = HapticTopics(
+                node,
+                loaded.law.contact,
+                self.control,
+                self.target,
+                self._base,
+                lambda name: number(node, name),
+            )
+            self._felt.pass_on = self._haptics.hear
         self._felt.listen(supervisor, self.control.law)
-        names = [one.name for one in numbers_of(loaded)]
-        declare(node, numbers_of(loaded))
+        own = numbers_of(loaded, source)
+        names = [one.name for one in own]
+        declare(node, own)
         declare_switch(node, OVERRIDE, "whether gains may be such that a loop is expected to be unstable")
         read = ["joint_names", "base_frame", "tool_frame", *(_OF_BASES if self._parts.base else ())]
         read += ["command_in_type"] if source == "servo" else []
         refuse_unknown(node, [*names, OVERRIDE, *read])
-        self._retune(numbers_said(node, names))
+        self._numbers = names
+        self._retune(said := numbers_said(node, names))
+        if self._haptics:
+            bears = leader_limits(loaded, loaded.law, said)
+            diagnostics.tell(
+                f"with this leader bears {bears.stiffness:.3g} N/m along {bears.axis}, "
+                f"loose parts {bears.loose_part.stiffness:.3g} N/m"
+            )
         on_change(node, self._retune, diagnostics.refuse)
         self._commands = Commands(node, self._ports(base_interface))
         self._localisation = self._localised() if self._parts.base else None
@@ -222,8 +250,11 @@ class Following:
             self._commands.release()
 
     def hold(self) -> None:
-        """Tell the robot to stay where it was told to be, if it is still told: the last thing that a program does."""
-        if self.control.is_commanding:
+        """Tell the robot to stay where it was told to be, if it is still told: the last thing that a program does.
+
+        An effort that stays does not do that, but silence: the robot then holds by its own means.
+        """
+        if self.control.is_commanding and self._impedance is None:
             self._send(np.zeros_like(self.control.rate))
         self._commands.release()
 
@@ -287,6 +318,7 @@ class Following:
                     self._joints,
                     self.loaded.period,
                     self.loaded.case.plant.joint_control(len(self._joints)),
+                    self._effort,
                 )
             )
         if parts.base:
@@ -305,6 +337,11 @@ class Following:
             lambda: self.control.is_commanding,
             self._hear_odometry,
         )
+
+    def _effort(self, measured: Array, position: Array, rate: Array) -> Array:
+        """Return the torques of the impedance, N·m or N, shape (n,)."""
+        assert self._impedance is not None
+        return self._impedance.torque(measured, self._velocities, position, rate)
 
     def _send(self, rate: Array) -> None:
         """Send the position command, and a rate in the form of the spec's robot."""
@@ -325,6 +362,10 @@ class Following:
 
     def _hear_joints(self, message: JointState) -> None:
         joints = by_name("joint states", list(message.name), list(message.position), self._joints)
+        if self._impedance is not None:
+            self._velocities = by_name(
+                "joint states", list(message.name), list(message.velocity), self._joints, "velocities"
+            )
         self._felt.hear_efforts(message)
         self._hear(time.monotonic(), nanoseconds(message.header.stamp), self._parts.joints, joints)
 
@@ -416,8 +457,11 @@ class Following:
         is_late = self._brakes_early and self.age >= 0.99 * self._patience
         if is_late or (self._localisation and self._localisation.silence):
             age = np.inf
+        if self._haptics and felt.age > self.loaded.stale_after:
+            self._haptics.let_go()
         control.step(self._passed, measured, age, gap, felt.effort, felt.wrench)
-        self._send(control.rate)
+        if self._impedance is None or measured is not None:  # no effort by joints that nobody saw
+            self._send(control.rate)
         if self.recorder:
             self.recorder.take(control, self._passed)
         if control.phase is not before:
@@ -445,7 +489,11 @@ class Following:
     def _retune(self, numbers: dict[str, float]) -> None:
         active = self.control.phase is not Phase.INACTIVE
         allow = self._node.get_parameter(OVERRIDE).value
-        law, supervisor, unjudged = retune(self.loaded, numbers, active=active, allow_unstable=bool(allow))
+        said = {**numbers_said(self._node, self._numbers), **numbers}
+        leader = said if self._haptics else None
+        law, supervisor, unjudged = retune(
+            self.loaded, numbers, active=active, allow_unstable=bool(allow), leader=leader
+        )
         if unjudged:
             self._node.get_logger().warning(f"law: {unjudged}")
         if law:
@@ -455,6 +503,7 @@ class Following:
             self.control.longest_advance = self.loaded.longest_advance
             self._felt.listen(self.control.supervisor, self.control.law)
         if isinstance(self.target, TwistTarget):
-            self.target.timeout = numbers.get("twist_timeout", self.target.timeout)
+            self.target.timeout = said["twist_timeout"]
         if isinstance(self.target, PoseTarget):
-            self.target.timeout = numbers.get("pose_timeout", 0.0) or np.inf
+            forever = POSE_TIMEOUT if self._haptics else np.inf
+            self.target.timeout = said["pose_timeout"] or forever

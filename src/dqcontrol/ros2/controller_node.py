@@ -31,13 +31,15 @@ class ControllerNode(Node):
     Parameters
     ----------
     spec
-        Path of a YAML file of one run; of its plant only ``command_mode`` counts.
+        Path of a YAML file of one run; of its plant only ``command_mode`` and ``impedance`` count.
     name
         Of the node.
     source
-        What it follows: ``spec``, ``pose``, ``twist`` or ``servo``, the topics of MoveIt Servo.
+        What it follows: ``spec``, ``pose``, ``twist``, ``servo``, the topics of MoveIt Servo, or ``haptics``, a leader
+        that feels what it does.
     interface
-        What it sends to joints: ``velocity``, ``position``, ``trajectory`` or ``humanoid``.
+        What it sends to joints: ``velocity``, ``position``, ``trajectory``, ``humanoid`` or ``effort``, the torques of
+        the plant's ``impedance``.
     base_interface
         What it sends to a mobile base: ``twist``, ``twist-stamped`` or ``wheels``.
     autostart

@@ -27,6 +27,7 @@ COMMANDS: dict[str, tuple[str, Any]] = {
     "position": ("/forward_position_controller/commands", Float64MultiArray),
     "trajectory": ("/joint_trajectory_controller/joint_trajectory", JointTrajectory),
     "humanoid": ("/humanoid_command", JointTrajectory),
+    "effort": ("/forward_effort_controller/commands", Float64MultiArray),
 }
 BASE_COMMANDS: dict[str, tuple[str, Any]] = {
     "twist": ("/cmd_vel", Twist),
@@ -125,7 +126,12 @@ class Commands:
 
 
 def joint_port(
-    parts: RobotParts, interface: str, joints: Sequence[str], period: float, control: ControllerSettings
+    parts: RobotParts,
+    interface: str,
+    joints: Sequence[str],
+    period: float,
+    control: ControllerSettings,
+    effort: Callable[[Array, Array, Array], Array],
 ) -> Port:
     """Return where commands of joints go.
 
@@ -141,11 +147,15 @@ def joint_port(
         Time in which a trajectory's point is to be reached, s.
     control
         What ``humanoid`` commands tell the joint controllers beside; see `messages.humanoid_command`.
+    effort
+        What ``effort`` commands are, of measured joints, position command and rate, shape (n,) each.
     """
     topic, kind = COMMANDS[interface]
     soon, own = Duration(seconds=period).to_msg(), parts.joint_inputs
 
-    def message(position: Array, rate: Array, _: Array) -> Any:
+    def message(position: Array, rate: Array, measured: Array) -> Any:
+        if interface == "effort":
+            return Float64MultiArray(data=effort(measured, position, rate).tolist())
         if interface == "humanoid":
             beside = {
                 name: [] if values is None else values.tolist()

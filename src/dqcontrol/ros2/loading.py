@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
-from dqcontrol.contact import Tool
+from dqcontrol.contact import PreparedImpedance, Tool
 from dqcontrol.controller import Controller
-from dqcontrol.errors import ShapeError
+from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare, prepare_spec
 from dqcontrol.experiments.spec import AnyLaw, as_spec, read_data
 from dqcontrol.loop.control import FASTEST_REFERENCE
 from dqcontrol.loop.replanning import refuse_replanning
-from dqcontrol.loop.targets import PoseTarget, SampledTarget, Speeds, Target, TwistTarget
+from dqcontrol.loop.targets import LeaderTarget, PoseTarget, SampledTarget, Speeds, Target, TwistTarget
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode, lagging_mode
 from dqcontrol.robots import Robot, WholeBody
@@ -205,16 +205,23 @@ class Loaded:
         return self.case.plant.linear_model(self.robot, self.case.scene.start, self.period)
 
     def target(self, source: str) -> Target:
-        """Return what gives the desired motion: the ``spec``, a ``pose``, or a ``twist``, as ``servo`` begins."""
+        """Return what gives the desired motion: the ``spec``, a ``pose``, a leader's with ``haptics``, or a ``twist``.
+
+        With ``servo`` it begins as with ``twist``.
+        """
         if source == "spec":
             return SampledTarget(self.case.scene.samples, self.period)
-        return PoseTarget(self.speeds) if source == "pose" else TwistTarget(self.speeds)
+        kinds = {"pose": PoseTarget, "haptics": LeaderTarget}
+        return kinds.get(source, TwistTarget)(self.speeds)
 
     def prepared_law(self, source: str, law: AnyLaw | None = None) -> Controller:
-        """Return the law, or another one in its place, ready to run."""
+        """Return the law, or another one in its place, ready to run; without contact where that is a leader's."""
         reference = self.case.scene.reference if source == "spec" else None
         mode, lag = lagging_mode(self.case.plant), self.case.plant.lag(self.robot)
-        made = (law or self.law).prepare(self.robot, reference, self.period, self.case.limits, mode, lag=lag)
+        law = law or self.law
+        if source == "haptics":
+            law = msgspec.structs.replace(law, contact=None)
+        made = law.prepare(self.robot, reference, self.period, self.case.limits, mode, lag=lag)
         refuse_replanning(made, reference, "which no node does")
         return made
 
@@ -232,6 +239,52 @@ class Loaded:
         mode = self._mode(interface)
         alone = self.supervisor.limits_alone().prepare(self.parts.driven, self.period, mode)
         return alone, mode == "measured"
+
+    def impedance(self, interface: str) -> PreparedImpedance | None:
+        """Return what gives the efforts that a controller sends; None where it sends something else.
+
+        Raises
+        ------
+        ValueRangeError
+            If the spec's plant has no impedance, one that needs the wrench, or one too stiff for torques a period late.
+        """
+        if interface != "effort":
+            return None
+        plant, kind = self.case.plant, type(self.case.plant).__struct_config__.tag
+        impedance = plant.prepared_impedance(self.robot)
+        if impedance is None:
+            raise ValueRangeError(
+                f"interface: 'effort' sends the torques of plant.impedance, and plant '{kind}' has none; "
+                "give it one, or take another interface"
+            )
+        if impedance.impedance.feels:
+            raise ValueRangeError(
+                "plant.impedance.mass: takes a wrench as fresh as the torque, which messages do not bring; leave it out"
+            )
+        if self.state_period != self.period:
+            raise ValueRangeError(
+                f"interface: 'effort' needs joint states each period, {self.period:g} s, and the plant's "
+                f"exchange_period is {self.state_period:g} s; leave it out"
+            )
+        impedance.check_period(self.case.scene.start, self.period, is_late=True)
+        return impedance
+
+    def by_effort(self) -> Loaded:
+        """Return the same with joints that take efforts.
+
+        Raises
+        ------
+        ValueRangeError
+            If the plant's joints take none.
+        """
+        plant = self.case.plant.by_effort()
+        if plant is None:
+            kind = type(self.case.plant).__struct_config__.tag
+            raise ValueRangeError(
+                f"interface: 'effort' needs joints that take torques, and those of plant '{kind}' take none; take "
+                "'mujoco', 'compliant' with mode TORQUE or TORQUE_GC, or another interface"
+            )
+        return replace(self, case=replace(self.case, plant=plant))
 
     def _mode(self, interface: str) -> Literal["integrated", "measured"]:
         return command_mode(self.case.plant) if interface != "velocity" else "integrated"

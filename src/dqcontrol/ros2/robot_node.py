@@ -76,7 +76,7 @@ class RobotNode(Node):
     name
         Of the node.
     interface
-        What its joints take: ``velocity``, ``position``, ``trajectory`` or ``humanoid``.
+        What its joints take: ``velocity``, ``position``, ``trajectory``, ``humanoid`` or ``effort``.
     base_interface
         What its mobile base takes: ``twist``, ``twist-stamped`` or ``wheels``.
     wrench_node
@@ -102,7 +102,7 @@ class RobotNode(Node):
         tracker: str | None = None,
     ) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
-        loaded = loaded.at_state_period()
+        loaded = loaded.at_state_period() if interface != "effort" else loaded.by_effort()
         self._parts = parts = loaded.parts
         spec, robot, start = loaded.setting.spec, parts.driven, loaded.case.scene.start
         self._period, self._joints, self._interface = loaded.period, parts.joint_names, interface
@@ -112,6 +112,8 @@ class RobotNode(Node):
         self._warm_up(loaded)
         plant = loaded.case.plant.start(robot, start, loaded.period, _NOISE_PERIODS, spec.seed)
         self._plant = running_plant(plant)
+        self._is_driven = interface == "effort"
+        self._drive(None)
         self._waits, self._fault, self._ticks = _NO_COMMANDS, "", 0
         self._told: ControllerSettings | None = None  # by a command, and not yet passed on
         self._is_broken = False
@@ -218,7 +220,12 @@ class RobotNode(Node):
     def _move(self) -> None:
         waits = self._why_wait()
         self._before[:] = self._plant.measured
-        self._supervisor.step(self._before, self._rates(), self._state, 0.0, GO, self._input)
+        if self._interface == "effort":
+            self._drive(self._obeyed["joints"].asked)
+        if self._is_driven:
+            self._input[:] = 0.0
+        else:
+            self._supervisor.step(self._before, self._rates(), self._state, 0.0, GO, self._input)
         if self._ticks and self._ticks % _NOISE_PERIODS == 0:
             self._plant.rewind()
         self._was[:] = self._plant.q
@@ -231,6 +238,16 @@ class RobotNode(Node):
         if fault and fault != self._fault:
             self._fault = fault
             self._diagnostics.alarm(f"motors off: {fault}")
+
+    def _drive(self, asked: Array | None) -> None:
+        """Pass efforts on to the joints; without any they brake and hold where they are."""
+        if asked is None and self._is_driven:
+            self._plant.take_effort(None)
+            limits, q = self._parts.driven.limits, self._plant.measured
+            self._state = self._supervisor.start(np.clip(q, limits.lower, limits.upper))
+        elif asked is not None:
+            self._plant.take_effort(asked)
+        self._is_driven = asked is not None
 
     def _why_wait(self) -> str:
         """Forget commands that do not count; say why joints and base do not move, empty if they do."""
@@ -258,7 +275,7 @@ class RobotNode(Node):
 
     def _joint_rates(self, asked: Array | None) -> Array:
         position = self._supervisor.position(self._state)[self._parts.joint_inputs]
-        if self._interface == "velocity":
+        if self._interface in ("velocity", "effort"):
             return np.zeros(len(position)) if asked is None else asked
         if asked is not None and self._told is not None:
             self._plant.set_joint_control(self._told)

@@ -25,6 +25,7 @@ from dqcontrol.measures.stability import (
     with_mean,
 )
 from dqcontrol.plants.plant import command_mode
+from dqcontrol.ros2 import haptic_topics
 from dqcontrol.ros2.loading import Loaded
 from dqcontrol.ros2.localisation import numbers_of_odometry
 from dqcontrol.ros2.parameters import Number
@@ -135,13 +136,14 @@ _OWN = (
 )
 
 
-def numbers_of(loaded: Loaded) -> list[Number]:
+def numbers_of(loaded: Loaded, source: str) -> list[Number]:
     """Return all numbers that may be changed: our own, the law's, of its contact, and the supervisor's.
 
     Where one number may stand and the spec has none, or one for each joint or axis, its value is None.
     """
     return [
         *_OWN,
+        *(haptic_topics.NUMBERS if source == "haptics" else ()),
         *(numbers_of_odometry(loaded.period, loaded.stale_after) if loaded.parts.base else ()),
         *_fields(_LAW, loaded.law, "of the law; while active only if it is constant over time"),
         *_compliances(loaded.law.contact),
@@ -169,7 +171,12 @@ def with_numbers(struct: T, prefix: str, numbers: Mapping[str, float]) -> T:
 
 
 def retune(
-    loaded: Loaded, numbers: Mapping[str, float], *, active: bool, allow_unstable: bool
+    loaded: Loaded,
+    numbers: Mapping[str, float],
+    *,
+    active: bool,
+    allow_unstable: bool,
+    leader: Mapping[str, float] | None = None,
 ) -> tuple[bool, bool, str]:
     """Change law, supervisor and speeds; return whether law and supervisor did, and why that law cannot be judged.
 
@@ -183,6 +190,8 @@ def retune(
         Whether the controller moves the robot.
     allow_unstable
         Whether a law may be one whose loops are expected to be unstable.
+    leader
+        Numbers of `haptic_topics` as they will be, where a leader feels what the arm does.
 
     Raises
     ------
@@ -202,7 +211,9 @@ def retune(
     unjudged = ""
     if not allow_unstable and (law is not loaded.law or not active):
         unjudged = check_stable(loaded, law, prepared, supervisor, moves=active)
-    if contact != loaded.law.contact and not allow_unstable:
+    if leader is not None and not allow_unstable:
+        haptic_topics.check_leader(loaded, law, leader)
+    elif contact != loaded.law.contact and not allow_unstable:
         check_bears(loaded, law)
     supervisor.prepare(loaded.robot, loaded.period)
     changes = law is not loaded.law, supervisor is not loaded.supervisor, unjudged

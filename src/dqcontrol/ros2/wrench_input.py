@@ -46,6 +46,8 @@ class WrenchInput:
     wrench
         Force and torque, shape (6,), N and N·m; empty while nobody needs any, before the first, and for a law with
         contact when the last is older than three periods.
+    pass_on
+        Takes each wrench and its stamp, if somebody feels it; set it before `listen`.
     topic
         Of the wrench, after ROS's renaming.
     """
@@ -67,6 +69,7 @@ class WrenchInput:
         self._has_effort, self._has_payload, self._wrenches, self._heard = False, False, None, -np.inf
         self._wrenches: Subscription | None
         self._is_watched = False
+        self.pass_on: Callable[[Array, Any], None] | None = None
 
     def listen(self, supervisor: PreparedSupervisor, law: Controller) -> None:
         """Hear what supervisor and law need, and nothing else: at 1 kHz that would cost a tenth of the time."""
@@ -74,7 +77,8 @@ class WrenchInput:
         self._silent_after = _HELD * law.period if law.wrench.size and not self._is_watched else np.inf
         self._has_effort, self.effort = supervisor.watches_effort, _NOTHING
         self._has_payload = supervisor.carries_payload
-        if (self._is_watched or law.wrench.size > 0) == (self._wrenches is not None):
+        is_heard = self._is_watched or law.wrench.size > 0 or self.pass_on is not None
+        if is_heard == (self._wrenches is not None):
             return
         if self._wrenches is None:
             hear = self._guarded(self._hear_wrench)
@@ -120,3 +124,5 @@ class WrenchInput:
         f, t = message.wrench.force, message.wrench.torque
         self._wrench = numbers("wrench", [f.x, f.y, f.z, t.x, t.y, t.z], 6)
         self._heard = time.monotonic()
+        if self.pass_on is not None:
+            self.pass_on(self._wrench, message.header.stamp)

@@ -10,10 +10,10 @@ from msgspec import Meta
 from msgspec.structs import replace
 
 from dqcontrol.arrays import Array
-from dqcontrol.contact import Impedance
+from dqcontrol.contact import Impedance, PreparedImpedance
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each, unknown_name
 from dqcontrol.plants.compliant.compliant_arm import assemble
-from dqcontrol.plants.compliant.controller_file import SOFTEST, STIFFEST, Stiffness
+from dqcontrol.plants.compliant.controller_file import SOFTEST, STIFFEST, Stiffness, load_controllers
 from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.joint_columns import MODES
 from dqcontrol.plants.compliant.loads_and_faults import (
@@ -259,6 +259,18 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
                 "plant.duty" if by_duty else "plant.torque", self.duty if by_duty else self.torque, joints
             )
         return ControllerSettings(self.mode, stiffness, slew_rate, asked)
+
+    def by_effort(self) -> Self | None:
+        """Return it with a mode that holds angles, while nothing drives the joints; None in modes without torques."""
+        return replace(self, impedance=None) if self.mode in _BY_TORQUE else None
+
+    def prepared_impedance(self, robot: Robot) -> PreparedImpedance | None:
+        """Return its impedance for a robot, with the weight where the mode has no model of it."""
+        if self.impedance is None:
+            return None
+        weight = self.gravity_factor if self.mode == "TORQUE" else 0.0
+        rotors = load_controllers(robot, self.controllers).column("motor", "rotor_inertia")
+        return self.impedance.prepare(robot, self.gravity, weight, rotors)
 
     def state_period(self, period: float) -> float:
         """Return its exchange period; the loop's own where the joint controllers have none."""

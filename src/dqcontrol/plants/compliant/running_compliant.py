@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from dqcontrol.plants.compliant.compliant_plant import CompliantPlant
 
 
+_HOLDS = "THETA_GC"
 _SHAKING = 1  # marks a stream of random numbers beside that of the encoders
 _JOINT_CHANNELS = {
     "motor_angle": "rad",
@@ -89,12 +90,10 @@ class RunningCompliant(RunningPlant):
             subtree_masses=model.body_subtreemass,
         )
         self._wrist = LiveWrist(arm.file.wrist_sensor, self.memory.wrench, plant.wrist_fault)
-        self._springs = None
-        if plant.impedance is not None:
-            weight = plant.gravity_factor if plant.mode == "TORQUE" else 0.0
-            rotors = arm.file.column("motor", "rotor_inertia")
-            self._springs = plant.impedance.prepare(arm.robot, plant.gravity, weight, rotors)
+        self._springs = plant.prepared_impedance(arm.robot)
+        if self._springs is not None:
             self._springs.check_period(self.q.copy(), TICK)
+        self._mode = plant.mode
         self._draw()
         settle(self._plan, self._numbers, self._physics, self._noise[0])
         world, period = plant.world, arm.ticks * TICK
@@ -191,6 +190,14 @@ class RunningCompliant(RunningPlant):
         is_new = column.MODES.get(control.mode) != self.memory.shared[column.ASKED_MODE]
         if control.mode and is_new and not self.fault:
             self.switch(control.mode)
+
+    def take_effort(self, effort: Array | None) -> None:
+        """Drive the joints by torques in the plant's own mode, else hold them; see `RunningPlant.take_effort`."""
+        if effort is not None:
+            self.set_joint_control(ControllerSettings(self._mode, asked=effort))
+        elif self.mode != _HOLDS:
+            self.memory.state[:, column.ASKED] = self.memory.state[:, column.ANGLE]
+            self.set_joint_control(ControllerSettings(_HOLDS))
 
     def step(self, command: ArrayLike) -> None:
         """Move the arm for one control period; see `RunningPlant.step`."""

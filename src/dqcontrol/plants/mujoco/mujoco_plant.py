@@ -8,7 +8,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from dqcontrol.arrays import Array
-from dqcontrol.contact import Impedance
+from dqcontrol.contact import Impedance, PreparedImpedance
 from dqcontrol.errors import ValueRangeError, as_each
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.mujoco.gripper import Gripper, Pads, add_gripper, fingers
@@ -198,6 +198,17 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         self.set_servos(robot, model, data, start, np.arange(len(start)))
         mujoco.mj_forward(model, data)
         return data
+
+    def by_effort(self) -> Self:
+        """Return it with servos that only hold, while nothing drives the joints."""
+        return replace(self, impedance=None)
+
+    def prepared_impedance(self, robot: Robot) -> PreparedImpedance | None:
+        """Return its impedance for a robot, with what MuJoCo leaves of the weight."""
+        if self.impedance is None:
+            return None
+        left = 1.0 - self.gravity_compensation
+        return self.impedance.prepare(robot, self.gravity, left, self.armature)
 
     def compliance(self, robot: Robot, start: Array) -> Array:
         """Return 1/k_p of each joint at start; 0 of an impedance, which is on the safe side."""

@@ -79,6 +79,7 @@ class RunningMujoco(RunningPlant):
         self._period = period
         self._from_measured = plant.command_mode == "measured"
         self._encoders = JointEncoders(plant, n, seed)
+        self._servos: tuple[Array, Array] | None = None  # gains and biases, while efforts drive the joints
         # What a law leads are the springs' ends: fed back, an arm that gives way would wind them up to the force of
         # a stiff one.
         self._seen = self._target[:n] if self.drive else self.q
@@ -146,6 +147,18 @@ class RunningMujoco(RunningPlant):
         if self._gripper is None:
             raise ValueRangeError("close_gripper: the plant has no gripper; give it 'gripper'")
         self._gripper.told = closed
+
+    def take_effort(self, effort: Array | None) -> None:
+        """Drive the joints by efforts, without their servos; see `RunningPlant.take_effort`."""
+        n = len(self.q)
+        gains, biases = self.model.actuator_gainprm[:n], self.model.actuator_biasprm[:n]
+        if effort is not None:
+            self._servos = self._servos or (gains.copy(), biases.copy())
+            gains[:], biases[:] = 0.0, 0.0
+            biases[:, 0] = effort
+        elif self._servos is not None:
+            gains[:], biases[:] = self._servos
+            self._servos, self._target[:n] = None, self.q
 
     def push(self, row: int, point: Array, force: Array) -> None:
         """Push a link; see `RunningPlant.push`. A wrist's sensor feels what pushes the link at its end effector."""

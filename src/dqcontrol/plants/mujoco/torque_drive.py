@@ -29,7 +29,7 @@ class TorqueDrive:
     """
 
     def __init__(self, plant: MujocoPlant, robot: Robot, model: Any, data: Any) -> None:
-        assert plant.impedance is not None
+        assert plant.impedance is not None  # MuJoCo bears the weight, that of tools and grippers too
         of_servos = [name for name in _OF_SERVOS if getattr(plant, name) != getattr(type(plant)(), name)]
         if of_servos:
             raise ValueRangeError(
@@ -42,8 +42,9 @@ class TorqueDrive:
         if plant.impedance.feels and plant.wrist is None:
             raise ValueRangeError("plant.impedance.mass: takes a measured wrench; give the plant a 'wrist'")
         n = robot.configuration_size
-        # MuJoCo bears the weight, that of tools and grippers too
-        self.law: PreparedImpedance = plant.impedance.prepare(robot, plant.gravity, 0.0, plant.armature)
+        law = plant.prepared_impedance(robot)
+        assert law is not None
+        self.law: PreparedImpedance = law
         self.law.check_period(data.qpos[:n].copy(), plant.timestep)
         model.actuator_gainprm[:n] = 0.0
         model.actuator_biasprm[:n] = 0.0

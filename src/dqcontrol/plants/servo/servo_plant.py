@@ -24,7 +24,7 @@ from dqcontrol.plants.servo.servo_step import servo
 from dqcontrol.plants.servo.touching import touching
 from dqcontrol.plants.wrist import Wrist
 from dqcontrol.robots.command_mode import COMMAND_MODES, CommandMode, Lag
-from dqcontrol.robots.kinematics.gravity import WORK
+from dqcontrol.robots.kinematics.gravity import WORK, gravity_forces
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot, base_coordinates
 from dqcontrol.world import World
@@ -169,7 +169,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         oldest = max((each.delay for each in answers), default=0)
         head = np.zeros(layout.HEAD)
         head[layout.MEASURED_MODE] = self.command_mode == "measured"
-        head[layout.OLDEST_TARGET], head[layout.SAG] = oldest, sag
+        head[layout.OLDEST_TARGET] = oldest
         head[layout.GRAVITY : layout.GRAVITY + 3] = as_array("plant.gravity", self.gravity, (3,))
         joint = np.zeros((n, layout.COLUMNS))
         joint[:, layout.STEP] = gain * period
@@ -188,6 +188,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         bodies, table = np.zeros((0, 4)), np.zeros((1, 8))
         if sag and robot.inertia:
             bodies, table = robot.inertia.table, robot.inertia_chain
+            head[layout.SAGS_BY] = gravity_forces.pointer
         head[layout.BODIES], head[layout.TABLE_COLUMNS] = len(bodies), table.shape[1]
         parameters = np.concatenate([head, joint.ravel(), bodies.ravel(), table.ravel()])
         scratch = np.zeros(WORK * len(bodies) + n)

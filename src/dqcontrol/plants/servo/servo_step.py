@@ -7,12 +7,17 @@ from collections.abc import Callable
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, WRONG_SIZE, Kernel, inline, kernel
-from dqcontrol.compiled.intrinsics import as_matrix
+from dqcontrol.compiled.intrinsics import as_matrix, caller
 from dqcontrol.plants.plant import PLANT
-from dqcontrol.robots.kinematics.gravity import WORK, robot_gravity_torque
+from dqcontrol.robots.kinematics.gravity import GRAVITY_FORCES, WORK
 
 # parameters: head, then a row of columns for each joint, bodies, and the table of the joints that carry them
-MEASURED_MODE, OLDEST_TARGET, SAG, GRAVITY = 0, 1, 2, 3
+MEASURED_MODE, OLDEST_TARGET, SAGS_BY, GRAVITY = (
+    0,
+    1,
+    2,
+    3,
+)  # SAGS_BY: address of `gravity_forces`, 0 without sag
 BODIES, TABLE_COLUMNS = 6, 7
 HEAD = 8
 STEP, RATE, LOWER, UPPER, COMPLIANCE, DECAY, DELAY, OLDEST, RESOLUTION, NOISE = range(10)
@@ -22,6 +27,8 @@ the oldest target, below 1 where the delay ends within a period; step and noise 
 second order: 1; what a period leaves of the distance and adds by the speed, and the share of the newer target; what it
 takes from the speed for the distance, leaves of it, and the share of the newer target."""
 COLUMNS = 18
+
+_call_gravity = caller(GRAVITY_FORCES)
 
 
 def servo_step(
@@ -48,9 +55,9 @@ def servo_step(
         wanted = move + (measured[i] if parameters[MEASURED_MODE] != 0.0 else target[i])
         target[i] = min(max(wanted, joint[i, LOWER]), joint[i, UPPER])
         queue[i] = target[i]
-    if parameters[SAG] != 0.0:
-        work = state[2 * n + n * (oldest + 1) :]
-        robot_gravity_torque(table, bodies, q, parameters[GRAVITY : GRAVITY + 3], sag, work)
+    if parameters[SAGS_BY] != 0.0:
+        work, gravity = state[2 * n + n * (oldest + 1) :], parameters[GRAVITY : GRAVITY + 3]
+        _call_gravity(int(parameters[SAGS_BY]), table, bodies, q, gravity, sag, work)
     at = 2 * n + n * (oldest + 1) + WORK * count
     speed, driven = state[at : at + n], state[at + n : at + 2 * n]
     for i in range(n):

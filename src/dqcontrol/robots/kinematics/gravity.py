@@ -30,6 +30,7 @@ from dqcontrol.robots.kinematics.kinematics_kernels import (
 )
 from dqcontrol.robots.kinematics.pose_task_kernels import COLUMNS, COORDINATE, MULTIPLIER, OFFSET, PARENT
 
+GRAVITY_FORCES = STATUS(READ2, READ2, READ, READ, WRITE, WRITE)
 BATCH_GRAVITY = STATUS(READ2, READ2, READ2, READ, WRITE2, WRITE)
 
 WORK = 18  # numbers for each joint; trees need 11
@@ -137,7 +138,7 @@ def robot_gravity_torque(table, bodies, q, gravity, out, work):
     return gravity_torque(table, bodies, q, gravity, out, work)
 
 
-@kernel(STATUS(READ2, READ2, READ, READ, WRITE, WRITE))
+@kernel(GRAVITY_FORCES)
 def gravity_forces(table, bodies, q, gravity, out, work):
     """Write the gravity torque of a chain or a tree at one configuration."""
     return robot_gravity_torque(table, bodies, q, gravity, out, work)

@@ -1,0 +1,147 @@
+"""A leader that feels: it leads the end effector, and what that feels goes back to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import msgspec
+import numpy as np
+from geometry_msgs.msg import WrenchStamped
+from rclpy.node import Node
+
+from dqcontrol.arrays import Array
+from dqcontrol.contact import Admittance, ContactLimits, bears
+from dqcontrol.controller import Controller
+from dqcontrol.devices.haptics import haptic_limits
+from dqcontrol.errors import ValueRangeError
+from dqcontrol.experiments.contact_check import sensed, stiffest_body, stiffness_touched
+from dqcontrol.experiments.spec import AnyLaw
+from dqcontrol.loop.control import Control, Phase
+from dqcontrol.loop.targets import LeaderTarget
+from dqcontrol.plants.servo import Servo
+from dqcontrol.ros2.interfaces import SENT
+from dqcontrol.ros2.loading import Loaded
+from dqcontrol.ros2.parameters import Number
+
+NUMBERS = (
+    Number("force_scale", 1.0, 1e-3, 1e3, "newtons at the leader for one at the end effector"),
+    Number("force_limit", 10.0, 0.0, 1e3, "largest force at the leader, N"),
+    Number("torque_limit", 1.0, 0.0, 1e3, "largest torque at the leader, N·m"),
+    Number(
+        "leader_delay", 0.0, 0.0, 1.0, "of messages to and from the leader, each way, s, for what is borne"
+    ),
+)
+POSE_TIMEOUT = 0.1  # s, unless said: a leader's poses are a stream
+# Periods from a leader's pose to the force at where that takes the end effector, beside the plant's lag and delay: the
+# pose waits for the controller's step, the command for the robot's, the wrench for the leader's; up to one each.
+_PERIODS = 3
+
+
+class HapticTopics:
+    """The wrench for a leader.
+
+    The spec's ``contact`` is the leader's: the mass and damping with which it gives way, and the arm's sensor.
+
+    Parameters
+    ----------
+    node
+        Whose topic.
+    contact
+        Of the spec.
+    control, target
+        Of the arm.
+    frame
+        Of the leader's poses, along whose axes the wrench is.
+    number
+        Returns the present value of a parameter.
+
+    Raises
+    ------
+    ValueRangeError
+        If there is no contact.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        contact: Admittance | None,
+        control: Control,
+        target: LeaderTarget,
+        frame: str,
+        number: Callable[[str], float],
+    ) -> None:
+        if contact is None:
+            raise ValueRangeError(
+                "contact: with --follow haptics it says how the leader gives way, by mass and damping; give it"
+            )
+        self._node, self._control, self._target, self._number = node, control, target, number
+        self._sensor = msgspec.structs.replace(contact, axes="base").start(control.law.period)
+        self._publisher = node.create_publisher(WrenchStamped, "~/wrench", SENT)
+        self._message = WrenchStamped()
+        self._message.header.frame_id = frame
+
+    def hear(self, wrench: Array, stamp: Any) -> None:
+        """Let the leader feel a wrench at the sensor, shape (6,), N and N·m, with its stamp, while it leads."""
+        control = self._control
+        felt = np.zeros(6)
+        if control.phase is Phase.ACTIVE and self._target.is_led(control.time):
+            felt = self._number("force_scale") * self._sensor.felt(
+                control.robot.fkm(control.measured), wrench
+            )
+        if control.is_commanding:
+            self._publish(felt, stamp)
+
+    def let_go(self) -> None:
+        """Let leader and end effector go where they are: nothing is felt any more."""
+        self._target.ask(self._control.time, np.full(8, np.nan))
+        self._publish(np.zeros(6), self._node.get_clock().now().to_msg())
+
+    def _publish(self, felt: Array, stamp: Any) -> None:
+        """Publish moment and force, shape (6,)."""
+        told = self._message.wrench
+        for vector, values, limit in (
+            (told.torque, felt[:3], "torque_limit"),
+            (told.force, felt[3:], "force_limit"),
+        ):
+            share = min(1.0, self._number(limit) / max(float(np.linalg.norm(values)), 1e-12))
+            vector.x, vector.y, vector.z = (share * values).tolist()
+        self._message.header.stamp = stamp
+        self._publisher.publish(self._message)
+
+
+def leader_limits(loaded: Loaded, law: AnyLaw, numbers: Mapping[str, float]) -> ContactLimits:
+    """Return what stiffness a leader and a law's arm bear together; see `haptic_limits`."""
+    contact, prepared, lag = _loop_of(loaded, law, numbers)
+    touched = stiffness_touched(loaded.setting.spec)
+    return haptic_limits(contact, prepared, loaded.case.scene.start, lag, numbers["force_scale"], touched)
+
+
+def check_leader(loaded: Loaded, law: AnyLaw, numbers: Mapping[str, float]) -> None:
+    """Raise a `ValueRangeError` if the stiffest springy body of the spec's world makes a leader's loop unstable."""
+    stiffest = stiffest_body(loaded.setting.spec)
+    contact, prepared, (time, delay) = _loop_of(loaded, law, numbers)
+    if stiffest is None or contact.allow_unstable:
+        return
+    name, stiffness = stiffest
+    robot, start = loaded.robot, loaded.case.scene.start
+    model = Servo(time_constant=time, delay=delay).linear_model(robot, start, loaded.period)
+    if bears(contact, prepared, model, start, numbers["force_scale"] * stiffness, np.zeros(len(start))):
+        return
+    limits = leader_limits(loaded, law, numbers)
+    raise ValueRangeError(
+        f"contact: world.{name} has {stiffness:.4g} N/m, but with this leader the loop is unstable from "
+        f"{limits.stiffness:.3g} N/m on; its damping must be above {limits.least_damping:.3g} N·s/m for it, or "
+        "force_scale smaller; the parameter allow_unstable lets it through"
+    )
+
+
+def _loop_of(
+    loaded: Loaded, law: AnyLaw, numbers: Mapping[str, float]
+) -> tuple[Admittance, Controller, tuple[float, float]]:
+    """Return how the leader gives way, the law that follows it, and time constant and delay once around, s."""
+    case = replace(loaded.case, variant=replace(loaded.case.variant, law=law), prepared=None)
+    time, delay = case.plant.lag(loaded.robot).mean
+    late = delay + _PERIODS * loaded.period + 2 * numbers["leader_delay"]
+    return sensed(case), loaded.prepared_law("haptics", law), (time, late)
