@@ -210,6 +210,8 @@ def drive_and_plan(
         if isinstance(target, np.ndarray) and error.reason != "unreachable":
             raise
         last = error
+        if error.reason == "unreachable":  # from where the base stands, which says nothing of others
+            last = PlanError("plan: no way of the base was found to where the arm reaches the goal", "effort")
     driven = driven_coordinates(robot)
     folded = np.where(driven, first, folded_posture(robot, first))
     folds = [] if np.abs(folded - first).max() < _STANDS else [planned(first, folded)]
