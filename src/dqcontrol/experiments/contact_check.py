@@ -158,7 +158,7 @@ def _loop_of(spec: Spec, case: Combination) -> tuple[Admittance, Controller]:
         spec.period,
         case.limits,
         lagging_mode(case.plant),
-        lag=case.plant.lag(case.scene.robot),
+        lag=case.lag,
     )
     return sensed(case), prepared
 

@@ -64,6 +64,7 @@ from dqcontrol.references.gripping import GripperStep
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import ReachingPosture, Robot, TreeRobot, WholeBody, describe
 from dqcontrol.robots.command_mode import Lag
+from dqcontrol.robots.kinematics.kinematics_kernels import split
 from dqcontrol.robots.robot import base_coordinates
 from dqcontrol.robots.whole_body import Base, parts_with_offsets
 
@@ -149,7 +150,10 @@ def _turns_freely(robot: Robot) -> bool:
     """Return whether the end effector can move in all six directions in general; drives stand as they need."""
     free = robot.in_form("unconstrained") if isinstance(robot, WholeBody) else robot
     q = np.random.default_rng(0).uniform(-1.0, 1.0, robot.configuration_size)
-    return bool(np.linalg.matrix_rank(free.twist_jacobian(q), tol=1e-6) == 6)
+    room = np.empty(8 + 14 * free.input_size)
+    free.kernels.twist_kinematics(free.table, q, room)  # of all its kernels the one that the run needs, too
+    _, _, jacobian = split(room)
+    return bool(np.linalg.matrix_rank(jacobian, tol=1e-6) == 6)
 
 
 def _shoulder(robot: Robot) -> Array:
@@ -223,6 +227,8 @@ class Combination:
         Whether the whole loop is.
     prepared
         The law ready to run, if it was kept.
+    lag
+        How late the plant's joints are.
     """
 
     names: Names
@@ -233,16 +239,17 @@ class Combination:
     is_compiled: bool
     prepared: Controller | None
     gains: tuple[LoopGain, ...] | None
+    lag: Lag
 
     def prepare_law(self, spec: Spec) -> Controller:
         """Return the law ready to run, prepared when the spec was checked or now."""
         if self.prepared is not None and not self.prepared.depends_on_mode:
             return self.prepared
-        scene, mode, lag = self.scene, lagging_mode(self.plant), self.plant.lag(self.scene.robot)
+        scene, mode = self.scene, lagging_mode(self.plant)
         if self.prepared is not None:
-            return self.prepared.in_mode(mode, lag)
+            return self.prepared.in_mode(mode, self.lag)
         return self.variant.law.prepare(
-            scene.robot, scene.reference, spec.period, self.limits, mode, scene.tasks, lag
+            scene.robot, scene.reference, spec.period, self.limits, mode, scene.tasks, self.lag
         )
 
 
@@ -407,7 +414,7 @@ def prepare_spec(
                 ):  # the law's rows may depend on the twists: it is prepared again
                     law = None
                 cases.append(
-                    Combination(place, scene, variant, plant, limits[name], compiled[name], law, gains)
+                    Combination(place, scene, variant, plant, limits[name], compiled[name], law, gains, lag)
                 )
     if checked:
         for case in cases:

@@ -209,10 +209,11 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
         turned = rotation_from(f"{where}.start", self.start.quaternion, self.start.rpy)
         rotation = rotation if turned is None else turned
         angle = as_array(f"{where}.offset.rotation", self.offset.rotation, (3,))
-        turn = algebra.exp_body(np.concatenate([angle / 2, np.zeros(3)]))
-        turned = algebra.multiply(turn, np.concatenate([rotation, np.zeros(4)]))[:4]
+        if angle.any():
+            turn = algebra.exp_body(np.concatenate([angle / 2, np.zeros(3)]))
+            rotation = algebra.multiply(turn, np.concatenate([rotation, np.zeros(4)]))[:4]
         moved = position + as_array(f"{where}.offset.translation", self.offset.translation, (3,))
-        return algebra.pose(turned, moved)
+        return algebra.pose(rotation, moved)
 
     def _given(self, part: str) -> tuple[str, ...]:
         """Return the keys given that say where, its position, or how turned, its orientation, the reference starts."""
