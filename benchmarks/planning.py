@@ -1,6 +1,6 @@
 """Plans among shelves, tables, boxes and cages: how many are found, how long they take, and whether all are clear.
 
-    python benchmarks/planning.py [--problems 20] [--edges 100000] [--guests 43] [--drives 20]
+    python benchmarks/planning.py [--problems 20] [--edges 100000] [--guests 43] [--drives 20] [--door 1.05]
 
 Seven types of scenes in the manner of MotionBenchMaker [Chamzas et al. 2022], made here: a Panda with its hand as a
 capsule more, 5 mm of margin; start and goal are poses of its hand in or before the furniture, and each problem has
@@ -311,7 +311,7 @@ def edges(count: int) -> None:
     )
 
 
-def shelf_drive(seed: int) -> tuple[dict[str, Body], float, np.ndarray, np.ndarray]:
+def shelf_drive(seed: int, _: float) -> tuple[dict[str, Body], float, np.ndarray, np.ndarray]:
     """Return bodies, a margin, a start somewhere and a configuration with the hand between two boards."""
     rng = np.random.default_rng([13, seed])
     shelf = {
@@ -323,11 +323,11 @@ def shelf_drive(seed: int) -> tuple[dict[str, Body], float, np.ndarray, np.ndarr
     return shelf, 0.01, start, np.array([1.52, rng.uniform(0.4, 0.8), 0, 0, -0.49, 1.04, 0, 0])
 
 
-def door_drive(seed: int) -> tuple[dict[str, Body], float, np.ndarray, np.ndarray]:
-    """Return a room whose door is 1.05 × the chassis and what is asked wide, a start in it and a goal before it."""
+def door_drive(seed: int, door: float) -> tuple[dict[str, Body], float, np.ndarray, np.ndarray]:
+    """Return a room with a door so many times as wide as the chassis and what is asked, a start and a goal there."""
     rng = np.random.default_rng([12, seed])
     margin, angle, beside = (0.02, 0.01)[seed % 2], rng.uniform(-0.9, 0.9), rng.uniform(-0.4, 0.4)
-    half = 0.5 * 1.05 * (CHASSIS + 2 * margin)
+    half = 0.5 * door * (CHASSIS + 2 * margin)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     sizes = {
         "left": (1.25, 0.5 * (2 + beside + half), 0.1, 2 - beside - half),
@@ -357,7 +357,7 @@ def little_car() -> dqc.Robot:
     return car
 
 
-def drives(count: int) -> None:
+def drives(count: int, door: float) -> None:
     """Plan ways of a base that drives and its arm, beside the same legs one after the other, and follow them."""
     turns, steers = dqc.load_robot("little-john"), little_car()
     print(
@@ -373,7 +373,7 @@ def drives(count: int) -> None:
         assert robot.shapes is not None
         apart, lasts, rooms, off = [], [], [], 0.0
         for seed in range(count):
-            bodies, margin, start, goal = scene_of(seed)
+            bodies, margin, start, goal = scene_of(seed, door)
             keep = dqc.constraints.Constraints(
                 world=dqc.World(bodies=bodies),
                 clear_of="all",
@@ -410,6 +410,7 @@ if __name__ == "__main__":
     parser.add_argument("--edges", type=int, default=100_000)
     parser.add_argument("--guests", type=int, default=43)
     parser.add_argument("--drives", type=int, default=20)
+    parser.add_argument("--door", type=float, default=1.05)
     options = parser.parse_args()
     if options.problems:
         plans(options.problems)
@@ -418,4 +419,4 @@ if __name__ == "__main__":
     if options.guests:
         guests(options.guests)
     if options.drives:
-        drives(options.drives)
+        drives(options.drives, options.door)

@@ -335,7 +335,7 @@ def test_efforts_from_outside_do_what_the_plant_s_own_impedance_does_and_without
     running.take_effort(None)
     for _ in range(100):
         running.step(STILL)
-    assert np.abs(running.q - START).max() < 1e-3  # it holds
+    assert np.abs(running.q - START).max() < 0.02  # it holds, and THETA_GC gives way by 8 mrad to the force
     last = running.measured.copy()
     for _ in range(1000):
         if isinstance(plant, MujocoPlant):
@@ -350,10 +350,20 @@ def test_efforts_from_outside_do_what_the_plant_s_own_impedance_does_and_without
     for _ in range(500):
         running.step(STILL)
     assert np.abs(running.data.qvel).max() < 1e-3
-    assert np.abs(running.q - before).max() < 5e-3
+    assert np.abs(running.q - before).max() < 0.02
 
 
 def test_plants_without_torques_take_none():
     assert dqc.plants.Servo().by_effort() is None
     assert CompliantPlant(mode="THETA_GC").by_effort() is None
     assert dqc.plants.Servo().prepared_impedance(ARM) is None
+
+
+def test_weight_that_the_arm_does_not_bear_itself_is_in_the_torque():
+    pytest.importorskip("mujoco")
+    soft = Impedance(stiffness=400.0, turn_stiffness=20.0)
+    for share in (0.0, 0.4):
+        running = MujocoPlant(impedance=soft, gravity_compensation=share).start(ARM, START, 0.004, 0, 0)
+        for _ in range(250):
+            running.step(STILL)
+        np.testing.assert_allclose(running.q, START, atol=1e-4)

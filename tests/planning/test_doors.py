@@ -142,3 +142,19 @@ def test_a_base_that_steers_goes_through_such_a_door_too(seed):
     assert np.abs(turned[size > 1e-4] / size[size > 1e-4]).max() < 1.01 * np.tan(0.6) / 0.3  # as it can steer
     again = drive_and_plan(robot, keep, start, hand, seed=seed)
     assert np.array_equal(again.configurations([1.0, 5.0]), way.configurations([1.0, 5.0]))
+
+
+def test_where_a_base_gets_nowhere_the_line_says_so():
+    """A closed room, and a goal outside of it."""
+    robot = dqc.load_robot("little-john")
+    sides = {"left": (0, 1.5), "right": (0, -1.5), "front": (1.5, 0), "back": (-1.5, 0)}
+    walls = {
+        name: dqc.world.Body(box=(0.1, 3.1, 1.5) if x else (3.1, 0.1, 1.5), position=(x, y, 0.75))
+        for name, (x, y) in sides.items()
+    }
+    keep = dqc.constraints.Constraints(world=dqc.World(bodies=walls), clear_of="all", acceleration=5)
+    goal = dqc.DualQuaternion(robot.fkm([4, 0, 0, 0.3, -0.6, 0.9, 0.7, 0]))
+    with pytest.raises(
+        PlanError, match=r"^plan: no way of the base was found to where the arm reaches the goal$"
+    ):
+        drive_and_plan(robot, keep, [0, 0, 0, 0, -0.9, 0.9, 0.9, 0], goal)

@@ -17,7 +17,7 @@ from dqcontrol import algebra
 from dqcontrol.contact.admittance import exact_step
 from dqcontrol.errors import Error
 from dqcontrol.loop.control import Control, Phase
-from dqcontrol.ros2.haptic_topics import leader_limits
+from dqcontrol.ros2.haptic_topics import stiffness_borne
 from dqcontrol.ros2.loading import load
 from dqcontrol.ros2.messages import nanoseconds
 
@@ -82,6 +82,7 @@ class Leader:
         self._poses.publish(message)
 
 
+@pytest.mark.slow
 def test_the_leader_feels_the_wall_and_without_poses_the_arm_stays(spec, start, node):
     path, heights = spec(**changes()), []
     leader = Leader(node)
@@ -107,13 +108,12 @@ def test_the_leader_feels_the_wall_and_without_poses_the_arm_stays(spec, start, 
     assert leader.way[2] == pytest.approx(heights[-1], abs=1e-3)  # both went the same way
     leader.told = np.nan  # which is no pose
     assert node.serve(lambda: not leader.forces[-1].any())  # nothing is felt any more
-    stays = heights[-1]
-    count = len(heights)
-    assert node.serve(lambda: len(heights) > count + 50)
-    assert heights[-1] == pytest.approx(stays, abs=1e-3)  # the leader is pushed on at 25 mm/s
+    stays, way = heights[-1], leader.way[2]
+    assert node.serve(lambda: leader.way[2] < way - 0.02)  # which is pushed on
+    assert heights[-1] == pytest.approx(stays, abs=3e-3)  # late messages have it overshoot
     leader.hand[:], leader.told = 0.0, None
     assert node.serve(lambda: leader.forces[-1].any())  # and again, from where both are
-    assert heights[-1] == pytest.approx(stays, abs=1e-3)
+    assert heights[-1] == pytest.approx(stays, abs=3e-3)
 
 
 @pytest.fixture(scope="module")
@@ -122,10 +122,10 @@ def limit(tmp_path_factory):
     path.write_text(yaml.safe_dump({"robot": "iiwa7", "name": "limit", **changes()}))
     loaded = load(path)
     numbers = {"force_scale": 1.0, "leader_delay": 0.0}
-    return leader_limits(loaded, loaded.law, numbers).stiffness
+    return stiffness_borne(loaded, loaded.law, numbers)
 
 
-@pytest.mark.parametrize(("share", "swings"), [(0.9, False), (2.0, True)])
+@pytest.mark.parametrize(("share", "swings"), [(0.9, False), (1.5, True)])
 def test_leader_and_arm_are_quiet_below_what_it_says_and_swing_above(spec, limit, share, swings):
     """Period by period, as messages come on a quiet machine; how late these are at most is in the limit."""
     loaded = load(spec(**changes(share * limit), supervisor={"tracking_error": 6.0, "ramp": 0.0}))
@@ -158,9 +158,9 @@ def test_a_wall_that_leader_and_arm_do_not_bear_is_refused(spec, node):
     (done,) = controller.set_parameters([Parameter("force_scale", value=2.0)])
     assert done.successful, done.reason
     (refused,) = controller.set_parameters([Parameter("contact.translation.damping", value=3.0)])
-    assert "world.board has 600 N/m, but with this leader the loop is unstable from" in refused.reason
+    assert "world.board has 600 N/m, with which leader and arm are unstable together" in refused.reason
     (refused,) = controller.set_parameters([Parameter("leader_delay", value=1.0)])
-    assert "with this leader the loop is unstable" in refused.reason
+    assert "leader and arm are unstable together" in refused.reason
     (done,) = controller.set_parameters([Parameter("leader_delay", value=0.05)])
     assert done.successful, done.reason
     controller.destroy_node()

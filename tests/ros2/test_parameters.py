@@ -192,3 +192,17 @@ def test_time_of_a_simulation_that_stands_still_stops_no_watch(spec, start):
     idle = start("controller", path, "--", "-p", "use_sim_time:=true", until="unconfigured")
     idle.send_signal(signal.SIGINT)
     assert idle.wait(PATIENCE) in (0, 130), "130 before it spins"
+
+
+def test_a_number_stays_when_another_one_changes(spec, node):
+    from dqcontrol.ros2.controller_node import ControllerNode
+
+    controller = ControllerNode(spec(), source="pose")
+    controller.configure()
+    for name, value in (("pose_timeout", 2.0), ("linear_speed", 0.2)):
+        (done,) = controller.set_parameters([Parameter(name, value=value)])
+        assert done.successful, done.reason
+    following = controller.following
+    assert following
+    assert following.target.timeout == 2.0
+    controller.destroy_node()

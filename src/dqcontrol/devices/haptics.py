@@ -7,13 +7,11 @@ from dataclasses import replace
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.contact import Admittance, ContactLimits, contact_limits
+from dqcontrol.contact import ContactLimits, contact_limits
 from dqcontrol.contact.limits import LoosePart
-from dqcontrol.controller import Controller
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.loop.live import Live
 from dqcontrol.loop.targets import LeaderTarget
@@ -107,6 +105,7 @@ class Haptics:
 
         The follower's lag and both ways of signals count as a delay of the leader's joints; give the filter of the
         follower's sensor as that of the leader's ``contact.sensor``.
+        A scaled force is that of a stiffness scaled alike.
         """
         leader, (later, delay) = self.leader, self.follower.lag.mean
         time, own = leader.lag.mean
@@ -114,42 +113,15 @@ class Haptics:
         contact = leader.law.contact
         assert contact is not None
         law = msgspec.structs.replace(leader.law, contact=None).prepare(leader.robot, None, leader.period)
-        return haptic_limits(contact, law, leader.state.q, (time, late), self._scale, environment)
-
-
-def haptic_limits(
-    contact: Admittance,
-    law: Controller,
-    q: ArrayLike,
-    lag: tuple[float, float],
-    force_scale: float = 1.0,
-    environment: float = 1e4,
-) -> ContactLimits:
-    """Return what a leader's contact bears of what a follower touches.
-
-    Parameters
-    ----------
-    contact
-        How the leader gives way; with the filter of the follower's sensor.
-    law
-        Without contact, ready to run, of the slower of both.
-    q
-        Its configuration, shape (n,), rad or m.
-    lag
-        Time constant and delay once around: of both robots, their periods and the ways between them, s.
-    force_scale
-        Newtons at the leader for one at the follower: a scaled force is that of a stiffness scaled alike.
-    environment
-        Stiffness of what is to be touched, N/m; see `contact_limits`.
-    """
-    servo = Servo(time_constant=lag[0], delay=lag[1])
-    found = contact_limits(contact, law, servo, q, force_scale * environment)
-    part = found.loose_part
-    return replace(
-        found,
-        stiffness=found.stiffness / force_scale,
-        loose_part=LoosePart(part.stiffness / force_scale, part.mass),
-    )
+        found = contact_limits(
+            contact, law, Servo(time_constant=time, delay=late), leader.state.q, self._scale * environment
+        )
+        part = found.loose_part
+        return replace(
+            found,
+            stiffness=found.stiffness / self._scale,
+            loose_part=LoosePart(part.stiffness / self._scale, part.mass),
+        )
 
 
 def _turned(wrench: Array, pose: Array) -> Array:

@@ -112,6 +112,12 @@ class Control:
         return self.supervisor.stop_category(self._state) if self.is_commanding else stop_category(EMERGENCY)
 
     @property
+    def is_calm(self) -> bool:
+        """Whether it follows, or stops softly: nothing is wrong."""
+        fault = self._state[layout.FAULT] if self.is_commanding else 0.0
+        return self.phase in (Phase.ACTIVE, Phase.STOPPING) and fault in (0.0, SOFT_STOP)
+
+    @property
     def stop(self) -> str:
         """Category and reason of the stop that it is in, in words; empty while it is in none."""
         category = self.stop_category

@@ -163,7 +163,8 @@ def drive_and_plan(
     """Return the way of a robot whose base cannot move sideways to a goal of its end effector.
 
     Where the arm reaches the goal from where the base stands, only the arm goes. Else the base drives as by `DriveTo`,
-    with its arm folded, to the nearest place from which a plan of the arm leads on. Base and arm are timed as `PlanTo`
+    with its arm folded, to the nearest place from which a plan of the arm leads on; one that steers, where these ways
+    are blocked, on others of such arcs and lines. Base and arm are timed as `PlanTo`
     times, each on its own path; the base sets off while the arm still folds, and the arm to its goal while the base
     still drives, as early as all of the way is proved to keep the constraints and the law lets all of it pass.
 
@@ -209,6 +210,8 @@ def drive_and_plan(
         if isinstance(target, np.ndarray) and error.reason != "unreachable":
             raise
         last = error
+        if error.reason == "unreachable":  # from where the base stands, which says nothing of others
+            last = PlanError("plan: no way of the base was found to where the arm reaches the goal", "effort")
     driven = driven_coordinates(robot)
     folded = np.where(driven, first, folded_posture(robot, first))
     folds = [] if np.abs(folded - first).max() < _STANDS else [planned(first, folded)]
@@ -281,13 +284,13 @@ def _paths(
     driven = driven_coordinates(robot)
     places = np.where(driven, found, folded)
     places = places[edges.room_at(places)[0] >= 0]
-    limits = (speed_fraction, given.acceleration)
+    reachable, limits = places, (speed_fraction, given.acceleration)
     bodies = given.world.bodies if given.world else {}
     names = [name for name in given.cleared if stands(bodies[name]) and bodies[name].plane is None]
     if names:
         floor = floor_around(given.world, names, "constraints.clear_of")
         check_around(robot, start, floor)
-        reachable, places = places, clear_of_floor(floor, robot, places, CLEARANCE)
+        places = clear_of_floor(floor, robot, places, CLEARANCE)
         ways = chain(
             ways_around(DriveTo, robot, start, places, limits, floor, CLEARANCE),
             _narrow_ways(edges, folded, reachable, limits, floor),
@@ -317,7 +320,7 @@ def _steered_ways(
         passes = narrow_passes(edges, start, place)
         poses = [each[first : first + 3] for each in chain([start], *passes, [place])]
         path = steered.to(poses, seed, effort // _WORD)
-        if path is not None:
+        if path is not None and len(path.pieces):
             yield path
 
 

@@ -13,9 +13,10 @@ from dqcontrol.arrays import Array
 from dqcontrol.planning.base_path import BasePath
 from dqcontrol.planning.certified_edges import CertifiedEdges
 from dqcontrol.planning.extra import from_extra
+from dqcontrol.planning.ways_between import WHAT, connected
 from dqcontrol.references.base_ways import arcs_and_lines
 
-_RANGE = 1.5  # m: longest motion of the trees
+_AROUND = 4.0  # radii beyond both ends: room to turn round on either side
 MARK = 0.1  # m, rad: of a motion, from where it is halved until it is proved
 
 
@@ -69,31 +70,21 @@ class SteeredPaths:
         return BasePath(q, self._first, np.vstack(found))
 
     def _searched(self, a: Array, b: Array, seed: int, effort: int) -> Array | None:
-        ob, og, ou = (from_extra(f"ompl.{part}", "ways around") for part in ("base", "geometric", "util"))
-        ou.setLogLevel(ou.LOG_NONE)
-        ou.RNG.setSeed(seed + 1)
-        own, most = self, self._looked + effort
-
-        class Motions(ob.MotionValidator):
-            def checkMotion(self, first: Any, second: Any) -> bool:  # noqa: N802 — as OMPL calls it
-                return own.pieces(_pose(first), _pose(second)) is not None
-
+        ob = from_extra("ompl.base", WHAT)
+        most = self._looked + effort
         space, bounds = ob.ReedsSheppStateSpace(self._radius), ob.RealVectorBounds(2)
         for i in range(2):
-            bounds.setLow(i, float(min(a[i], b[i]) - 4.0 * self._radius))
-            bounds.setHigh(i, float(max(a[i], b[i]) + 4.0 * self._radius))
+            bounds.setLow(i, float(min(a[i], b[i]) - _AROUND * self._radius))
+            bounds.setHigh(i, float(max(a[i], b[i]) + _AROUND * self._radius))
         space.setBounds(bounds)
-        information = ob.SpaceInformation(space)
-        information.setMotionValidator(Motions(information))
-        information.setStateValidityChecker(_every_state)
-        information.setup()
-        problem = ob.ProblemDefinition(information)
-        problem.setStartAndGoalStates(_state(space, a), _state(space, b))
-        planner = og.RRTConnect(information)
-        planner.setRange(_RANGE)
-        planner.setProblemDefinition(problem)
-        planner.setup()
-        planner.solve(ob.PlannerTerminationCondition(lambda: self._looked >= most))
+        problem = connected(
+            space,
+            lambda first, second: self.pieces(_pose(first), _pose(second)) is not None,
+            _state(space, a),
+            [_state(space, b)],
+            seed,
+            lambda: self._looked >= most,
+        )
         if not problem.hasExactSolution():
             return None
         return self._shortened([_pose(state) for state in problem.getSolutionPath().getStates()])
@@ -122,10 +113,6 @@ def proved(edges: CertifiedEdges, path: BasePath) -> bool:
         return path.at(lengths)[0], path.travelled(lengths)[:, inputs]
 
     return edges.least_room_on(motion, marks).least >= 0
-
-
-def _every_state(_: object) -> bool:
-    return True
 
 
 def _pose(state: Any) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from dqcontrol.planning.certified_edges import CertifiedEdges
 from dqcontrol.planning.extra import from_extra
 from dqcontrol.robots.robot import base_coordinates
 
+WHAT = "ways around what blocks the straight one"
 # rad or m: longest edge of the trees. Of 131 problems of MotionBenchMaker 128 are solved with it, 127 with OMPL's own
 # choice, a fifth of the space's extent.
 _RANGE = 1.5
@@ -59,43 +61,24 @@ def search(edges: CertifiedEdges, start: Array, goals: Array, seed: int, effort:
     ValueRangeError
         If a joint that slides has no limits.
     """
-    ob, og, ou = (
-        from_extra(f"ompl.{part}", "ways around what blocks the straight one")
-        for part in ("base", "geometric", "util")
-    )
-    ou.setLogLevel(ou.LOG_NONE)
-    ou.RNG.setSeed(seed + 1)  # 0 is none to it
+    ob = from_extra("ompl.base", WHAT)
     n, looked = len(start), 0
-
-    class Motions(ob.MotionValidator):
-        def checkMotion(self, first: Any, second: Any) -> bool:  # noqa: N802 — as OMPL calls it
-            nonlocal looked
-            looked += 1
-            a[:], b[:] = first[0:n], second[0:n]
-            return edges.is_clear(a, b)
-
     a, b = np.empty(n), np.empty(n)
+
+    def is_clear(first: Any, second: Any) -> bool:
+        nonlocal looked
+        looked += 1
+        a[:], b[:] = first[0:n], second[0:n]
+        return edges.is_clear(a, b)
+
     space, bounds = ob.RealVectorStateSpace(n), ob.RealVectorBounds(n)
     lower, upper = _bounds(edges, np.vstack([start, goals]))
     for i in range(n):
         bounds.setLow(i, float(lower[i]))
         bounds.setHigh(i, float(upper[i]))
     space.setBounds(bounds)
-    information = ob.SpaceInformation(space)
-    information.setMotionValidator(Motions(information))
-    information.setStateValidityChecker(_every_state)  # edges are looked at with their ends
-    information.setup()
-    problem = ob.ProblemDefinition(information)
-    problem.addStartState(_state(space, start))
-    targets = ob.GoalStates(information)
-    for goal in goals:
-        targets.addState(_state(space, goal))
-    problem.setGoal(targets)
-    planner = og.RRTConnect(information)
-    planner.setRange(_RANGE)
-    planner.setProblemDefinition(problem)
-    planner.setup()
-    planner.solve(ob.PlannerTerminationCondition(lambda: looked >= effort))
+    states = [_state(space, q) for q in (start, *goals)]
+    problem = connected(space, is_clear, states[0], states[1:], seed, lambda: looked >= effort)
     found = problem.getSolutionPath()
     if found is None:
         return WaySearch(np.empty((0, n)), looked, start)
@@ -103,6 +86,41 @@ def search(edges: CertifiedEdges, start: Array, goals: Array, seed: int, effort:
     if problem.hasExactSolution():
         return WaySearch(way, looked, way[-1])
     return WaySearch(np.empty((0, n)), looked, way[-1])
+
+
+def connected(
+    space: Any,
+    is_clear: Callable[[Any, Any], bool],
+    start: Any,
+    goals: list[Any],
+    seed: int,
+    is_over: Callable[[], bool],
+) -> Any:
+    """Return OMPL's problem of states of a space as RRT-Connect, by motions that are clear, leaves it."""
+    ob, og, ou = (from_extra(f"ompl.{part}", WHAT) for part in ("base", "geometric", "util"))
+    ou.setLogLevel(ou.LOG_NONE)
+    ou.RNG.setSeed(seed + 1)  # 0 is none to it
+
+    class Motions(ob.MotionValidator):
+        def checkMotion(self, first: Any, second: Any) -> bool:  # noqa: N802 — as OMPL calls it
+            return is_clear(first, second)
+
+    information = ob.SpaceInformation(space)
+    information.setMotionValidator(Motions(information))
+    information.setStateValidityChecker(_every_state)  # motions are looked at with their ends
+    information.setup()
+    problem = ob.ProblemDefinition(information)
+    problem.addStartState(start)
+    targets = ob.GoalStates(information)
+    for goal in goals:
+        targets.addState(goal)
+    problem.setGoal(targets)
+    planner = og.RRTConnect(information)
+    planner.setRange(_RANGE)
+    planner.setProblemDefinition(problem)
+    planner.setup()
+    planner.solve(ob.PlannerTerminationCondition(is_over))
+    return problem
 
 
 def _every_state(_: object) -> bool:

@@ -18,7 +18,7 @@ from dqcontrol.loop.control import Control, Phase, warm_up
 from dqcontrol.loop.targets import LeaderTarget, PoseTarget, Speeds, Target, TwistTarget
 from dqcontrol.references.sample import POSE
 from dqcontrol.ros2.diagnostics import SILENCE, Diagnostics, PeriodMonitor
-from dqcontrol.ros2.haptic_topics import POSE_TIMEOUT, HapticTopics, leader_limits
+from dqcontrol.ros2.haptic_topics import POSE_TIMEOUT, HapticTopics, stiffness_borne
 from dqcontrol.ros2.interfaces import (
     JOINT_STATES,
     NEWEST,
@@ -169,11 +169,8 @@ class Following:
         self._numbers = names
         self._retune(said := numbers_said(node, names))
         if self._haptics:
-            bears = leader_limits(loaded, loaded.law, said)
-            diagnostics.tell(
-                f"with this leader bears {bears.stiffness:.3g} N/m along {bears.axis}, "
-                f"loose parts {bears.loose_part.stiffness:.3g} N/m"
-            )
+            borne = stiffness_borne(loaded, loaded.law, said)
+            diagnostics.tell(f"leader and arm bear {borne:.3g} N/m")
         on_change(node, self._retune, diagnostics.refuse)
         self._commands = Commands(node, self._ports(base_interface))
         self._localisation = self._localised() if self._parts.base else None
@@ -460,7 +457,8 @@ class Following:
         if self._haptics and felt.age > self.loaded.stale_after:
             self._haptics.let_go()
         control.step(self._passed, measured, age, gap, felt.effort, felt.wrench)
-        if self._impedance is None or measured is not None:  # no effort by joints that nobody saw
+        # no effort by joints that nobody saw, nor after a fault: the springs may be what is wrong
+        if self._impedance is None or (measured is not None and control.is_calm):
             self._send(control.rate)
         if self.recorder:
             self.recorder.take(control, self._passed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -12,11 +13,9 @@ from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 
 from dqcontrol.arrays import Array
-from dqcontrol.contact import Admittance, ContactLimits, bears
-from dqcontrol.controller import Controller
-from dqcontrol.devices.haptics import haptic_limits
+from dqcontrol.contact import Admittance, bears
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.experiments.contact_check import sensed, stiffest_body, stiffness_touched
+from dqcontrol.experiments.contact_check import sensed, stiffest_body
 from dqcontrol.experiments.spec import AnyLaw
 from dqcontrol.loop.control import Control, Phase
 from dqcontrol.loop.targets import LeaderTarget
@@ -37,6 +36,10 @@ POSE_TIMEOUT = 0.1  # s, unless said: a leader's poses are a stream
 # Periods from a leader's pose to the force at where that takes the end effector, beside the plant's lag and delay: the
 # pose waits for the controller's step, the command for the robot's, the wrench for the leader's; up to one each.
 _PERIODS = 3
+_RANGE, _CLOSE = (
+    (1.0, 1e8),
+    1.01,
+)  # N/m that are looked at, from next to nothing to beyond steel on steel; to a percent
 
 
 class HapticTopics:
@@ -111,37 +114,45 @@ class HapticTopics:
         self._publisher.publish(self._message)
 
 
-def leader_limits(loaded: Loaded, law: AnyLaw, numbers: Mapping[str, float]) -> ContactLimits:
-    """Return what stiffness a leader and a law's arm bear together; see `haptic_limits`."""
-    contact, prepared, lag = _loop_of(loaded, law, numbers)
-    touched = stiffness_touched(loaded.setting.spec)
-    return haptic_limits(contact, prepared, loaded.case.scene.start, lag, numbers["force_scale"], touched)
+def stiffness_borne(loaded: Loaded, law: AnyLaw, numbers: Mapping[str, float]) -> float:
+    """Return the stiffness, N/m, from which on what the arm touches makes a leader's loop unstable.
+
+    Parameters
+    ----------
+    loaded, law
+        The spec, and the law whose contact is the leader's.
+    numbers
+        Of parameters.
+    """
+    is_borne, least, most = _loop_of(loaded, law, numbers), *_RANGE
+    if is_borne(most):
+        return math.inf
+    while most > _CLOSE * least:
+        middle = math.sqrt(least * most)
+        least, most = (middle, most) if is_borne(middle) else (least, middle)
+    return least
 
 
 def check_leader(loaded: Loaded, law: AnyLaw, numbers: Mapping[str, float]) -> None:
     """Raise a `ValueRangeError` if the stiffest springy body of the spec's world makes a leader's loop unstable."""
     stiffest = stiffest_body(loaded.setting.spec)
-    contact, prepared, (time, delay) = _loop_of(loaded, law, numbers)
-    if stiffest is None or contact.allow_unstable:
+    if stiffest is None or (law.contact is not None and law.contact.allow_unstable):
         return
     name, stiffness = stiffest
-    robot, start = loaded.robot, loaded.case.scene.start
-    model = Servo(time_constant=time, delay=delay).linear_model(robot, start, loaded.period)
-    if bears(contact, prepared, model, start, numbers["force_scale"] * stiffness, np.zeros(len(start))):
-        return
-    limits = leader_limits(loaded, law, numbers)
-    raise ValueRangeError(
-        f"contact: world.{name} has {stiffness:.4g} N/m, but with this leader the loop is unstable from "
-        f"{limits.stiffness:.3g} N/m on; its damping must be above {limits.least_damping:.3g} N·s/m for it, or "
-        "force_scale smaller; the parameter allow_unstable lets it through"
-    )
+    if not _loop_of(loaded, law, numbers)(stiffness):
+        raise ValueRangeError(
+            f"contact: world.{name} has {stiffness:.4g} N/m, with which leader and arm are unstable together; the "
+            "leader needs more damping, or force_scale has to be smaller; the parameter allow_unstable lets it through"
+        )
 
 
-def _loop_of(
-    loaded: Loaded, law: AnyLaw, numbers: Mapping[str, float]
-) -> tuple[Admittance, Controller, tuple[float, float]]:
-    """Return how the leader gives way, the law that follows it, and time constant and delay once around, s."""
+def _loop_of(loaded: Loaded, law: AnyLaw, numbers: Mapping[str, float]) -> Callable[[float], bool]:
+    """Return what says whether leader and arm bear a stiffness, N/m: a scaled force is that of one scaled alike."""
     case = replace(loaded.case, variant=replace(loaded.case.variant, law=law), prepared=None)
-    time, delay = case.plant.lag(loaded.robot).mean
-    late = delay + _PERIODS * loaded.period + 2 * numbers["leader_delay"]
-    return sensed(case), loaded.prepared_law("haptics", law), (time, late)
+    robot, start, period, scale = loaded.robot, case.scene.start, loaded.period, numbers["force_scale"]
+    time, delay = case.plant.lag(robot).mean
+    late = delay + _PERIODS * period + 2 * numbers["leader_delay"]
+    model = Servo(time_constant=time, delay=late).linear_model(robot, start, period)
+    assert model is not None
+    contact, prepared, stiff = sensed(case), loaded.prepared_law("haptics", law), np.zeros(len(start))
+    return lambda stiffness: bears(contact, prepared, model, start, scale * stiffness, stiff)
