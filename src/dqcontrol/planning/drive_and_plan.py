@@ -281,8 +281,9 @@ def _paths(
     """Yield paths of the base to where the arm, folded, is near a goal, proved to keep all that is kept."""
     robot, given = edges.robot, edges.kept.given
     found = goal[None] if isinstance(goal, np.ndarray) else _reaching(robot, start, goal)
+    clear = edges.room_at(found)[0] >= 0
     driven = driven_coordinates(robot)
-    places = np.where(driven, found, folded)
+    places = np.where(driven, found[clear] if clear.any() else found, folded)
     places = places[edges.room_at(places)[0] >= 0]
     reachable, limits = places, (speed_fraction, given.acceleration)
     bodies = given.world.bodies if given.world else {}
