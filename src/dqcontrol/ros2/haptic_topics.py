@@ -36,10 +36,8 @@ POSE_TIMEOUT = 0.1  # s, unless said: a leader's poses are a stream
 # Periods from a leader's pose to the force at where that takes the end effector, beside the plant's lag and delay: the
 # pose waits for the controller's step, the command for the robot's, the wrench for the leader's; up to one each.
 _PERIODS = 3
-_RANGE, _CLOSE = (
-    (1.0, 1e8),
-    1.01,
-)  # N/m that are looked at, from next to nothing to beyond steel on steel; to a percent
+_RANGE = (1.0, 1e8)  # N/m that are looked at: from next to nothing to beyond steel on steel
+_CLOSE = 1.01  # the limit is found to a percent
 
 
 class HapticTopics:
@@ -154,5 +152,5 @@ def _loop_of(loaded: Loaded, law: AnyLaw, numbers: Mapping[str, float]) -> Calla
     late = delay + _PERIODS * period + 2 * numbers["leader_delay"]
     model = Servo(time_constant=time, delay=late).linear_model(robot, start, period)
     assert model is not None
-    contact, prepared, stiff = sensed(case), loaded.prepared_law("haptics", law), np.zeros(len(start))
-    return lambda stiffness: bears(contact, prepared, model, start, scale * stiffness, stiff)
+    contact, prepared, soft = sensed(case), loaded.prepared_law("haptics", law), np.zeros(len(start))
+    return lambda stiffness: bears(contact, prepared, model, start, scale * stiffness, soft)
