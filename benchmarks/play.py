@@ -369,6 +369,9 @@ def main() -> None:
             tab.wait_for_timeout(1000)
             late = playing.drags(tab, chosen.drags)
             for what, times in (("drag to motion", late), ("to a message of an empty scene", floor)):
+                if not len(times):
+                    print(f"{what}: none of {chosen.drags} moves arrived within 0.4 s", flush=True)
+                    continue
                 middle, most = 1e3 * np.quantile(times, [0.5, 0.95])
                 load = f"load {os.getloadavg()[0]:.1f}"
                 print(f"{what}: median {middle:.0f} ms, 95 % below {most:.0f} ms", end=" ")
