@@ -43,7 +43,6 @@ SLOW = {  # parts of commands and of Python
     "calibrate.md": EVERYTHING,
     "contact.md": ("results/",),
     "constraints.md": ("run examples/", "report results", "robots shapes"),
-    "examples.md": ("run examples/",),
     "experiments.md": ("run examples/", "compare", "demo.yaml", "repeats.yaml"),
     "identify.md": EVERYTHING,
     "learn.md": EVERYTHING,

@@ -48,8 +48,9 @@ class DriveThrough(PlannedWay):
     --------
     >>> import dqcontrol as dqc
     >>> robot, start = dqc.load_robot("little-john"), [0, 0, 0, 0, -0.9, 0.9, 0.9, 0]
-    >>> there = DriveTo(robot, start, [1, 0, 0, 0, -0.9, 0.9, 0.9, 0])
-    >>> both = DriveThrough([there, DriveTo(robot, there.goal, start)], rests=[2.0, 0.0])
+    >>> there = dqc.references.DriveTo(robot, start, [1, 0, 0, 0, -0.9, 0.9, 0.9, 0])
+    >>> back = dqc.references.DriveTo(robot, there.goal, start)
+    >>> both = DriveThrough([there, back], rests=[2.0, 0.0])
     >>> round(both.duration - 2 * there.duration, 9)
     2.0
     """

@@ -129,7 +129,7 @@ class _Same:
         return isinstance(other, _Same) and self.reference is other.reference
 
 
-class _Seen(NamedTuple):
+class _Ahead(NamedTuple):
     """A reference at some times, and what it does later: whatever the lag, so the runs of a study share it.
 
     Attributes
@@ -148,7 +148,7 @@ class _Seen(NamedTuple):
 
 
 @lru_cache(maxsize=16)  # of a few thousand times each
-def _seen_early(same: _Same, delay: float, step: float, at: bytes) -> _Seen:
+def _seen_early(same: _Same, delay: float, step: float, at: bytes) -> _Ahead:
     times = np.frombuffer(at)
     samples = same.reference.motion(times)
     position = translation(samples[:, POSE])
@@ -156,7 +156,7 @@ def _seen_early(same: _Same, delay: float, step: float, at: bytes) -> _Seen:
     moving = _moving(same.reference, ahead)
     before = ahead - step
     led = _moving(same.reference, before) * (before >= 0)[:, None] if step else moving
-    return _Seen(samples, position, twist[:, 3:] - np.cross(position, twist[:, :3]), moving, led)
+    return _Ahead(samples, position, twist[:, 3:] - np.cross(position, twist[:, :3]), moving, led)
 
 
 @lru_cache(maxsize=4)
