@@ -365,7 +365,7 @@ def main() -> None:
             tab.wait_for_timeout(2000)
             print(f"{alone:.1f} of a Panda that moves, with its charts, {frames(tab):.1f} of two", flush=True)
             session.set_ghost(None)
-            session.reset()
+            session.hold()  # an arrow that goes round cannot be pressed where it was
             tab.wait_for_timeout(1000)
             late = playing.drags(tab, chosen.drags)
             for what, times in (("drag to motion", late), ("to a message of an empty scene", floor)):
