@@ -174,6 +174,17 @@ def _find_turn(present, goal, turn, way):
     half_angle(turn, way)
 
 
+@inline
+def _goal(pose, time, asked, bounds, moving):
+    """Return the time to move, s, and the goal to move to; no time where nothing was asked for."""
+    passed = _time_to_move(pose, time, moving)
+    if asked.shape[0] == 0:
+        return 0.0, moving.held
+    given = asked_pose(asked)
+    is_none = _is_held(pose, time, given, bounds, moving)
+    return passed, moving.held if is_none else given.pose
+
+
 @kernel(TARGET_MOTION)
 def move_with_pose(pose, time, asked, speeds, memory):
     """Be at a goal (of `asked_pose`) as soon as speeds allow, with the twist that takes it there: a hand leads it.
@@ -181,14 +192,9 @@ def move_with_pose(pose, time, asked, speeds, memory):
     A goal that is too old, or none, is where the end effector is then.
     """
     moving, bounds = moving_sample(memory), target_speeds(speeds)
-    passed = _time_to_move(pose, time, moving)
-    if asked.shape[0] == 0:
-        return OK
-    given = asked_pose(asked)
-    is_none = _is_held(pose, time, given, bounds, moving)
+    passed, goal = _goal(pose, time, asked, bounds, moving)
     if passed == 0.0:
         return OK
-    goal = moving.held if is_none else given.pose
     present, w, v = moving.pose, moving.angular, moving.linear
     way, angle = _apart(present, goal)
     pace = 1.0 / max(passed, way / bounds.linear, angle / bounds.angular)
@@ -208,14 +214,9 @@ def move_to_pose(pose, time, asked, speeds, memory):
     Way and turn take the same time. A goal that is too old, or none, is where the end effector is then.
     """
     moving, bounds = moving_sample(memory), target_speeds(speeds)
-    passed = _time_to_move(pose, time, moving)
-    if asked.shape[0] == 0:
-        return OK
-    given = asked_pose(asked)
-    is_none = _is_held(pose, time, given, bounds, moving)
+    passed, goal = _goal(pose, time, asked, bounds, moving)
     if passed == 0.0:
         return OK
-    goal = moving.held if is_none else given.pose
     present, w, v = moving.pose, moving.angular, moving.linear
     way, angle = _apart(present, goal)
     time_left = max(way / bounds.linear, angle / bounds.angular)  # at full speed
