@@ -12,12 +12,8 @@ from dqcontrol.plants.plant import PLANT
 from dqcontrol.robots.kinematics.gravity import GRAVITY_FORCES, WORK
 
 # parameters: head, then a row of columns for each joint, bodies, and the table of the joints that carry them
-MEASURED_MODE, OLDEST_TARGET, SAGS_BY, GRAVITY = (
-    0,
-    1,
-    2,
-    3,
-)  # SAGS_BY: address of `gravity_forces`, 0 without sag
+# SAGS_BY: address of `gravity_forces`, 0 without sag
+MEASURED_MODE, OLDEST_TARGET, SAGS_BY, GRAVITY = 0, 1, 2, 3
 BODIES, TABLE_COLUMNS = 6, 7
 HEAD = 8
 STEP, RATE, LOWER, UPPER, COMPLIANCE, DECAY, DELAY, OLDEST, RESOLUTION, NOISE = range(10)
