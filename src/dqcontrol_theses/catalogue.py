@@ -1,4 +1,4 @@
-"""Which published experiments can be reproduced: those of each source, which is a package beside this file."""
+"""Published experiments that can be reproduced: those of each source, which is a package beside this file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the sources print: cells of tables, and claims, as the files in their folders hold them."""
+"""Printed numbers of the sources: cells of tables, and claims, as the files in their folders hold them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the reproduction of a published experiment gave."""
+"""Result of the reproduction of a published experiment."""
 
 from __future__ import annotations
 

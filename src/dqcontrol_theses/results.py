@@ -1,4 +1,4 @@
-"""What a reproduction gave, asked for by the names of the published tables."""
+"""Results of a reproduction, by the names of the published tables."""
 
 from __future__ import annotations
 

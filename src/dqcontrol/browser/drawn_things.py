@@ -1,4 +1,4 @@
-"""What constraints have around a robot, in a browser's scene: obstacles, zones, and the nearest pair in red."""
+"""Constraints drawn in a browser's scene: obstacles, zones, and the nearest pair in red."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the viewer stands and where runs side by side are put."""
+"""The viewer's place, and the places of runs side by side."""
 
 from __future__ import annotations
 

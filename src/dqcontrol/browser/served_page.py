@@ -1,4 +1,4 @@
-"""What all pages have: a server for this machine, a stage with a floor, and a loop that keeps them going."""
+"""The base of all pages: a server for this machine, a stage with a floor, and a loop that keeps them going."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What dqcontrol needs from the machine that it runs on, and what to do where something is missing."""
+"""Needs of dqcontrol of the machine that it runs on, and what to do where something is missing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What commands print on: tables as wide as the window, and bars of progress."""
+"""Output of commands: tables as wide as the window, and bars of progress."""
 
 from __future__ import annotations
 

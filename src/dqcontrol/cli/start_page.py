@@ -1,4 +1,4 @@
-"""What `dqcontrol` alone prints: what lies in the working folder, and the commands for it."""
+"""The output of `dqcontrol` alone: what lies in the working folder, and the commands for it."""
 
 from __future__ import annotations
 

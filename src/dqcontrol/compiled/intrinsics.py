@@ -1,4 +1,4 @@
-"""What kernels need and Numba's language lacks: calls by address, matrices without checks."""
+"""Intrinsics that Numba's language lacks: calls by address, matrices without checks."""
 
 from __future__ import annotations
 

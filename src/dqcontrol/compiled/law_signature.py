@@ -1,4 +1,4 @@
-"""What a law, and what keeps constraints around it, are for compiled code."""
+"""Signatures of a law, and of the constraints around it, in compiled code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which way to use Numba: by its internals, or, with ``DQCONTROL_NUMBA=plain`` in the environment, without them."""
+"""The choice between Numba's internals and, with ``DQCONTROL_NUMBA=plain`` in the environment, its public part."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `numba_internals` defines, of what Numba documents alone: slower, and compiled anew in each process.
+"""All of `numba_internals` by what Numba documents alone: slower, and compiled anew in each process.
 
 Taken with ``DQCONTROL_NUMBA=plain`` in the environment, for a release of Numba that changed its internals.
 """

@@ -1,4 +1,4 @@
-"""What compiled code knows of constraints: shapes, obstacles, rows, limits of joints; and the memory it works in."""
+"""Arrays of compiled constraints: shapes, obstacles, rows, limits of joints; and the memory they work in."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where shapes are, how far they are apart, and how that changes with the inputs, compiled."""
+"""Rows of constraints, compiled: places of shapes, their distances, and how these change with the inputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a law is to keep: limits of joints, distances from obstacles and from the robot itself, zones, angles, sight."""
+"""Constraints of a law: limits of joints, distances from bodies and from the robot itself, zones, angles, sight."""
 
 from __future__ import annotations
 

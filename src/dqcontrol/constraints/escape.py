@@ -1,4 +1,4 @@
-"""Where joints go when a hand is held, compiled: to postures spread over their ranges, one a try.
+"""Recovery from a deadlock, compiled: joints go to postures spread over their ranges, one a try.
 
 A hand that is held at the end of a joint's range, or in its turning, is not freed by moving it aside: another posture
 of the arm is. From there the law goes on towards its goal.

@@ -1,4 +1,4 @@
-"""What constraints know of a robot's frames: which joints move them, how far, and where its hands are."""
+"""Frames of a robot as constraints see them: the joints that move each, how far, and its end effectors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the contact stage is prepared with, remembers and writes, by name."""
+"""Arrays of the contact stage, by name: what it is prepared with, remembers and writes."""
 
 from __future__ import annotations
 

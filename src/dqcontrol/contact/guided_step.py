@@ -1,4 +1,4 @@
-"""What touches do to a plan, compiled: guarded moves end where they touch or drop, three touches put it onto a plane.
+"""Plans that touch, compiled: guarded moves end where they touch or drop, three touches put a plan onto a plane.
 
 The plan stays as it was sampled; from each touch on it is displaced, x ← E x. A guarded move ends at x_t, not at its
 planned end x_e; what comes after goes on from there: E ← x_t x_e*. Where three touches tell a plane, D takes the

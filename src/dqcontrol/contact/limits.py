@@ -1,4 +1,4 @@
-"""What a contact loop bears, said before anything touches: from the poles of its sampled linear model."""
+"""Limits of contact loops, found before anything touches: from the poles of their sampled linear model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What hangs on a force sensor, and the files that say it."""
+"""Tools on a force sensor, and the files that describe them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a person holds to drive a robot: keys, gamepads, knobs, phones; all of them move a `dqcontrol.loop.Live`."""
+"""Devices in a person's hand that drive a robot: keys, gamepads, knobs, phones; all move a `dqcontrol.loop.Live`."""
 
 import lazy_loader
 

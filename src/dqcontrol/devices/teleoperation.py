@@ -1,4 +1,4 @@
-"""What all devices tell, and how that drives a robot: a clutch, scaling, and rest when nothing is told any more."""
+"""Teleoperation by any device: a clutch, scaling, and rest when nothing is told any more."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is to be expected of a spec's loops, said before anything moves."""
+"""Predictions about a spec's loops, made before anything moves."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a spec's contact loops bear, and whether that is as much as its world is stiff."""
+"""Stability of a spec's contact loops, and the stiffness of its world beside what they bear."""
 
 from __future__ import annotations
 

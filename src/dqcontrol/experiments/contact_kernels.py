@@ -1,4 +1,4 @@
-"""How far pairs of shapes are apart along a run, compiled."""
+"""Distances between pairs of shapes along a run, compiled."""
 
 from __future__ import annotations
 

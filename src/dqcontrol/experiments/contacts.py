@@ -1,4 +1,4 @@
-"""Where a robot goes through what has no body in physics: floor, tables, walls, obstacles, and itself."""
+"""Contacts with what has no body in physics: floor, tables, walls, obstacles, and the robot itself."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What fell short in runs, in a line each, and what helps: tasks that were not done, limits that were passed."""
+"""Hints on failed runs, in a line each: tasks that were not done, limits that were passed, and what helps."""
 
 from __future__ import annotations
 

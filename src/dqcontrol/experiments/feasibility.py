@@ -1,4 +1,4 @@
-"""Whether a robot can do what is asked at all: which errors remain, and which speeds its joints need."""
+"""Feasibility of a motion for a robot: the errors that remain, and the speeds that its joints need."""
 
 from __future__ import annotations
 

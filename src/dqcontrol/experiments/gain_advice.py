@@ -1,4 +1,4 @@
-"""Which gains a robot's period, delay and lag allow each law, and what is to be expected of them."""
+"""Gains that a robot's period, delay and lag allow each law, and what is to be expected of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is to be true of a run, as its spec's ``outcome`` says, and whether it was."""
+"""Expectations of a run, as its spec's ``outcome`` says them, and whether they were met."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run came to, in one line: whether it did what was asked and kept what it was to keep, and if not, why."""
+"""Verdict on a run, in one line: whether it did what was asked and kept what it was to keep, and if not, why."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which numbers of a controller may be changed while it exists, found by trying.
+"""Numbers of a controller that may be changed while it exists, found by trying.
 
 Each number of the law's and the supervisor's parameters is changed a little, and both are prepared again: where what
 compiled code reads changes in proportion, C can do the same; where it does not (gains of Riccati equations, windows of

@@ -1,4 +1,4 @@
-"""What of a spec becomes a library: kernels under their names in C, and the numbers that they work on."""
+"""Parts of a spec that become a library: kernels under their names in C, and the numbers that they work on."""
 
 from __future__ import annotations
 

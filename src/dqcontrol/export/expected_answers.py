@@ -1,4 +1,4 @@
-"""What a controller must answer: steps taken in Python, with faults, stops and a new start among them."""
+"""Answers expected of a controller: steps taken in Python, with faults, stops and a new start among them."""
 
 from __future__ import annotations
 

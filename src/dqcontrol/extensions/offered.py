@@ -1,4 +1,4 @@
-"""What installed packages offer by entry points."""
+"""Entry points of installed packages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can be named by its kind: our own classes, and those that installed packages offer by entry points."""
+"""Classes named by their kind: our own, and those that installed packages offer by entry points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How quantities are distributed, hold against others, and how a loop kept time."""
+"""Figures of distributions, of quantities against others, and of a loop's times."""
 
 from __future__ import annotations
 

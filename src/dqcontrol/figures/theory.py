@@ -1,4 +1,4 @@
-"""What theory says of runs: Lyapunov function, range condition, the criteria of published comparisons."""
+"""Figures of theory: Lyapunov function, range condition, the criteria of published comparisons."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What constraints have around a robot, in pictures of physics: obstacles, zones, and the nearest pair."""
+"""Constraints drawn around a robot in pictures of physics: obstacles, zones, and the nearest pair."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the numbers of a shape, and of a distance found, stand in their rows."""
+"""Columns of a shape's row, and of a distance's."""
 
 KIND = 0
 ROUND, PLANE, BOX, CYLINDER, HULL = 0.0, 1.0, 2.0, 3.0, 4.0

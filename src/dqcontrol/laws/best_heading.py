@@ -1,4 +1,4 @@
-"""Which way a differential drive should face, from the Jacobian alone."""
+"""The heading that suits a differential drive, from the Jacobian alone."""
 
 from __future__ import annotations
 

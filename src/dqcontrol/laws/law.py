@@ -1,4 +1,4 @@
-"""What a control law is, and a law made ready for one robot, reference and period."""
+"""The base of control laws, and a law prepared for one robot, reference and period."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How fast a law corrects small errors: the gains of its loops."""
+"""Gains of a law's loops: the rates at which it corrects small errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What kernels of laws are made of, for laws of other packages: errors, twists of end effectors, their solutions."""
+"""Parts of compiled laws, for laws of other packages: errors, twists of end effectors, their solutions."""
 
 from dqcontrol.laws.desired_twist import drive_table
 from dqcontrol.laws.growth import pose_error

@@ -1,4 +1,4 @@
-"""What laws share of pose errors: the sign, the left one and the twist that N⁺ makes of it, the right one's lever."""
+"""Pose errors of laws: the sign, the left one and the twist that N⁺ makes of it, the right one's lever."""
 
 from __future__ import annotations
 

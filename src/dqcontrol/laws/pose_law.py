@@ -1,4 +1,4 @@
-"""What the laws of the pose error have in common: gain, inverse, the sign of x_d."""
+"""The base of the laws of the pose error: gain, inverse, the sign of x_d."""
 
 from __future__ import annotations
 

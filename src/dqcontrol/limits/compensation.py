@@ -1,4 +1,4 @@
-"""What is left compensated in the joints: sag fed forward, and a disturbance observer, as a stage around any law."""
+"""Compensation in the joints around any law: sag fed forward, and a disturbance observer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How steeply joint limits repel: the gradient of H = Σ R²/(4 (qmax − q)(q − qmin)), R = qmax − qmin."""
+"""The gradient by which joint limits repel: of H = Σ R²/(4 (qmax − q)(q − qmin)), R = qmax − qmin."""
 
 from __future__ import annotations
 

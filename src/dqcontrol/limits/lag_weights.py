@@ -1,4 +1,4 @@
-"""How joints that lag answer to targets that reach them within a period."""
+"""The answer of joints that lag to targets that reach them within a period."""
 
 from __future__ import annotations
 

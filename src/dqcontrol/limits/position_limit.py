@@ -1,4 +1,4 @@
-"""What keeps joints within their position limits: a stage around the law, which it asks with Jacobians of its own."""
+"""The stage that keeps joints within their position limits; it asks the law with Jacobians of its own."""
 
 from __future__ import annotations
 

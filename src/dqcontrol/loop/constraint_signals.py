@@ -1,4 +1,4 @@
-"""What constraints did in a run, as quantities over time."""
+"""Constraints of a run, as quantities over time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What happened in one run, as plain arrays over time."""
+"""Record of one run, as plain arrays over time."""
 
 from __future__ import annotations
 

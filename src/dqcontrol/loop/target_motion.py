@@ -1,4 +1,4 @@
-"""How streamed targets move, compiled: towards a pose, or as a twist leads, within bounds; in Python and in C."""
+"""Motion of streamed targets, compiled: towards a pose, or as a twist leads, within bounds; in Python and in C."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the end effector should be now: on a spec's reference, on the way to a pose, or where a twist leads."""
+"""Targets of the end effector now: on a spec's reference, on the way to a pose, or where a twist leads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the loop saw, and why it ended."""
+"""Trace of a loop's samples, and why it ended."""
 
 from __future__ import annotations
 

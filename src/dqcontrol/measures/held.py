@@ -1,4 +1,4 @@
-"""When constraints held the end effector of a run, and the plans that counted in it."""
+"""Times at which constraints held the end effector of a run, and the plans that counted in it."""
 
 from __future__ import annotations
 

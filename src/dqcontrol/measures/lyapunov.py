@@ -1,4 +1,4 @@
-"""What the stability proof of feedback linearisation says about one run, computed from its record. [S17 4.28–4.45]"""
+"""The stability proof of feedback linearisation, applied to the record of one run. [S17 4.28–4.45]"""
 
 from __future__ import annotations
 

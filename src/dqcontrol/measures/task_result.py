@@ -1,4 +1,4 @@
-"""Whether a run did what was asked of it: reached where its reference rests, or followed it as it moved."""
+"""Success of a run: it reached its reference at rest, or followed it in motion."""
 
 from __future__ import annotations
 

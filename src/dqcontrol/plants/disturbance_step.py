@@ -1,4 +1,4 @@
-"""How a disturbance moves a robot: through its joints, before the plant's own step."""
+"""Disturbances that move a robot: through its joints, before the plant's own step."""
 
 from __future__ import annotations
 

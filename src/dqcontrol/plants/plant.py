@@ -1,4 +1,4 @@
-"""What a plant is: it takes the law's command and moves the robot."""
+"""The base of plants, which take the law's command and move the robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every reference is: samples of a desired motion over time."""
+"""The base of all references: samples of a desired motion over time."""
 
 from __future__ import annotations
 

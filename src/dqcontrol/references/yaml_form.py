@@ -1,4 +1,4 @@
-"""What a YAML file may hold for the parameters of references: types with their bounds, and where a reference starts."""
+"""Parameters of references in YAML files: their types with bounds, and the start of a reference."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a report is about, for its head, and where its results come from, for its foot."""
+"""Head and foot of a report: its subject, and the origin of its results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What experiments ask for while they save results; see `dqcontrol.experiments.result_pages.ResultPages`."""
+"""Reports that experiments ask for while they save results; see `dqcontrol.experiments.result_pages.ResultPages`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every robot that is a chain of screws can compute from its table: poses, Jacobians, their rates."""
+"""The base of all robots that are a chain of screws: poses, Jacobians and their rates from its table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How commands move joints: modes, and how late joints follow."""
+"""Modes of commands, and the lag with which joints follow."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every robot has, arm or whole body: its chain, its limits, and how its inputs move it."""
+"""The base of all robots, arm or whole body: its chain, its limits, and its motion under its inputs."""
 
 from __future__ import annotations
 

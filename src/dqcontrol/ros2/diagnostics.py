@@ -1,4 +1,4 @@
-"""What a node tells about itself: refusals and changes in its log, and all of it on /diagnostics."""
+"""Diagnostics of a node: refusals and changes in its log, and all of it on /diagnostics."""
 
 from __future__ import annotations
 

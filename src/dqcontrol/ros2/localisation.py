@@ -1,4 +1,4 @@
-"""Where a mobile base is, as its odometry or a localisation says on a topic."""
+"""The pose of a mobile base, as its odometry or a localisation says on a topic."""
 
 from __future__ import annotations
 

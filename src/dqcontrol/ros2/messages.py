@@ -1,4 +1,4 @@
-"""What messages mean, and why some are refused. They are read by their fields, so none of ROS is imported here."""
+"""Meaning of messages, and why some are refused. They are read by their fields, so none of ROS is imported here."""
 
 from __future__ import annotations
 

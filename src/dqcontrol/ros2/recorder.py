@@ -1,4 +1,4 @@
-"""What a controller measured and commanded: recorded while the robot moves, and in the end a run like any other."""
+"""Recording of a controller's measurements and commands while the robot moves; in the end a run like any other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a tracker sees the end effector, beside a motion: heard by controllers, said by simulated robots."""
+"""The end effector as a tracker sees it, beside a motion: heard by controllers, said by simulated robots."""
 
 from __future__ import annotations
 

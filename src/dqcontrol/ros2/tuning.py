@@ -1,4 +1,4 @@
-"""Which numbers of a loaded spec are ROS parameters, and what changing one means."""
+"""ROS parameters of a loaded spec's numbers, and the meaning of changing one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a controller hears beside where the joints are, as far as it needs it: efforts and a wrench."""
+"""Efforts and wrenches that a controller hears beside the joints' positions, as far as it needs them."""
 
 from __future__ import annotations
 

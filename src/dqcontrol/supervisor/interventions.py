@@ -1,4 +1,4 @@
-"""What a supervisor does to commands, by name, and the category of each of its stops."""
+"""Names of all that a supervisor does to commands, and the category of each of its stops."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a supervisor keeps of a base: its distance from zones on the floor, in each period and while it brakes."""
+"""Distance of a base from zones on the floor, kept in each period and while it brakes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What bodies of the world take of the floor, which a mobile base keeps out of, as a supervisor is given it."""
+"""Zones on the floor that bodies of the world take, and that a mobile base keeps out of."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a supervisor keeps of the end effector: its distance from singularities, its box, its speed and acceleration.
+"""Bounds on the end effector: distance from singularities, workspace box, speed and acceleration.
 
 What only some supervisors do, or only near a limit, is a function `apart`, which takes the two arrays as they are.
 """

@@ -1,4 +1,4 @@
-"""Where a supervisor's numbers stand in its arrays: each array is taken apart once, into parts with names."""
+"""Places of a supervisor's numbers in its arrays: each array is taken apart once, into parts with names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a supervisor sees: time, measurements, efforts and requests; they change its mode."""
+"""Time, measurements, efforts and requests that a supervisor watches; they change its mode."""
 
 from __future__ import annotations
 

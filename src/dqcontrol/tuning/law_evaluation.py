@@ -1,4 +1,4 @@
-"""What a law is worth: all numbers of its runs on all motions, starts, seeds and plants."""
+"""Evaluation of a law: all numbers of its runs on all motions, starts, seeds and plants."""
 
 from __future__ import annotations
 

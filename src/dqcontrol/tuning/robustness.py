@@ -1,4 +1,4 @@
-"""How far tuned parameters are from instability, over a family of plants that the true one may be of."""
+"""Distance of tuned parameters from instability, over a family of plants that the true one may be of."""
 
 from __future__ import annotations
 

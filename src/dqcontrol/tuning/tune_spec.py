@@ -1,4 +1,4 @@
-"""What a search is: the block ``tune`` of a spec, typed, bounded and described here."""
+"""The block ``tune`` of a spec, typed, bounded and described."""
 
 from __future__ import annotations
 

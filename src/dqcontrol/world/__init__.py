@@ -1,4 +1,4 @@
-"""What stands around a robot: bodies with shapes and poses, masses, joints and stiffness, said once for everybody."""
+"""The world around a robot: bodies with shapes and poses, masses, joints and stiffness, said once for everybody."""
 
 import lazy_loader
 

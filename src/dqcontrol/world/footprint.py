@@ -1,4 +1,4 @@
-"""What bodies take of the floor: discs and polygons, for bases that drive around them."""
+"""Footprints of bodies on the floor: discs and polygons, for bases that drive around them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a body of the world was in a run: as it says itself, or as physics moved it and a recording has it."""
+"""Poses of a body of the world in a run: as it says itself, or as physics moved it and a recording has it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether rigid motions cost less as dual quaternions than as matrices, counted and timed. [P16 1.2.2, 2, 2.1.3]
+"""Cost of rigid motions as dual quaternions and as matrices, counted and timed. [P16 1.2.2, 2, 2.1.3]
 
 The operations on dual quaternions are those of `dqcontrol.algebra`. A matrix is taken as its twelve free numbers, row
 by row, or whole with its last row of 0, 0, 0, 1, as libraries of linear algebra multiply it.

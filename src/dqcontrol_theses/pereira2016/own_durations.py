@@ -1,4 +1,4 @@
-"""What the linear quadratic laws' integrals are over the durations that their runs had on the robot.
+"""Integrals of the linear quadratic laws over the durations that their runs had on the robot.
 
 Their commands took longer than the period, and so did their runs: "their numerical performance ... was done based on
 their own duration" [P16 5.7], and Table 61 prints the mean period of each law. The program multiplied commands by the

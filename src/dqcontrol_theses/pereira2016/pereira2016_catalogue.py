@@ -1,4 +1,4 @@
-"""Which experiments of [P16] can be reproduced, and from which specs."""
+"""Experiments of [P16] that can be reproduced, with their specs."""
 
 from __future__ import annotations
 

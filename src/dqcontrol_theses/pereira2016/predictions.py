@@ -1,4 +1,4 @@
-"""How many of the compared cells say something of their own.
+"""Number of the compared cells that say something of their own.
 
 Table 5.9 reprints Tables 5.3 and 5.4; sets of weights with one ratio are one controller and so one simulated number;
 K+FF has K's error, as the sag that makes it is not the lag that feed-forward removes; and a cell that a number of the

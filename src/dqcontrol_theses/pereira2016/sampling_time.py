@@ -1,4 +1,4 @@
-"""How well laws keep a control period in real time, in Python, on this machine. [P16 5.8]"""
+"""Control periods of the laws in real time, in Python, on this machine. [P16 5.8]"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the inverses do that S17 does not print: λ of (4.19), and how N is inverted in the classic law (4.46)."""
+"""The inverses as far as S17 does not print them: λ of (4.19), and how N is inverted in the classic law (4.46)."""
 
 from __future__ import annotations
 

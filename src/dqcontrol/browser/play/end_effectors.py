@@ -1,4 +1,4 @@
-"""Where each end effector is to be, and what the tasks of a law and beside it make of that."""
+"""Targets of each end effector, and the tasks of the law and beside it that follow from them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was done: played again, saved as a spec, or as a page that opens without us."""
+"""The tab of the recording: played again, saved as a spec, or as a page that opens without us."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a live robot does since it was last put at rest, row by row, up to a number of rows."""
+"""Rows of a live robot since it was last put at rest, up to a number of rows."""
 
 from __future__ import annotations
 

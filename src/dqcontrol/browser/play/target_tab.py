@@ -1,4 +1,4 @@
-"""What the hand is to do: scenes, shapes, drawings by mouse or file."""
+"""The tab of the target: scenes, shapes, drawings by mouse or file."""
 
 from __future__ import annotations
 

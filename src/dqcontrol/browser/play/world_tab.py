@@ -1,4 +1,4 @@
-"""What stands around the robot: bodies to add and to drag, and whether the law keeps clear of them."""
+"""The tab of the world: bodies to add and to drag, and whether the law keeps clear of them."""
 
 from __future__ import annotations
 

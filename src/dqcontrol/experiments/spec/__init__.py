@@ -1,4 +1,4 @@
-"""What an experiment's YAML says."""
+"""Specs: experiments as YAML files."""
 
 import lazy_loader
 

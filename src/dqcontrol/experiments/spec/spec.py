@@ -1,4 +1,4 @@
-"""What an experiment is: one YAML file, typed, bounded and described here."""
+"""The spec of an experiment: one YAML file, typed, bounded and described."""
 
 from __future__ import annotations
 

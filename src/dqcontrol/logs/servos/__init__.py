@@ -1,4 +1,4 @@
-"""What servos a robot has, found from logs of commands and measured positions."""
+"""Identification of a robot's servos from logs of commands and measured positions."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""What a first-order lag behind a delay answers to any targets, at any times, exactly, with its derivatives."""
+"""Answer of a first-order lag behind a delay to any targets, at any times, exactly, with its derivatives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a second-order servo behind a delay answers to any targets, at any times, exactly."""
+"""Answer of a second-order servo behind a delay to any targets, at any times, exactly."""
 
 from __future__ import annotations
 

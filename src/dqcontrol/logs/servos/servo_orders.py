@@ -1,4 +1,4 @@
-"""What a servo of first or second order answers, as columns of a least-squares problem, by its own numbers."""
+"""Answers of servos of first and second order, as columns of a least-squares problem, by their own numbers."""
 
 from __future__ import annotations
 

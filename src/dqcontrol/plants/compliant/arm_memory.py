@@ -1,4 +1,4 @@
-"""What a compliant arm keeps between control periods, by name: one memory of ours, and MuJoCo's own arrays."""
+"""State of a compliant arm between control periods, by name: one memory of ours, and MuJoCo's own arrays."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the joint controllers keep their numbers: columns of the table of constants and of the table of state.
+"""Columns of the joint controllers' numbers in the table of constants and in that of state.
 
 Both tables have one row a joint; all quantities are seen at the joint, in SI units, per tick of 1 ms where it says so.
 """

@@ -1,4 +1,4 @@
-"""What pushes and hangs on an arm, and which sensors fail, over time."""
+"""Loads on an arm and faults of its sensors, over time."""
 
 from __future__ import annotations
 

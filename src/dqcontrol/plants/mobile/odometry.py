@@ -1,4 +1,4 @@
-"""Where a base on wheels believes to be from the encoders of its wheels."""
+"""Odometry: a base's pose from the encoders of its wheels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a mobile robot stands and drives on in physics: two driven wheels with casters, or wheels with rollers."""
+"""Running gear in physics: two driven wheels with casters, or wheels with rollers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a wheeled base stands under its arm: the centre of mass over wheels and casters, wherever the arm reaches."""
+"""Stability of a wheeled base under its arm: the centre of mass over wheels and casters, wherever the arm reaches."""
 
 from __future__ import annotations
 

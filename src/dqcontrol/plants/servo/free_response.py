@@ -1,4 +1,4 @@
-"""What is left of a displacement and a speed of second order."""
+"""Free response of second order to a displacement and a speed."""
 
 from __future__ import annotations
 

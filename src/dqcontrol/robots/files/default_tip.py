@@ -1,4 +1,4 @@
-"""Where a chain ends if nobody says: at the end of the longest one, or at the link that carries its gripper."""
+"""The end of a chain if nobody says: at the end of the longest one, or at the link that carries its gripper."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What to print about a robot."""
+"""The printed description of a robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How freely an end effector can move: manipulability, condition and singular directions of a configuration."""
+"""Dexterity of an end effector: manipulability, condition and singular directions of a configuration."""
 
 from __future__ import annotations
 

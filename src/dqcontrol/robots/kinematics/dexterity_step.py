@@ -1,4 +1,4 @@
-"""How freely an end effector can move, compiled."""
+"""Dexterity of an end effector, compiled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a robot moves under its inputs, compiled: unicycles exactly, joints at constant speed.
+"""Motion of a robot under its inputs, compiled: unicycles exactly, joints at constant speed.
 
 A table of drives has one row ``[i, d, r, b, ρ, l]`` for each base that cannot move sideways: the index of its x in the
 configuration (y and φ follow), the distance d (m) of the displaced point ahead of the axle, the wheel radius r (m),

@@ -1,4 +1,4 @@
-"""How Jacobians of a chain change as it moves, compiled."""
+"""Rates of a chain's Jacobians as it moves, compiled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a Jacobian is far from singular. Written by tools/generate_singular_bound.py."""
+"""Bound on how near a Jacobian is to singular. Written by tools/generate_singular_bound.py."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether learning converges: from the model, before anything moves."""
+"""Convergence of learning, found from the model before anything moves."""
 
 from __future__ import annotations
 

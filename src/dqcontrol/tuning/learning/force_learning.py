@@ -1,4 +1,4 @@
-"""What a repeat tells of a force: how far the compliant frame had to give way for it.
+"""Learning of forces: from each repeat, the way that the compliant frame had to give.
 
 Along an axis with a wanted force the plan is not where the end effector is to go, so its error is nothing to be learnt.
 The deflection y of the compliant frame is: it is where the surface was, and all that the force control had to do, late

@@ -1,4 +1,4 @@
-"""What learning from repetition is: the block ``learn`` of a spec, typed, bounded and described here."""
+"""The block ``learn`` of a spec, typed, bounded and described."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What was looked for behind the printed numbers: `python -m dqcontrol_theses.pereira2016.tools.NAME`."""
+"""Searches behind the printed numbers: `python -m dqcontrol_theses.pereira2016.tools.NAME`."""

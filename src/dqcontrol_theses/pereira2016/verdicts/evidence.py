@@ -1,4 +1,4 @@
-"""What a verdict looks at, and how verdicts on claims are registered and given."""
+"""Evidence for verdicts, and how verdicts on claims are registered and given."""
 
 from __future__ import annotations
 
