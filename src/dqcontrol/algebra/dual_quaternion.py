@@ -16,7 +16,7 @@ from dqcontrol.algebra.exponential import exp_screw, log_screw, power, sclerp
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ShapeError, ValueRangeError, as_array
 
-_SHOWN_AS_ZERO = 5e-13
+_SHOWN_AS_ZERO = 5e-13  # rounding of poses of some metres; printed with 12 digits
 _UNITS = ("", "i", "j", "k")
 
 

@@ -36,7 +36,7 @@ _CONSISTENT = 1e-9  # violation of a row that depends on active ones, above whic
 _DEPENDENT = 1e-10  # sine between a constraint and the active ones
 _CANCELLED = 0.01  # of a square, what is left of it, below which a Gram–Schmidt step is repeated
 _REFINED = 1e-12  # residual of an active constraint, relative to what it sums, above which it is corrected
-_EQUAL = 0.5
+_EQUAL = 0.5  # flags are 0 or 1
 
 
 class Program(NamedTuple):

@@ -110,9 +110,9 @@ _FAR_SHORT = 1e-7  # m or rad: the same of one that is looked at ahead
 _STOP_SHORT = 1e-6  # m or rad: the same on the way to rest where that is not settled
 _ACCEPTED = 1e-9  # m or rad: more than that is scaled back
 _GAVE_WAY = 1e-8  # m/s or rad/s: in a period of 10 ms `_SHORT`
-_ITERATIONS = 300
+_ITERATIONS = 300  # of the active set, which ends by itself; against cycles by rounding
 _SOFT = 1e-6  # softness of limits of acceleration, to be compared with inverses of H
-_HALVINGS = 5
+_HALVINGS = 5  # to 3 % of the step
 _STOP_POINTS = 3  # of the way to rest that are looked at
 _ASKED_MORE = 4  # how often more is asked for
 _HELD_TIME, _ASIDE_TIME = (
@@ -121,7 +121,7 @@ _HELD_TIME, _ASIDE_TIME = (
 )  # s: how long a hand is held before it goes aside, and for how long it does
 _POSTURE = 2.0  # s: for how long joints go to another posture at most
 _STUCK, _ASKED = 0.1, 1e-3  # share of the speed that the law asks for; m/s, less is no wish
-_TRIES = 8
+_TRIES = 8  # postures before it is a deadlock
 
 
 class _Step(NamedTuple):

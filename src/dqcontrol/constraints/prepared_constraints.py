@@ -68,7 +68,7 @@ _ANGULAR = 0.3**2  # l²: 1 rad/s of the hand counts as much as 0.3 m/s
 _FREE = 1e-4  # ρ², m²
 _NEAR = 0.1  # m: nearer than that to a camera no target's direction is expected to turn
 _THINNEST = 1e-3  # m between cores, of which nothing smaller is known
-_MOST_PAIRS = 20_000
+_MOST_PAIRS = 20_000  # at half a microsecond each a period of 10 ms
 # Of a path of a body: its table takes half a gigabyte then, and a day at 10 ms fits.
 _MOST_PERIODS = 10_000_000
 _SAID = 5  # violations in one message

@@ -15,7 +15,7 @@ from dqcontrol.errors import Error, MissingExtraError
 _AXES = 6  # left x, left y, right x, right y, left trigger, right trigger, as SDL orders them
 _LEFT_SHOULDER, _RIGHT_SHOULDER = 9, 10
 _A, _B = 0, 1
-_FULL = 32767.0
+_FULL = 32767.0  # SDL's axes are 16 bit integers
 _DEAD = 0.08  # of a stick's way, around its middle: worn sticks rest there
 
 

@@ -26,7 +26,7 @@ from dqcontrol.measures.metrics import AT_LIMIT, UNSEEN
 Trials = Sequence[Mapping[str, Any]]  # metrics of the repeats of one case
 
 _MISSED = re.compile("not (reached|followed|kept)")
-_ROUNDING = 1e-9
+_ROUNDING = 1e-9  # as a share of a velocity limit
 _OFTEN = 0.1  # of the samples at a velocity limit
 
 

@@ -45,7 +45,7 @@ LAW, PLANT = LinearQuadraticDQ(error_weight=100.0, control_weight=1.0), Servo()
 # Of the Panda, whose end effector then points forward, along y.
 START = (1.5708, -0.8, 0.0, -2.4, 0.0, 3.1708, 0.7854)
 _WIDEST, _NARROWEST = 0.45, 0.05  # m; what is tried if no width is given
-_SHRINK = 0.88
+_SHRINK = 0.88  # a try
 _POSES = 60  # of the drawing that must be reached
 _POSITION, _ORIENTATION = 1e-3, 1e-2  # m, rad
 _TRAVEL = 2.0  # times as fast with the lamp off

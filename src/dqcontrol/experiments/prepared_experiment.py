@@ -69,7 +69,7 @@ from dqcontrol.robots.robot import base_coordinates
 from dqcontrol.robots.whole_body import Base, parts_with_offsets
 
 _POSES = 200  # of the reference, evenly spaced
-_RESTARTS = 100
+_RESTARTS = 100  # of a search that ends with the first that is found
 _POSITION, _ORIENTATION = 1e-3, 1e-2  # m, rad: nearer than that is reached
 
 
@@ -166,7 +166,7 @@ def _shoulder(robot: Robot) -> Array:
 T = TypeVar("T")
 
 _KEPT_BYTES = 200e6  # of prepared laws; beyond that they are prepared again when their turn comes
-_MOST_TRIALS = 10_000_000
+_MOST_TRIALS = 10_000_000  # more are a slip
 _MOST_KNOWN = 16  # robots and scenes
 FULL_POSE = 6  # joints, with fewer of which an end effector follows no pose
 PATH_SAMPLES = 200  # of a path that starts are tried with: 20 mm apart on one of 4 m

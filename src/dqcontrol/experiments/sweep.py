@@ -38,7 +38,7 @@ from dqcontrol.experiments.trials import Batch
 from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.measures.metric_tables import METRIC_COLUMNS
 
-_MOST_POINTS = 10_000_000
+_MOST_POINTS = 10_000_000  # more are a slip
 
 
 class Range(Part, frozen=True, kw_only=True):

@@ -21,9 +21,9 @@ from dqcontrol.errors import Error
 from dqcontrol.export.controller_parts import ControllerParts
 from dqcontrol.supervisor import supervisor_layout as layout
 
-_MOST_GAIN = 1e6
+_MOST_GAIN = 1e6  # 1/s; at a period of 1 µs it is unstable already
 _TRIED = (1.0, 0.75, 0.5)  # times the value, which the structure allows where it allows the value
-_PROPORTIONAL = 1e-12
+_PROPORTIONAL = 1e-12  # rounding of a product of some factors
 _ROWS = {  # of a supervisor, as the spec and as its `Bounds` name them
     "velocity": "velocity",
     "acceleration": "acceleration",

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 
 _BESIDE = 12  # combinations in one panel
-_APART = 10.0
+_APART = 10.0  # times: the smaller would be flat on one linear axis
 _LETTERS = 80  # of all laws below the axis
 _TICKS = 10  # so many places of a parameter are all labelled
 _MEAN: dict[str, Any] = {"color": DESIRED, "marker": "_", "ms": 9, "mew": 1.4, "lw": 1.2}

@@ -121,7 +121,7 @@ if TYPE_CHECKING:
 
     Further = Sequence[tuple[Plant | None, Record]]
 
-_MOST_FRAMES = 3000
+_MOST_FRAMES = 3000  # two minutes at 25 a second
 _PICTURES = 6  # of a strip
 _INK = (20, 20, 20)
 _SLOWEST, _FASTEST = 0.1, 100  # frames a second; a GIF counts hundredths of a second

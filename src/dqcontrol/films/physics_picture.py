@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 _GHOST = 0.16  # opacity
-_SUPERSAMPLING = 2
+_SUPERSAMPLING = 2  # four samples a pixel, as the usual antialiasing
 _PIECES = 400  # of a path, at most
 
 

@@ -17,7 +17,7 @@ from dqcontrol.geometry.shapes import Capsule
 
 _DIRECTIONS = 200  # in which the farthest points are looked for: only these can touch a tight capsule
 _STEPS = 400  # of each search
-_SEEDS = 12
+_SEEDS = 12  # directions of its axis: three principal ones, random ones against local minima
 
 
 def bounding_capsule(points: ArrayLike) -> Capsule:

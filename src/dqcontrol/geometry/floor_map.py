@@ -31,8 +31,8 @@ from dqcontrol.geometry.shapes import Box
 _HEIGHT = 2.0  # m
 _EDGE = 0.01  # m; thickness of the walls that stand for a polygon that is no rectangle
 _SQUARE = 1e-6  # of a rectangle's sides
-_MOST_POLYGONS = 2000
-_MOST_CELLS = 16_000_000
+_MOST_POLYGONS = 2000  # each is looked at in every period
+_MOST_CELLS = 16_000_000  # 200 m by 200 m at 5 cm
 _CELL = 0.05  # m, as most maps of indoor robots have
 _ALIGNED = 1e-6  # cells; what is nearer than this to a cell's rim is there by rounding
 _NEITHER = "expected 'polygons', a list of lists of points [x, y] in m, or 'image' and 'resolution'"

@@ -17,7 +17,7 @@ from dqcontrol.named_fields import CheckedFields
 
 DAMPED, FILTERED, BY_MANIPULABILITY = 0.0, 1.0, 2.0
 
-_MOST_ROWS = 6
+_MOST_ROWS = 6  # of a twist
 
 
 class InverseParameters(NamedTuple):

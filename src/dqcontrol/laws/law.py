@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from dqcontrol.controller.task_levels import PreparedTasks
     from dqcontrol.references import Reference
 
-_MOST_STEPS = 10_000_000
+_MOST_STEPS = 10_000_000  # more are a slip in the unit of duration or period; an hour at 1 kHz is 3.6 million
 
 
 class LawWork(NamedTuple):

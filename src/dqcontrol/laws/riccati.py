@@ -14,8 +14,8 @@ from dqcontrol.compiled.compile import OK, READ2, STATUS, WRITE, WRITE2, inline,
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.named_fields import CheckedFields
 
-_LARGEST_WEIGHT = 1e100
-_SMALLEST_WEIGHT = 1e-100
+_LARGEST_WEIGHT = 1e100  # its square is finite
+_SMALLEST_WEIGHT = 1e-100  # its inverse's square is finite
 _LARGEST_PHASE = 0.25  # κh of a Runge–Kutta step; at 0.5 its decay factor is still right to 1e-4 of itself
 
 

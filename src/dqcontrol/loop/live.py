@@ -43,7 +43,7 @@ AnyTarget = TypeVar("AnyTarget", bound=Target)
 
 NOISE = 100_000  # steps for which a plant's noise is drawn; then it repeats
 TWIST_HELD = 0.15  # s that a twist lasts: keys held down repeat sooner
-_MOST_BRAKING_STEPS = 100_000
+_MOST_BRAKING_STEPS = 100_000  # 100 s at 1 kHz; against a robot that never rests
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,7 @@ from dqcontrol.references.follow import follow_in
 from dqcontrol.robots.robot import Robot
 from dqcontrol.supervisor import Supervisor
 
-_MOST_STEPS = 10_000_000
+_MOST_STEPS = 10_000_000  # as of a reference, see `laws.law`
 
 
 def simulate(

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from dqcontrol.supervisor import PreparedSupervisor
 
 
-SECONDS = 20.0
-_MOST_ROWS = 20_000
+SECONDS = 20.0  # before a stop: what led to it, and not more than a person looks at
+_MOST_ROWS = 20_000  # 20 s at 1 kHz
 
 
 class BlackBox:

@@ -21,7 +21,7 @@ from dqcontrol.references.sample import SAMPLE_SIZE
 # How far the desired pose may be ahead of the end effector before it waits: an end effector that is held must not jump
 # when let go. It then begins with k times that: 0.25 m/s, the reduced speed of ISO 10218-1, at k = 5 1/s.
 _LEAD, _ANGULAR_LEAD = 0.05, 0.3  # m, rad
-_TINY = 1e-12
+_TINY = 1e-12  # against a division by 0
 
 # pose of the end effector, time since the start (s), what is asked (empty: nothing), speeds, the target's memory
 TARGET_MOTION = STATUS(READ, types.float64, READ, READ, WRITE)

@@ -23,7 +23,7 @@ from dqcontrol.tables.tables import Cell, Column, PlusMinus, Table, known
 # All intervals and p values take the repeats to be independent and normally distributed; those of spreads
 # depend on it most.
 
-LEVEL = 0.95
+LEVEL = 0.95  # the usual confidence
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,8 @@ GOOD_MARGIN = 2.0  # of a gain: 6 dB, the usual gain margin
 _AT_ONCE = 32  # gains
 _TIE = 1e-6  # poles whose moduli are as near to the largest are as slow
 _REAL = 1e-10  # as much less than 1 is the damping ratio of a real pole
-_ROUNDING = 1e-12
-_FREQUENCIES = 2000
+_ROUNDING = 1e-12  # of eigenvalues of some tens of states
+_FREQUENCIES = 2000  # over 3.5 decades: neighbours differ by 0.4 %
 _LONGEST = 20_000  # periods of a step response
 _MOST_INTEGRAL = 1e100  # k_I/k²; no loop is stable from far less on, and more would overflow
 
@@ -447,7 +447,7 @@ def first_failure(holds: Callable[[float], bool]) -> float:
 
 
 _CALLS = 200  # in which a law at rest comes to rest itself
-_AT_REST = 1e-12
+_AT_REST = 1e-12  # rounding
 _MARGINAL = 1e-5  # so near to 1 a pole neither decays nor grows: what a law leaves free
 
 

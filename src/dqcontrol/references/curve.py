@@ -17,7 +17,7 @@ from dqcontrol.references.sample import TWIST, as_pose
 
 _HALF = 3  # samples of the function on each side of an instant
 _STEP = 1e-3  # of the duration, at most; s
-_LARGEST_STEP = 5e-3
+_LARGEST_STEP = 5e-3  # s; as `_STEP` of 5 s
 _LOOKS = 101  # for how fast it is, to tell whether it comes to rest
 
 

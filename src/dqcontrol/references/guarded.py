@@ -17,7 +17,7 @@ from dqcontrol.references.sequence import Sequence
 from dqcontrol.references.set_point import SetPoint
 from dqcontrol.references.straight import Straight
 
-_TOUCHES = 3
+_TOUCHES = 3  # points make a plane
 _REST = 0.3  # s after a touch, and above a point: for the lag of servos and filters of sensors
 
 

@@ -353,7 +353,7 @@ class Square(PlanarReference):
 
 
 _NEWTON = 6  # steps from the guess below to rounding, at any angle
-_MOST_TURNS = 10_000
+_MOST_TURNS = 10_000  # more are a slip in the unit of the pitch
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -18,7 +18,7 @@ from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.references.reference import NO_CORNERS, Reference
 from dqcontrol.references.sample import TWIST, TWIST_RATE
 
-_HALVINGS = 60
+_HALVINGS = 60  # of an interval: to the last bit of a double
 
 
 class Paced(Reference):

@@ -18,7 +18,7 @@ from dqcontrol.robots.collision_shapes import known_shapes
 from dqcontrol.robots.robot import base_coordinates
 
 _CELL = 0.05  # m
-_MOST_CELLS = 100_000
+_MOST_CELLS = 100_000  # larger rooms have larger cells
 _CLOSER = 9  # points across a cell, 6 mm apart
 _POSTURES, _LOOKED_AT = 2000, 100  # that are tried, and of these looked at closely
 _WORTH = 0.01  # m; of room, to move the arm for

@@ -640,7 +640,7 @@ def seen_from(frame: str, base: str | None) -> PoseTask:
     return PoseTask("frame", (frame,)) if base is None else PoseTask("relative", (frame, base))
 
 
-_HYSTERESIS = 0.2
+_HYSTERESIS = 0.2  # −cos of half of 203°
 _KINDS = {
     ("frame", ""): FRAME,
     ("relative", ""): RELATIVE,

@@ -21,7 +21,7 @@ from dqcontrol.supervisor.keep_out_zones import KeepOutZones
 from dqcontrol.supervisor.prepared_supervisor import PreparedSupervisor
 
 _LONGEST_WINDOW = 10_000  # samples
-_STALE_PERIODS = 1.5
+_STALE_PERIODS = 1.5  # half a period of jitter is allowed
 _LONGEST_STEP = 0.05  # s between two steps, if that is more than what is stale
 _FROZEN_PERIODS = (
     5  # at least, before joints that do not change count as frozen: commands take a while to arrive

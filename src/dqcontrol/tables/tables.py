@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 MISSING = "–"
-_AGREES = 0.1
+_AGREES = 0.1  # as a ratio: 10 %
 _DIGITS = 8  # of a value that is shown to the place of its spread; beyond, both are shown for themselves
 
 

@@ -32,7 +32,7 @@ from dqcontrol.measures.stability import (
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import Plant
 
-_LAG = 0.2
+_LAG = 0.2  # of itself, where `identify` has not said by how much it may be wrong
 _INTERVALS = "identification.json"  # beside a plant file
 
 

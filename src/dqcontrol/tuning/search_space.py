@@ -20,7 +20,7 @@ _SLOWEST = 50.0  # times the gain at the side where the margin ends
 _SHARES = SearchRange(low=2e-3, high=0.25)
 _INTEGRAL = "integral_gain"
 _MARGIN_TOLERANCE = 1e-3  # relative error of a margin that is asked for
-_MOST_STEPS = 4
+_MOST_STEPS = 4  # rescalings; they end by themselves within `_MARGIN_TOLERANCE`
 
 Judge = Callable[[Law], Slack]
 

@@ -20,12 +20,12 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import MissingExtraError
 from dqcontrol.experiments.sweep import quasi_random
 
-_MOST_SOBOL = 16
+_MOST_SOBOL = 16  # points that cover the space before a simplex begins
 _SIDE = 0.15  # of the first simplex
 _REJECTED = 1e9  # rank of what violates constraints, beside which all totals are small
 _APART = 0.25  # between points that simplexes begin at
 _FINE = 1e-3  # of a simplex, in shares of the cube
-_MOST_RESTARTS = 100
+_MOST_RESTARTS = 100  # against a loop without an end; the budget ends it
 
 Point = tuple[float, ...]
 Rank = tuple[float, float]  # violation, total: what is smaller is better
@@ -142,8 +142,8 @@ def _nlopt() -> Any:
 # Both objectives are interpolated over the points known (SciPy's thin-plate splines); of many candidates those are
 # evaluated next that the interpolation expects to add the largest area to what the front dominates.
 _FIRST = 16
-_AT_ONCE = 8
-_CANDIDATES = 128
+_AT_ONCE = 8  # evaluated between two interpolations
+_CANDIDATES = 128  # of each kind; cheap beside a run
 _NEAR = (0.1, 0.03)  # spreads of candidates about the front
 _BEYOND = 0.1  # of the front's width lies the corner up to which areas count
 

@@ -37,10 +37,10 @@ _SHARE = 0.1  # of a correction that another one does the work of, from which on
 _FAR = 6.0  # times the median, a pose that does not belong
 _FOLDS = 5  # parts of the poses, each of which is once not fitted
 _NEAR = (0.1, 0.2)  # m and rad: up to there, frames of base and tool are known and only corrected
-_ROUNDS = 3
+_ROUNDS = 3  # of weights by the noise that the round before left
 _FIRST_NOISE = (1e-3, 3e-3)  # m and rad, before it is known
 _LEAST_NOISE = (1e-7, 1e-7)
-_NORMAL_95 = 1.96
+_NORMAL_95 = 1.96  # standard deviations: 95 % of a normal distribution
 CALIBRATION, ROBOT = "calibration.json", "robot.yaml"
 
 

@@ -17,7 +17,7 @@ from dqcontrol.logs.servos.joint_fit import Columns, Fit, Segment, columns_at, f
 
 _WIDTHS = (0.04, 0.06, 0.09, 0.13, 0.2, 0.3)  # of a step; narrower ones trust the model too much
 _NO_BASIS = np.zeros((0, 0))
-_ROUNDS = 12
+_ROUNDS = 12  # Newton steps; they end by themselves where the likelihood gains no more
 _FARTHEST = 8.0  # standard deviations outside of a cell beyond which a sample pulls no harder
 
 

@@ -102,7 +102,7 @@ _INSIDE = 0.05  # rad or m that stay free before the joints' limits
 _LINES = 12  # frequencies of a multisine
 _LOWEST, _HIGHEST = 0.15, 4.0  # Hz
 _SMOOTH = 0.04  # s over which jumps of the acceleration are spread
-_LEAST_SHARE = 1e-3
+_LEAST_SHARE = 1e-3  # of the way to the wall: twelve halvings found none inside
 _TRADED, _UNSURE = 0.9, 0.15
 
 

@@ -39,7 +39,7 @@ _WHOLE, _EXPLAINED = (
     0.3,
 )  # gains of joints that go as far as told; share of the motion that may be left
 _RIGID = 1e9  # N·m/rad: the stiffness of joints without sag
-_LEAST_COMPLIANCE = 1e-9
+_LEAST_COMPLIANCE = 1e-9  # rad/(N·m): 1/`_RIGID`
 IDENTIFICATION, PLANT = "identification.json", "plant.yaml"
 
 

@@ -21,8 +21,8 @@ from dqcontrol.logs.servos.lag_response import PiecewiseLinear
 from dqcontrol.logs.servos.servo_orders import FIRST_ORDER, MOST_DELAY, SECOND_ORDER, ServoOrder
 
 _MULTIPLE = 0.06  # of a step: RMS by which differences may miss whole numbers of steps
-_LEAST_LEVELS = 4
-_MOST_LEVELS = 20_000
+_LEAST_LEVELS = 4  # two gaps between three agree by chance
+_MOST_LEVELS = 20_000  # finer encoders fit like exact ones
 _ROUNDING = 1e-9  # rad or m; finer steps are digits of the file
 _NORMAL = 0.6745  # median of |x| of a standard normal x
 QUANTUM = 1 / math.sqrt(12)
@@ -63,14 +63,14 @@ def noise_of(residual: Array, resolution: float) -> float:
     return max(rough, resolution * QUANTUM)
 
 
-NORMAL_95 = 1.96
+NORMAL_95 = 1.96  # standard deviations: 95 % of a normal distribution
 _GRID_LAGS = np.geomspace(
     2e-3, 0.8, 11
 )  # s, each 1.8 times the one before: all that `LEAST_LAG` … allow is near one
 _GRID_DELAYS = np.linspace(0.0, MOST_DELAY, 31)
 _GRID_SAMPLES, _START_SAMPLES = 800, 3000
-_STARTS = 3
-_ITERATIONS = 60
+_STARTS = 3  # the best points of the grid, from which the fit descends
+_ITERATIONS = 60  # ends by itself at `_PRECISE`
 _ROUGH, _PRECISE = (
     1e-5,
     1e-9,

@@ -24,7 +24,7 @@ from dqcontrol.robots import Robot
 Mode = Literal["positions", "integrated", "measured"]
 
 _FEW = 5.5  # periods: commands that are missing for less are joined linearly
-_LEAST_SAMPLES = 40
+_LEAST_SAMPLES = 40  # fewer tell nothing of a servo
 _COPY = 1e-9  # rad or m
 _MOVED = 1e-3  # rad or m, a joint that moves
 _DEGREES, _NEAR = 180 / np.pi, 0.25  # a factor between columns, and how near to it

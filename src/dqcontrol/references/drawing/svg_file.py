@@ -18,7 +18,7 @@ from dqcontrol.references.drawing.drawing import PenStroke
 from dqcontrol.references.strokes import Arc, StraightStroke, Stroke
 
 _LARGEST = 2_000_000  # bytes
-_MOST_STROKES = 20_000
+_MOST_STROKES = 20_000  # more are a picture, no drawing
 _PIECES = 12  # pairs of arcs for each curve of a path
 _STEP = 1e-5  # of a curve's parameter, for its tangents
 _WHITE = "#ffffff"

@@ -22,9 +22,9 @@ from dqcontrol.robots.whole_body import WholeBody
 
 _ANGULAR = 0.3  # m: 1 rad is as far as that, as of `FilteredInverse`
 _STARTS, _REFINED = 64, 6
-_STEPS = 200
+_STEPS = 200  # ends by itself where a step gains nothing
 _PRESSED = 1e-6  # of the error: what a bound must hold back to be named
-_STANDS = 1e-12
+_STANDS = 1e-12  # gain of a step in the squared error: rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +161,7 @@ def _pressed(robot: Robot, q: Array, left: Array) -> tuple[str, ...]:
     return tuple(named)
 
 
-_STARTS_OF_POSTURES = 60
+_STARTS_OF_POSTURES = 60  # a six-axis arm has eight postures
 _SAME = 1e-3  # rad or m between two configurations: one solution
 
 
@@ -280,7 +280,7 @@ def _room(robot: Robot, q: Array) -> tuple[Array, Array, NDArray[np.intp]]:
     return np.minimum(shares, 1.0).min(axis=1), distance.min(axis=1), nearest
 
 
-_TRIES = 500
+_TRIES = 500  # random configurations
 
 
 def most_dexterous(robot: Robot, lowest: float = -math.inf) -> Array:

@@ -146,7 +146,7 @@ def _feedforward(robot: Robot, prepared: Controller, start: Array) -> float:
     return float(np.clip(np.round(np.median(share), 3), 0.0, 1.0))
 
 
-_FREQUENCIES = 240
+_FREQUENCIES = 240  # neighbours on a logarithmic scale differ by some percent
 _EVEN = 513  # frequencies, equally far apart
 _LOWEST = 0.02  # Hz
 _LEAST = 0.1  # Hz, of a cut-off

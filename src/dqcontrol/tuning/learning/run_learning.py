@@ -73,7 +73,7 @@ _AT_NOISE, _LEFT_NOISE = (
     1.5,
     3.0,
 )  # times the noise in the band: what is taken for noise, and what is not any more
-_MOST_FLAT = 2
+_MOST_FLAT = 2  # repeats without progress in a row: one may be noise
 _SAME = 1.001  # is no growth: what is not learnt stays as it is
 _MISSING = 2.5  # periods at the end that a robot's record may lack
 _HIDDEN = 1.3  # times what encoders see: less is not worth a word
