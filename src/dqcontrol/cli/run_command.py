@@ -56,6 +56,7 @@ def run(
     over
         With --compiled: law and supervisor in a process, the plant in another one, which it reaches over this.
     """
+    from dqcontrol.cli.kernels_beside import compile_beside
     from dqcontrol.errors import DivergedError, ShapeError
     from dqcontrol.experiments import read_spec, run_study_to
     from dqcontrol.experiments.results_folder import working_folder
@@ -69,6 +70,7 @@ def run(
         options = {"over": over} if compiled else None
         _in_real_time(spec, folder, force=force, compiled=options, figures=figures is not False)
         return
+    compile_beside()
     try:
         with progress_bar() as progress:
             study = run_study_to(

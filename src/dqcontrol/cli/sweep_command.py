@@ -35,11 +35,13 @@ def sweep(
     by
         Number that says which points are best, as in runs.parquet.
     """
+    from dqcontrol.cli.kernels_beside import compile_beside
     from dqcontrol.experiments import run_sweep_to
     from dqcontrol.experiments.results_folder import working_folder
     from dqcontrol.experiments.sweep import read_sweep
 
     folder = out or Path("results") / read_sweep(spec).name
+    compile_beside()
     try:
         with progress_bar() as progress:
             ranking = run_sweep_to(

@@ -39,11 +39,13 @@ def tune(
     scheduler
         Address of a Dask scheduler, as tcp://127.0.0.1:8786, whose workers search.
     """
+    from dqcontrol.cli.kernels_beside import compile_beside
     from dqcontrol.experiments.results_folder import working_folder
     from dqcontrol.tuning import tune_to
     from dqcontrol.tuning.tune_spec import read_tune
 
     folder = out or Path("results") / f"{read_tune(spec).spec.name}-tuned"
+    compile_beside()
     try:
         with progress_bar() as progress:
             tune_to(

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 from numba import types
 
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.compile import READ, STATUS, WRITE
+from dqcontrol.compiled.compile import READ, READ2, STATUS, WRITE
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.references.sample import SAMPLE_SIZE
 
@@ -17,6 +17,8 @@ UNTOUCHED = 16  # status: three touches were to tell a plane, and told none
 
 # measured pose, sample, its number, parameters, state, work; the work begins with the wrench that the host writes
 CONTACT = STATUS(READ, READ, types.intp, READ, WRITE, WRITE)
+# pose, twist Jacobian, command that left, parameters, state, work
+LEFT = STATUS(READ, READ2, READ, READ, WRITE, WRITE)
 
 
 class ContactParameters(NamedTuple):

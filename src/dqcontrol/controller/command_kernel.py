@@ -26,7 +26,7 @@ from dqcontrol.compiled.intrinsics import caller
 from dqcontrol.compiled.law_signature import CONSTRAINT, call_law
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.contact.admittance_step import give_back
-from dqcontrol.contact.contact_layout import CONTACT, CONTACT_STATE, WRENCH, contact_work
+from dqcontrol.contact.contact_layout import CONTACT, CONTACT_STATE, LEFT, WRENCH, contact_work
 from dqcontrol.controller.task_levels import TASKS
 from dqcontrol.laws.null_space import PREFERENCE, WORK_SIZE
 from dqcontrol.limits.position_limit import POSITION_LIMIT
@@ -43,7 +43,7 @@ STEP = STATUS(PLAN, WRITE, INPUT, READ, types.intp, types.float64, WRITE, WRITE)
 _call_preference, _call_limit, _call_position_limit = map(caller, (PREFERENCE, LIMIT, POSITION_LIMIT))
 _call_tasks = caller(TASKS)
 _call_constraint = caller(CONSTRAINT)
-_call_contact = caller(CONTACT)
+_call_contact, _call_left = caller(CONTACT), caller(LEFT)
 
 
 class Plan(NamedTuple):
@@ -51,7 +51,7 @@ class Plan(NamedTuple):
 
     Attributes
     ----------
-    kinematics, preference, law, position_limit, limit, tasks, constraint, contact
+    kinematics, preference, law, position_limit, limit, tasks, constraint, contact, left
         Addresses; 0 where nothing is to be done.
     contact_at
         Where the state has what contact remembers.
@@ -73,6 +73,7 @@ class Plan(NamedTuple):
     tasks: int
     constraint: int
     contact: int
+    left: int
     contact_at: int
     delivered_at: int
     last_at: int
@@ -247,14 +248,16 @@ def note_sent(prepared, state, command):
     if delivered != 0:
         pose, _, twist_jacobian = split(prepared.memory.kinematics)
         note_delivered(pose, twist_jacobian, command, state[delivered : delivered + 6])
-    if plan.contact != 0:
+    if plan.left != 0:  # by its address: loops without contact do not wait until it is compiled
         pose, _, twist_jacobian = split(prepared.memory.kinematics)
-        note_left(
+        own = state[plan.contact_at : plan.contact_at + CONTACT_STATE]
+        _call_left(
+            plan.left,
             pose,
             twist_jacobian,
             command,
             prepared.memory.contacting,
-            state[plan.contact_at : plan.contact_at + CONTACT_STATE],
+            own,
             prepared.memory.contact_work,
         )
     if last != 0:
@@ -290,7 +293,7 @@ def note_asked(command, work):
     room.noted[0] = 1.0
 
 
-@inline
+@kernel(LEFT)
 def note_left(pose, twist_jacobian, command, parameters, state, work):
     """Let the contact stage give back what did not leave, as twists of the end effector."""
     room = contact_work(work)
@@ -303,6 +306,7 @@ def note_left(pose, twist_jacobian, command, parameters, state, work):
         note_delivered(pose, twist_jacobian, room.command, room.asked)
         note_delivered(pose, twist_jacobian, command, room.delivered)
         give_back(parameters, state, work)
+    return OK
 
 
 @kernel(STEP)

@@ -270,6 +270,7 @@ class Controller:
             tasks,
             kept,
             contact,
+            note_left if contact else None,
         )
         return dict(zip(Plan._fields, stages, strict=False))
 
