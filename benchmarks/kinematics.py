@@ -156,7 +156,7 @@ def two_arms_against_dq_robotics(rounds: int) -> list[Ratio]:
 def tree_against_pinocchio(rounds: int) -> list[Ratio]:
     """Time three tips of a humanoid: pose and twist Jacobian of each."""
     path = package_files("example-robot-data")[TALOS]
-    robot, model = dqc.load_tree(path), pinocchio.buildModelFromUrdf(str(path))
+    robot, model = dqc.load_robot(path, tips="all"), pinocchio.buildModelFromUrdf(str(path))
     data, q = model.createData(), np.linspace(-0.3, 0.3, robot.configuration_size)
     their_q, columns = (
         pinocchio.neutral(model),

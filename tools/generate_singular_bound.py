@@ -10,7 +10,7 @@ TARGET = Path(__file__).parent.parent / "src/dqcontrol/robots/kinematics/singula
 SIZE = 6
 HALF = 3  # rows of a block: the sums of one block fit into the registers of a processor
 
-HEADER = '''"""Whether a Jacobian is far from singular. Written by tools/generate_singular_bound.py."""
+HEADER = '''"""Bound on how near a Jacobian is to singular. Written by tools/generate_singular_bound.py."""
 
 from __future__ import annotations
 

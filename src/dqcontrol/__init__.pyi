@@ -58,9 +58,7 @@ from .robots import (
     TreeRobot as TreeRobot,
     TwoArms as TwoArms,
     WholeBody as WholeBody,
-    load_mobile as load_mobile,
     load_robot as load_robot,
-    load_tree as load_tree,
     robot_names as robot_names,
 )
 from .tuning import (

@@ -25,7 +25,7 @@ BEAM = """<robot name="beam"><link name="base"/><link name="a"/><link name="b"/>
 
 
 def test_a_chain_and_the_tree_of_it_are_kept_alike():
-    chain, tree = dqc.load_robot(FILE, "base", "tool"), dqc.load_tree(FILE, ["tool"], "base")
+    chain, tree = dqc.load_robot(FILE, "base", "tool"), dqc.load_robot(FILE, "base", tips=["tool"])
     shapes = [
         LinkShape("arm", 3, Capsule([0, 0, 0], [0.2, 0, 0], 0.04)),
         LinkShape("foot", 0, Capsule([0.1] * 3, [0.2] * 3, 0.05)),
@@ -87,7 +87,7 @@ def test_hands_of_a_tree_have_names():
 
 def test_joints_that_follow_others_are_reckoned_with(tmp_path):
     (tmp_path / "beam.urdf").write_text(BEAM)
-    tree = dqc.load_tree(tmp_path / "beam.urdf", ["c", "d"])
+    tree = dqc.load_robot(tmp_path / "beam.urdf", tips=["c", "d"])
     bars = [
         LinkShape("b", 2, Capsule([0, 0, 0], [0, 0, 0.3], 0.05)),
         LinkShape("d", 4, Capsule([0, 0, 0], [0, 0, 0.4], 0.05)),

@@ -104,7 +104,7 @@ GRIPPER = """<robot name="gripper">
 
 def test_joints_that_follow_others_are_drawn_where_they_are(tmp_path):
     (tmp_path / "gripper.urdf").write_text(GRIPPER)
-    robot, mujoco = dqc.load_tree(tmp_path / "gripper.urdf"), import_mujoco()
+    robot, mujoco = dqc.load_robot(tmp_path / "gripper.urdf", tips="all"), import_mujoco()
     q = np.array([0.7, 0.03])
     model = compiled(skeleton(robot))
     data = mujoco.MjData(model)

@@ -7,7 +7,7 @@ import pytest
 from pinocchio_oracle import ARMS, model_of, symmetric
 
 from dqcontrol.errors import ShapeError, ValueRangeError
-from dqcontrol.robots import Inertia, SerialArm, chain_as_tree, load_robot, load_tree
+from dqcontrol.robots import Inertia, SerialArm, chain_as_tree, load_robot
 
 WEIGHED = [name for name in ARMS if load_robot(name).inertia is not None]
 
@@ -49,7 +49,7 @@ def test_tree_whose_joints_follow_each_other(tmp_path):
     """Joints that follow have the mass matrix GᵀMG of the tree in which they move alone."""
     for name, mimic in (("free", ""), ("following", MIMIC)):
         (tmp_path / f"{name}.urdf").write_text(TREE.format(links=LINKS, mimic=mimic))
-    free, following = (load_tree(tmp_path / f"{name}.urdf") for name in ("free", "following"))
+    free, following = (load_robot(tmp_path / f"{name}.urdf", tips="all") for name in ("free", "following"))
     model = pin.buildModelFromUrdf(str(tmp_path / "free.urdf"))
     q = np.array([0.4, 0.02, -0.7])
     rates = np.array([0.5, -0.3, 1.1])

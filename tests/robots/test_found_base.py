@@ -74,7 +74,7 @@ def pair(x=0.0, half=0.2, **others):
 
 def test_two_wheels_make_a_differential_drive_with_its_arm(file):
     caster = wheel("front_caster_wheel", 0.2, 0, steer="continuous")
-    body = dqc.load_mobile(file(*pair(0.1), caster, arm(4)))
+    body = dqc.load_robot(file(*pair(0.1), caster, arm(4)), drive="found")
     base, place, chain = body.parts
     assert isinstance(base, DifferentialDrive)
     assert (base.wheel_radius, base.half_track, base.rim_speed) == pytest.approx((0.05, 0.2, 0.5))
@@ -87,23 +87,25 @@ def test_two_wheels_make_a_differential_drive_with_its_arm(file):
 
 def test_the_base_drives_forwards_along_the_file_s_x_whichever_way_its_axles_point(file):
     for axis in ("0 1 0", "0 -1 0"):
-        body = dqc.load_mobile(file(*pair(axis=axis), arm(1)))
+        body = dqc.load_robot(file(*pair(axis=axis), arm(1)), drive="found")
         moved = dqc.algebra.translation(body.fkm([1.0, 0, 0, 0])) - dqc.algebra.translation(
             body.fkm(np.zeros(4))
         )
         np.testing.assert_allclose(moved, [1, 0, 0], atol=1e-12)
     across = wheel("wheel_a", 0.2, 0, axis="1 0 0") + wheel("wheel_b", -0.2, 0, axis="1 0 0")
-    body = dqc.load_mobile(file(across, arm(1)))
+    body = dqc.load_robot(file(across, arm(1)), drive="found")
     hand = dqc.algebra.translation(body.fkm(np.zeros(4)))
     np.testing.assert_allclose(hand, [0, -0.1, 0.2], atol=1e-12)  # it drives along the file's y
 
 
 def test_steered_wheels_make_cars_and_tricycles(file):
     front = [wheel(f"front_wheel_{i}", 0.5, y, steer="revolute") for i, y in enumerate((0.2, -0.2))]
-    car = dqc.load_mobile(file(*pair(), *front)).parts[0]
+    car = dqc.load_robot(file(*pair(), *front), drive="found").parts[0]
     assert isinstance(car, CarLikeBase)
     assert (car.wheelbase, car.steering_limit, car.half_track) == pytest.approx((0.5, 0.5, 0.2))
-    tricycle = dqc.load_mobile(file(*pair(), wheel("front_wheel", 0.5, 0, steer="revolute"))).parts[0]
+    tricycle = dqc.load_robot(
+        file(*pair(), wheel("front_wheel", 0.5, 0, steer="revolute")), drive="found"
+    ).parts[0]
     assert isinstance(tricycle, SteeredTricycle)
     assert tricycle.wheelbase == pytest.approx(0.5)
 
@@ -122,11 +124,11 @@ def test_four_wheels_are_asked_about(file):
     with pytest.raises(
         FileFormatError, match="four wheels that are not steered: mecanum wheels, or a base that skids"
     ):
-        dqc.load_mobile(path)
+        dqc.load_robot(path, drive="found")
     with pytest.raises(FileFormatError, match="are all casters; give drive"):
-        dqc.load_mobile(file(*youbot_wheels("continuous"), name="casters.urdf"))
+        dqc.load_robot(file(*youbot_wheels("continuous"), name="casters.urdf"), drive="found")
     for one in (path, file(*youbot_wheels("continuous"), arm(5), name="casters.urdf")):
-        body = dqc.load_mobile(one, drive="mecanum")
+        body = dqc.load_robot(one, drive="mecanum")
         base = body.parts[0]
         assert isinstance(base, MecanumBase)
         assert (base.half_track, base.half_wheelbase, base.wheel_radius) == pytest.approx(
@@ -135,7 +137,7 @@ def test_four_wheels_are_asked_about(file):
         # the floor is below the wheels, not at the file's origin
         assert dqc.DualQuaternion(body.parts[1]).translation[2] == pytest.approx(0.084)
     rollers = "".join(wheel(f"mecanum_wheel_{x}{y}", x * 0.2, y * 0.1) for x in (1, -1) for y in (1, -1))
-    assert isinstance(dqc.load_mobile(file(rollers, name="rollers.urdf")).parts[0], MecanumBase)
+    assert isinstance(dqc.load_robot(file(rollers, name="rollers.urdf"), drive="found").parts[0], MecanumBase)
 
 
 def test_wheels_around_the_middle_are_omni_wheels(file):
@@ -149,7 +151,7 @@ def test_wheels_around_the_middle_are_omni_wheels(file):
         )
         for i, a in enumerate(angles)
     ]
-    base = dqc.load_mobile(file(*wheels)).parts[0]
+    base = dqc.load_robot(file(*wheels), drive="found").parts[0]
     assert isinstance(base, OmniBase)
     assert (base.wheel_count, base.wheel_distance) == (3, pytest.approx(0.3))
 
@@ -170,21 +172,21 @@ def test_wheels_around_the_middle_are_omni_wheels(file):
 )
 def test_what_cannot_be_told_is_said(file, parts, options, message):
     with pytest.raises((FileFormatError, UnknownNameError, ValueError), match=message):
-        dqc.load_mobile(file(*parts), **options)
+        dqc.load_robot(file(*parts), **{"drive": "found", **options})
 
 
 def test_what_the_file_lacks_may_be_given(file):
-    base = dqc.load_mobile(file(*pair(shape=MESH)), wheel_radius=0.06, track=0.5).parts[0]
+    base = dqc.load_robot(file(*pair(shape=MESH)), wheel_radius=0.06, track=0.5, drive="found").parts[0]
     assert (base.wheel_radius, base.half_track) == (0.06, 0.25)
 
 
 def test_tiago_from_its_wheels():
-    body = dqc.load_mobile("example-robot-data:tiago_description/robots/tiago_no_hand.urdf")
+    body = dqc.load_robot("example-robot-data:tiago_description/robots/tiago_no_hand.urdf", drive="found")
     base = body.parts[0]
     assert isinstance(base, DifferentialDrive)
     assert (base.wheel_radius, base.half_track, base.rim_speed) == pytest.approx((0.0985, 0.2022, 1.0))
     assert body.input_names[:4] == ("v", "omega", "torso_lift_joint", "arm_1_joint")
-    body = dqc.load_mobile("example-robot-data:tiago_description/robots/tiago.urdf")
+    body = dqc.load_robot("example-robot-data:tiago_description/robots/tiago.urdf", drive="found")
     assert body.parts[-1].links[-1] == "hand_palm_link"
 
 
@@ -215,7 +217,7 @@ def test_mjcf(tmp_path):
     pytest.importorskip("mujoco")
     path = tmp_path / "cart.xml"
     path.write_text(MJCF)
-    body = dqc.load_mobile(path)
+    body = dqc.load_robot(path, drive="found")
     assert body.input_names == ("v", "omega", "shoulder")
     assert (body.parts[0].wheel_radius, body.parts[0].half_track) == pytest.approx((0.08, 0.15))
     assert dqc.DualQuaternion(body.fkm(np.zeros(4))).translation[2] == pytest.approx(0.28)

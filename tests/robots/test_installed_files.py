@@ -9,7 +9,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.cli import main
-from dqcontrol.errors import FileFormatError, MissingExtraError, UnknownNameError
+from dqcontrol.errors import FileFormatError, MissingExtraError, ShapeError, UnknownNameError
 from dqcontrol.robots import load_robot
 from dqcontrol.robots.files.load import installed_robot_files, package_files
 
@@ -53,7 +53,7 @@ def test_a_package_brings_robots_by_their_places(wheel):
     arm = load_robot("toys:lever/lever.xml", tip_link="hand")  # a site
     assert arm.joint_names == ("hinge",)
     np.testing.assert_allclose(dqc.DualQuaternion(arm.fkm([np.pi / 2])).translation, [0, 0.5, 0], atol=1e-15)
-    assert dqc.load_tree("toys:models/lever/lever.xml").joint_names == ("hinge", "gripper")
+    assert dqc.load_robot("toys:models/lever/lever.xml", tips="all").joint_names == ("hinge", "gripper")
     assert load_robot(arm.origin[0], *arm.origin[1:]).joint_names == ("hinge",)
 
 
@@ -62,7 +62,7 @@ def test_each_file_that_a_wheel_here_brings_loads_or_is_refused_in_a_line(record
     loaded, refused = 0, {}
     for source, _ in installed_robot_files():
         try:
-            loaded += dqc.load_tree(source).configuration_size > 0
+            loaded += dqc.load_robot(source, tips="all").configuration_size > 0
         except dqc.Error as error:
             refused[source] = str(error)
     record_property("loaded", loaded)
@@ -170,7 +170,21 @@ def test_what_stands_by_a_planar_joint_stays_where_the_file_has_it(tmp_path):
     <joint name="turn" type="continuous"><parent link="base"/><child link="bar"/></joint></robot>"""
     for kind in ("planar", "fixed"):
         (tmp_path / f"{kind}.urdf").write_text(text.replace("KIND", kind))
-    planar, fixed = (dqc.load_tree(tmp_path / f"{kind}.urdf") for kind in ("planar", "fixed"))
+    planar, fixed = (dqc.load_robot(tmp_path / f"{kind}.urdf", tips="all") for kind in ("planar", "fixed"))
     np.testing.assert_array_equal(planar.fkm([0.3]), fixed.fkm([0.3]))
     with pytest.raises(FileFormatError, match=r"is planar; .* \(--base-link base begins below it\)"):
         load_robot(tmp_path / "planar.urdf")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"drive": "found", "tips": "all"}, "drive: makes a base on wheels; leave out 'tips'"),
+        ({"wheel_radius": 0.1}, "wheel_radius: is that of a drive; give drive='found'"),
+        ({"tips": ["tool"], "tip_link": "tool"}, "tips: make a tree and 'tip_link' a chain"),
+        ({"floating": True}, "floating: is the root of a tree; give 'tips'"),
+    ],
+)
+def test_a_robot_is_of_one_kind(options, message):
+    with pytest.raises(ShapeError, match=message):
+        dqc.load_robot("example-robot-data:panda_description/urdf/panda.urdf", **options)

@@ -8,7 +8,7 @@ import dqcontrol as dqc
 from dqcontrol.errors import FileFormatError, NoteWarning, UnknownNameError
 from dqcontrol.plants import MujocoPlant
 from dqcontrol.plants.mujoco.mujoco_servos import mass_matrix
-from dqcontrol.robots import load_tree
+from dqcontrol.robots import load_robot
 from dqcontrol.robots.files.mjcf import mjcf_servos
 
 TWO_ARMS = """<mujoco model="two arms">
@@ -47,7 +47,7 @@ def path(tmp_path_factory):
 
 
 def test_every_body_against_mujoco(path):
-    robot, model = load_tree(path), mujoco.MjModel.from_xml_path(str(path))
+    robot, model = load_robot(path, tips="all"), mujoco.MjModel.from_xml_path(str(path))
     assert robot.joint_names == ("waist", "l1", "l2", "l3", "r1")
     data, rng = mujoco.MjData(model), np.random.default_rng(1)
     turns, moves = np.empty((3, model.nv)), np.empty((3, model.nv))
@@ -71,7 +71,7 @@ def test_every_body_against_mujoco(path):
 
 
 def test_limits_masses_and_gains(path):
-    robot, model = load_tree(path), mujoco.MjModel.from_xml_path(str(path))
+    robot, model = load_robot(path, tips="all"), mujoco.MjModel.from_xml_path(str(path))
     assert np.abs(robot.limits.lower[:3] - np.radians([-90, -120, -100])).max() < 1e-12
     assert robot.limits.effort.tolist() == [np.inf, 30, np.inf, np.inf, 10]
     assert robot.inertia is not None
@@ -99,7 +99,7 @@ def test_inertia_of_joints_with_a_reference_position(tmp_path):
     text = text.replace('<joint name="l2" axis="0 1 0" pos="0 0 -0.01" range="-100 100"/>', "")
     path = tmp_path / "ref.xml"
     path.write_text(text.replace('range="0 0.2"', 'range="0 0.2" ref="0.07"') + "</mujoco>")
-    robot, model = load_tree(path), mujoco.MjModel.from_xml_path(str(path))
+    robot, model = load_robot(path, tips="all"), mujoco.MjModel.from_xml_path(str(path))
     assert np.abs(model.qpos0 - np.array([*np.radians([10, 35]), 0.07, 0, np.radians(35)])).max() < 1e-12
     data, rng = mujoco.MjData(model), np.random.default_rng(4)
     for _ in range(5):
@@ -114,7 +114,7 @@ def test_inertia_of_joints_with_a_reference_position(tmp_path):
 def test_a_chain_of_it_is_an_arm(path):
     arm = dqc.load_robot(path, tip_link="left hand")
     assert arm.joint_names == ("waist", "l1", "l2", "l3")
-    robot, q = load_tree(path), np.array([0.2, 0.5, -0.4, 0.1])
+    robot, q = load_robot(path, tips="all"), np.array([0.2, 0.5, -0.4, 0.1])
     assert np.abs(arm.fkm(q) - robot.fkm([*q, 0.3], "left hand")).max() < 1e-14
     with pytest.raises(UnknownNameError, match="tip_link: unknown link 'left hnd'; did you mean 'left hand'"):
         dqc.load_robot(path, tip_link="left hnd")
@@ -157,7 +157,7 @@ def test_what_is_refused_is_named(path, tmp_path, old, new, message):
         text = text.split("<equality>")[0] + "</mujoco>"
     (tmp_path / "two.xml").write_text(text)
     with pytest.raises(FileFormatError, match=message):
-        load_tree(tmp_path / "two.xml")
+        load_robot(tmp_path / "two.xml", tips="all")
 
 
 # An arm whose gripper closes loops, as those of two fingers with parallel jaws do: drivers carry couplers, and
@@ -190,13 +190,13 @@ def test_loops_of_a_gripper_stay_beside_the_arm(tmp_path):
     model = mujoco.MjModel.from_xml_path(str(path))
     assert arm.inertia is not None
     assert abs(arm.inertia.mass.sum() - model.body_mass.sum()) < 1e-12
-    tree = load_tree(path, ["pinch"])
+    tree = load_robot(path, tips=["pinch"])
     assert tree.joint_names == ("j1", "j2", "j3")
     with pytest.raises(
         FileFormatError,
         match=r"connects 'right_follower' and 'right_coupler': that closes a loop.*a tip above",
     ):
-        load_tree(path)
+        load_robot(path, tips="all")
     with pytest.raises(FileFormatError, match=r"parallel.xml:\d+: equality .* closes a loop"):
         dqc.load_robot(path, tip_link="left_pad")
 
@@ -211,7 +211,7 @@ def test_a_site_is_a_tip(tmp_path):
     site, arm = data.site("pinch"), dqc.load_robot(path, tip_link="pinch")
     hand = dqc.DualQuaternion(arm.fkm(q))
     assert np.abs(hand.translation - site.xpos).max() < 1e-12
-    seen = dqc.DualQuaternion(load_tree(path, ["mount"]).fkm(q, "pinch"))
+    seen = dqc.DualQuaternion(load_robot(path, tips=["mount"]).fkm(q, "pinch"))
     assert np.abs(seen.matrix()[:3, :3] - site.xmat.reshape(3, 3)).max() < 1e-12
     assert np.abs(hand.matrix() - seen.matrix()).max() < 1e-12
     assert dqc.load_robot(path, tip_link="wrist site").joint_names == arm.joint_names  # "wrist" is a body
@@ -243,4 +243,4 @@ def test_a_loop_within_the_arm_is_refused(tmp_path):
 
 def test_a_file_that_is_not_there():
     with pytest.raises(FileFormatError, match=r"none\.xml: cannot be read: No such file"):
-        load_tree("none.xml")
+        load_robot("none.xml", tips="all")

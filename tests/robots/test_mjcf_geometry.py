@@ -40,7 +40,7 @@ def test_geoms_are_where_mujoco_has_them(path):
     q = np.array([0.4, -0.7])
     data.qpos[:] = q
     mujoco.mj_kinematics(model, data)
-    for robot in (dqc.load_tree(path), dqc.load_robot(path, tip_link="b")):
+    for robot in (dqc.load_robot(path, tips="all"), dqc.load_robot(path, tip_link="b")):
         assert robot.placed_links is not None
         frames = dqc.algebra.matrix_from_pose(robot.frames(q))
         for k, geom in enumerate(geoms, 1):
@@ -55,7 +55,7 @@ def test_geoms_are_where_mujoco_has_them(path):
 
 @pytest.mark.slow
 def test_what_collides_is_inside_of_its_shape(path):
-    robot = dqc.load_tree(path)
+    robot = dqc.load_robot(path, tips="all")
     fitted = {each.shape.name: each.shape for each in collision_shapes(robot)}
     assert "seen" not in fitted
     assert [type(fitted[name].shape) for name in ("a", "a.3", "b", "b.2", "b.3")] == [

@@ -9,7 +9,7 @@ import yaml
 import dqcontrol as dqc
 from dqcontrol import cli
 from dqcontrol.errors import FileFormatError
-from dqcontrol.robots import load_tree
+from dqcontrol.robots import load_robot
 from dqcontrol.robots.files.tree_file import plain_tree
 
 HAND = """<robot name="hand"><link name="palm"/><link name="a1"><inertial><mass value="0.3"/>
@@ -39,7 +39,7 @@ def hand(tmp_path):
 
 
 def test_a_tree_is_the_same_from_its_file(hand, tmp_path):
-    robot = load_tree(hand)
+    robot = load_robot(hand, tips="all")
     (tmp_path / "hand.yaml").write_text(yaml.safe_dump(plain_tree(robot)))
     again = dqc.load_robot(tmp_path / "hand.yaml")
     assert isinstance(again, dqc.TreeRobot)
@@ -60,7 +60,7 @@ def test_a_tree_is_the_same_from_its_file(hand, tmp_path):
     ],
 )
 def test_what_is_wrong_in_a_file_of_a_tree(hand, tmp_path, change, message):
-    data = plain_tree(load_tree(hand))
+    data = plain_tree(load_robot(hand, tips="all"))
     data["joints"][1] |= change
     (tmp_path / "hand.yaml").write_text(yaml.safe_dump(data))
     with pytest.raises(FileFormatError, match=message):
@@ -110,7 +110,10 @@ def test_convert(hand, tmp_path, monkeypatch, capsys):
     cli.main()
     assert "hand, 1 coordinates" in capsys.readouterr().out
     assert (
-        np.abs(dqc.load_robot(tmp_path / "tree.yaml").fkm([0.2]) - load_tree(hand).fkm([0.2])).max() < 1e-15
+        np.abs(
+            dqc.load_robot(tmp_path / "tree.yaml").fkm([0.2]) - load_robot(hand, tips="all").fkm([0.2])
+        ).max()
+        < 1e-15
     )
     monkeypatch.setattr(
         sys,

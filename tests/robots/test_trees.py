@@ -8,7 +8,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.errors import FileFormatError, UnknownNameError
-from dqcontrol.robots import PoseTask, load_tree
+from dqcontrol.robots import PoseTask, load_robot
 from dqcontrol.robots.files.load import package_files
 from dqcontrol.robots.files.urdf import urdf_tree
 
@@ -92,7 +92,7 @@ def test_every_file_of_example_robot_data_against_pinocchio():
     refused = {}
     for name, path in package_files("example-robot-data").items():
         try:
-            load_tree(path)
+            load_robot(path, tips="all")
         except (FileFormatError, UnknownNameError) as error:
             refused[name] = str(error)
             continue
@@ -119,7 +119,7 @@ def test_centre_of_mass_against_pinocchio(name):
 def test_mimic_joints_are_one_coordinate(tmp_path):
     (tmp_path / "hand.urdf").write_text(HAND)
     check_against_pinocchio(tmp_path / "hand.urdf")
-    robot = load_tree(tmp_path / "hand.urdf")
+    robot = load_robot(tmp_path / "hand.urdf", tips="all")
     assert robot.joint_names == ("a", "free")
     assert robot.follows == ("a",)
     q, h = np.array([0.3, -0.4]), 1e-5
@@ -137,7 +137,7 @@ def test_mimic_joints_are_one_coordinate(tmp_path):
 def test_any_base_and_a_chain_of_it_are_the_same():
     path = package_files("example-robot-data")["tiago_description/robots/tiago.urdf"]
     arm = dqc.load_robot(path, "torso_lift_link", "arm_7_link")
-    robot = load_tree(path, ["arm_7_link"], "torso_lift_link")
+    robot = load_robot(path, "torso_lift_link", tips=["arm_7_link"])
     q = at_random(robot)
     assert robot.joint_names[-7:] == arm.joint_names
     assert np.abs(robot.fkm(q) - arm.fkm(q[-7:])).max() < 1e-14
@@ -158,7 +158,7 @@ def test_gravity_of_a_tree_against_pinocchio():
 
 def test_floating_base():
     path = package_files("example-robot-data")["tiago_description/robots/tiago.urdf"]
-    fixed, free = load_tree(path), load_tree(path, floating=True)
+    fixed, free = load_robot(path, tips="all"), load_robot(path, tips="all", floating=True)
     assert free.joint_names[:6] == ("base_x", "base_y", "base_z", "base_yaw", "base_pitch", "base_roll")
     q, place = at_random(fixed), np.array([0.3, -0.2, 0.5, 0.4, -0.3, 0.2])
     base = dqc.DualQuaternion.from_rpy(place[:2:-1], place[:3])
@@ -167,9 +167,9 @@ def test_floating_base():
 
 
 def test_inverse_kinematics_of_several_tips():
-    robot = load_tree(
+    robot = load_robot(
         package_files("example-robot-data")["tiago_description/robots/tiago_dual.urdf"],
-        ["arm_left_7_link", "arm_right_7_link"],
+        tips=["arm_left_7_link", "arm_right_7_link"],
     )
     q = 0.5 * at_random(robot, 2) + 0.25 * (robot.limits.lower + robot.limits.upper)
     poses = {name: robot.fkm(q, name) for name in ("arm_left_7_link", "arm_right_7_link")}
@@ -208,13 +208,13 @@ def test_what_is_refused_is_named_with_its_line(tmp_path, old, new, message):
     assert old in HAND
     path.write_text(HAND.replace(old, new))
     with pytest.raises(FileFormatError, match=message):
-        load_tree(path)
+        load_robot(path, tips="all")
 
 
 def test_a_tip_that_does_not_exist(tmp_path):
     path = tmp_path / "hand.urdf"
     path.write_text(HAND)
     with pytest.raises(UnknownNameError, match="frame: unknown link 'b3'; did you mean 'b"):
-        load_tree(path, ["b3"])
+        load_robot(path, tips=["b3"])
     with pytest.raises(UnknownNameError, match=r"is no \.urdf, \.xacro or \.xml"):
-        load_tree("panda")
+        load_robot("panda", tips="all")

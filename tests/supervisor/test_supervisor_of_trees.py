@@ -22,7 +22,7 @@ def walk(prepared, q, wanted):
 def test_a_chain_and_the_tree_of_it_are_guarded_alike():
     chain, tree = (
         dqc.load_robot(FILE, "base", "tool"),
-        dqc.load_tree(FILE, ["tool"], "base").with_task("tool"),
+        dqc.load_robot(FILE, "base", tips=["tool"]).with_task("tool"),
     )
     q = np.array([0, 0.418, 1.716, 0, 1.007, 0])
     hand = dqc.DualQuaternion(chain.fkm(q)).translation

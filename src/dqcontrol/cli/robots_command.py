@@ -131,7 +131,7 @@ def convert(
     """
     from dqcontrol.errors import ExistsError, ShapeError
     from dqcontrol.files.plain_data import yaml_text
-    from dqcontrol.robots import SerialArm, TreeRobot, TwoArms, load_robot, load_tree
+    from dqcontrol.robots import SerialArm, TreeRobot, TwoArms, load_robot
     from dqcontrol.robots.files.robot_file import plain_arm
     from dqcontrol.robots.files.tree_file import plain_tree
 
@@ -142,7 +142,7 @@ def convert(
     elif tip_link is not None:
         raise ShapeError("--tips: makes a tree and --tip-link a chain; give one of them")
     else:
-        robot = load_tree(source, None if tips == "all" else tips.split(","), base_link)
+        robot = load_robot(source, base_link, tips="all" if tips == "all" else tips.split(","))
     if isinstance(robot, TreeRobot) and not isinstance(robot, TwoArms):
         data = plain_tree(robot)
     elif isinstance(robot, SerialArm):

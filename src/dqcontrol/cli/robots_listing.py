@@ -223,7 +223,7 @@ def list_installed() -> None:
 def loaded_row(source: str) -> list[Cell]:
     """Return the row of a robot file: an arm if it has one longest chain, else a tree, else why it is refused."""
     from dqcontrol.errors import Error, NoteWarning
-    from dqcontrol.robots import SerialArm, load_robot, load_tree
+    from dqcontrol.robots import SerialArm, load_robot
 
     notes: list[str] = []
     with warnings.catch_warnings(record=True) as caught:
@@ -233,7 +233,7 @@ def loaded_row(source: str) -> list[Cell]:
         except Error as no_arm:
             notes.append(_short(no_arm))
             try:
-                robot = load_tree(source)
+                robot = load_robot(source, tips="all")
             except Error as no_tree:
                 tip = re.search(r"\(--tip-link (.+?)[;)]", str(no_arm))
                 try:

@@ -13,9 +13,7 @@ from .files.description import (
     describe as describe,
 )
 from .files.load import (
-    load_mobile as load_mobile,
     load_robot as load_robot,
-    load_tree as load_tree,
     robot_names as robot_names,
 )
 from .files.robot_file import (

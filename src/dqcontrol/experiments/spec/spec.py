@@ -68,7 +68,6 @@ from dqcontrol.robots import (
     TreeRobot,
     TwoArms,
     load_robot,
-    load_tree,
     postures,
 )
 from dqcontrol.robots.files.load import robot_from
@@ -141,7 +140,7 @@ class RobotSpec(Part, frozen=True, kw_only=True):
             elif self.tip_link is not None:
                 raise ShapeError("robot: give either 'tip_link' (a chain) or 'tips' (a tree)")
             else:
-                robot = load_tree(place, None if self.tips == "all" else self.tips, self.base_link)
+                robot = load_robot(place, self.base_link, tips=self.tips)
         if self.task is None:
             return robot
         if not isinstance(robot, TreeRobot):

@@ -7,7 +7,7 @@ import importlib.metadata
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 from dqcontrol.errors import (
     FileFormatError,
@@ -187,8 +187,39 @@ def robot_names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in _MODELS.glob("*.yaml")))
 
 
-def load_robot(source: str | Path, base_link: str | None = None, tip_link: str | None = None) -> Robot:
-    """Load a robot by name or from a file.
+@overload
+def load_robot(source: str | Path, base_link: str | None = None, tip_link: str | None = None) -> Robot: ...
+@overload
+def load_robot(
+    source: str | Path,
+    base_link: str | None = None,
+    *,
+    tips: Sequence[str] | Literal["all"],
+    floating: bool = False,
+) -> TreeRobot: ...
+@overload
+def load_robot(
+    source: str | Path,
+    *,
+    tip_link: str | None = None,
+    drive: DriveKind | Literal["found"],
+    wheel_radius: float | None = None,
+    track: float | None = None,
+    steering_limit: float | None = None,
+) -> WholeBody: ...
+def load_robot(
+    source: str | Path,
+    base_link: str | None = None,
+    tip_link: str | None = None,
+    *,
+    tips: Sequence[str] | Literal["all"] | None = None,
+    floating: bool = False,
+    drive: DriveKind | Literal["found"] | None = None,
+    wheel_radius: float | None = None,
+    track: float | None = None,
+    steering_limit: float | None = None,
+) -> Robot:
+    """Load a robot by name or from a file: a chain; with ``tips`` all that moves them, with ``drive`` what has wheels.
 
     Parameters
     ----------
@@ -198,100 +229,40 @@ def load_robot(source: str | Path, base_link: str | None = None, tip_link: str |
         ``example-robot-data:panda_description/urdf/panda.urdf``, a file of that installed package, of which the end of
         the path is enough; or ``menagerie:NAME``, a model of MuJoCo Menagerie that mujoco-menagerie has fetched.
     base_link, tip_link
-        Ends of the chain, for URDF and MJCF files only; see `load_urdf`.
+        Ends of the chain, for URDF and MJCF files only; see `load_urdf`. Of a tree the link in whose frame the task's
+        pose is given, of a mobile robot the link whose frame is the end effector.
+    tips
+        Of URDF and MJCF files: links that are to be driven. Only the joints above them are kept, and the first is the
+        task; ``"all"`` keeps all joints.
+    floating
+        Whether the root of a tree moves freely, by x, y, z, yaw, pitch and roll before all others.
+    drive
+        Of URDF and MJCF files of mobile robots: ``"found"`` by their wheels; or where these do not tell,
+        ``"differential"``, ``"mecanum"``, ``"omni"``, ``"car-like"`` or ``"tricycle"``.
+    wheel_radius, track, steering_limit
+        m, m and rad, of a drive; where the file does not tell, or in place of what it says.
 
     Returns
     -------
-    SerialArm, WholeBody or TwoArms
-        A whole body if the source is a file with ``parts``, two arms if it is one with ``left`` and ``right``.
+    SerialArm, WholeBody, TreeRobot or TwoArms
+        A whole body if the source is a file with ``parts`` or a ``drive`` is asked for, two arms if it is one with
+        ``left`` and ``right``. In a tree every link is a named frame; joints that follow others (mimic) have no
+        coordinate of their own.
 
     Raises
     ------
     UnknownNameError
-        If there is no such robot or link.
+        If there is no such robot or link, or if there are several arms on wheels and no ``tip_link``.
     FileFormatError
-        If the file is missing or malformed.
+        If the file is missing or malformed, holds what no tree of hinges and slides can, or its wheels do not tell what
+        is needed: it is said what to give.
     MissingExtraError
         If the source is in a package that is not installed.
+    ShapeError
+        If what is asked for is of two kinds of robots.
 
-    Examples
-    --------
-    >>> import dqcontrol as dqc
-    >>> dqc.load_robot("iiwa7").configuration_size
-    7
-    """
-    found = _read(source, base_link, tip_link)
-    robot = found if isinstance(found, SerialArm) else robot_from(*found)
-    text = str(source)
-    robot.origin = (str(Path(text).resolve()) if Path(text).is_file() else text, base_link, tip_link)
-    return robot
-
-
-def load_tree(
-    source: str | Path,
-    tips: Sequence[str] | None = None,
-    base: str | None = None,
-    *,
-    floating: bool = False,
-) -> TreeRobot:
-    """Load a robot with all its joints and links from a file.
-
-    Parameters
-    ----------
-    source
-        A ``.urdf`` or ``.xacro`` file, an ``.xml`` file of MuJoCo (MJCF), or ``example-robot-data:PATH.urdf``.
-    tips
-        Links that are to be driven: only the joints above them are kept, and the first is the task. All joints if
-        omitted.
-    base
-        Link in whose frame the task's pose is given; the root if omitted.
-    floating
-        Whether the root moves freely, by x, y, z, yaw, pitch and roll before all others.
-
-    Returns
-    -------
-    TreeRobot
-        Every link is a named frame, joints that follow others (mimic) have no coordinate of their own.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such file or link.
-    FileFormatError
-        If the file is malformed, or holds what no tree of hinges and slides can.
-
-    Examples
-    --------
-    >>> import tempfile, pathlib, dqcontrol as dqc
-    >>> path = pathlib.Path(tempfile.mkdtemp()) / "fork.urdf"
-    >>> _ = path.write_text('''<robot name="fork"><link name="base"/><link name="left"/><link name="right"/>
-    ... <joint name="a" type="continuous"><parent link="base"/><child link="left"/></joint>
-    ... <joint name="b" type="continuous"><origin xyz="0 1 0"/><parent link="base"/><child link="right"/></joint>
-    ... </robot>''')
-    >>> fork = dqc.load_tree(path)
-    >>> fork.joint_names, fork.frame_names
-    (('a', 'b'), ('base', 'left', 'right'))
-    >>> abs(dqc.DualQuaternion(fork.fkm([0.1, 0.2], frame="right")).translation).round(9).tolist()
-    [0.0, 1.0, 0.0]
-    """
-    robot = _links(source).tree(tips, base, floating=floating)
-    robot.tips = tuple(tips or ())
-    text = str(source)
-    robot.origin = (str(Path(text).resolve()) if Path(text).is_file() else text, None, None)
-    return robot
-
-
-def load_mobile(
-    source: str | Path,
-    tip_link: str | None = None,
-    *,
-    drive: DriveKind | None = None,
-    wheel_radius: float | None = None,
-    track: float | None = None,
-    steering_limit: float | None = None,
-) -> WholeBody:
-    """Load a mobile robot, with its arm, from a file that describes its wheels.
-
+    Notes
+    -----
     Wheels are joints without limits about a level axis, with a round link or a name like a wheel's, at the height of
     the lowest; those that turn freely about an upright axis are casters, those that do so within limits are steered.
     Their number and axles tell the drive: two on an axle a differential drive, two and one or two steered ones a
@@ -299,34 +270,22 @@ def load_mobile(
     are those of the wheels, the rims' limit is that of their joints. The arm is the longest chain of joints, without
     gripper.
 
-    Parameters
-    ----------
-    source
-        A ``.urdf``, ``.xacro`` or ``.xml`` (MJCF) file, or ``example-robot-data:PATH.urdf``.
-    tip_link
-        Link whose frame is the end effector; if omitted, the one that carries the fingers of the longest chain.
-    drive
-        ``"differential"``, ``"mecanum"``, ``"omni"``, ``"car-like"`` or ``"tricycle"``, where the wheels do not tell.
-    wheel_radius, track
-        m; where the file does not tell, or in place of what it says.
-    steering_limit
-        rad; the same.
-
-    Returns
-    -------
-    WholeBody
-        The base, the pose of the file's root on it, and the arm if there is one.
-
-    Raises
-    ------
-    FileFormatError
-        If the file is malformed, or its wheels do not tell what is needed: it is said what to give.
-    UnknownNameError
-        If there is no such file or link, or there are several arms and no ``tip_link``.
-
     Examples
     --------
-    >>> import tempfile, pathlib, dqcontrol as dqc
+    >>> import dqcontrol as dqc
+    >>> dqc.load_robot("iiwa7").configuration_size
+    7
+    >>> import tempfile, pathlib
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "fork.urdf"
+    >>> _ = path.write_text('''<robot name="fork"><link name="base"/><link name="left"/><link name="right"/>
+    ... <joint name="a" type="continuous"><parent link="base"/><child link="left"/></joint>
+    ... <joint name="b" type="continuous"><origin xyz="0 1 0"/><parent link="base"/><child link="right"/></joint>
+    ... </robot>''')
+    >>> fork = dqc.load_robot(path, tips="all")
+    >>> fork.joint_names, fork.frame_names
+    (('a', 'b'), ('base', 'left', 'right'))
+    >>> abs(dqc.DualQuaternion(fork.fkm([0.1, 0.2], frame="right")).translation).round(9).tolist()
+    [0.0, 1.0, 0.0]
     >>> def wheel(side, y):
     ...     shape = '<collision><geometry><cylinder radius="0.1" length="0.04"/></geometry></collision>'
     ...     place = f'<origin xyz="0 {y} 0.1" rpy="-1.5708 0 0"/><axis xyz="0 0 1"/>'
@@ -334,21 +293,37 @@ def load_mobile(
     ...             f'<parent link="base"/><child link="{side}_wheel"/></joint>')
     >>> path = pathlib.Path(tempfile.mkdtemp()) / "cart.urdf"
     >>> _ = path.write_text(f'<robot name="cart"><link name="base"/>{wheel("left", 0.2)}{wheel("right", -0.2)}</robot>')
-    >>> dqc.load_mobile(path).parts[0].half_track
+    >>> dqc.load_robot(path, drive="found").parts[0].half_track
     0.2
     """
-    from dqcontrol.robots.files.mobile_robot_file import (
-        mobile_robot_from,  # as other readers: when a file needs it
-    )
+    wheels = {"wheel_radius": wheel_radius, "track": track, "steering_limit": steering_limit}
+    if drive is not None:
+        if tips is not None or floating or base_link is not None:
+            raise ShapeError("drive: makes a base on wheels; leave out 'tips', 'floating' and 'base_link'")
+        from dqcontrol.robots.files.mobile_robot_file import (
+            mobile_robot_from,  # as other readers: when a file needs it
+        )
 
-    return mobile_robot_from(
-        file_of(source),
-        tip_link,
-        drive=drive,
-        wheel_radius=wheel_radius,
-        track=track,
-        steering_limit=steering_limit,
-    )
+        return mobile_robot_from(
+            file_of(source), tip_link, drive=None if drive == "found" else drive, **wheels
+        )
+    if given := [name for name, value in wheels.items() if value is not None]:
+        raise ShapeError(f"{given[0]}: is that of a drive; give drive='found' beside it")
+    text = str(source)
+    place = str(Path(text).resolve()) if Path(text).is_file() else text
+    if tips is not None:
+        if tip_link is not None:
+            raise ShapeError("tips: make a tree and 'tip_link' a chain; give one of them")
+        chosen = None if tips == "all" else tips
+        tree = _links(source).tree(chosen, base_link, floating=floating)
+        tree.tips, tree.origin = tuple(chosen or ()), (place, None, None)
+        return tree
+    if floating:
+        raise ShapeError("floating: is the root of a tree; give 'tips' beside it, as tips='all'")
+    found = _read(source, base_link, tip_link)
+    robot = found if isinstance(found, SerialArm) else robot_from(*found)
+    robot.origin = place, base_link, tip_link
+    return robot
 
 
 def file_of(source: str | Path) -> Path:
@@ -393,7 +368,7 @@ def robot_from(path: str | Path, data: Any) -> Robot:
     if isinstance(data, dict) and "parts" in data:
         from dqcontrol.robots.files.whole_body_file import whole_body_from
 
-        return whole_body_from(path, data, _load_arm, load_mobile)
+        return whole_body_from(path, data, _load_arm, load_robot)
     if isinstance(data, dict) and "frames" in data:
         from dqcontrol.robots.files.tree_file import tree_from
 

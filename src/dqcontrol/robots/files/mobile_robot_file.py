@@ -32,7 +32,7 @@ def mobile_robot_from(
     track: float | None = None,
     steering_limit: float | None = None,
 ) -> WholeBody:
-    """Return the whole body of a URDF, xacro or MJCF file with wheels; see `load_mobile`."""
+    """Return the whole body of a URDF, xacro or MJCF file with wheels; see `load_robot`."""
     tree, found = base_of_file(path, drive, wheel_radius, track, steering_limit)
     stand = inverse7(found.place)
     parts: list[object] = [found.base, _pose8(stand)]
@@ -57,7 +57,7 @@ def base_of_file(
     track: float | None = None,
     steering_limit: float | None = None,
 ) -> tuple[LinkTree, FoundBase]:
-    """Return all links of a file, and the base that its wheels make; see `load_mobile`."""
+    """Return all links of a file, and the base that its wheels make; see `load_robot`."""
     is_mjcf = Path(path).suffix.lower() == MJCF
     tree = mjcf_tree(path) if is_mjcf else urdf_tree(path)
     shapes = mjcf_round_links(path) if is_mjcf else _round_links(path)

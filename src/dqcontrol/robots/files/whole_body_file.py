@@ -139,7 +139,7 @@ class ArmPart(_WholeBodyPart, tag="arm"):
 
 
 class MobileRobotPart(_WholeBodyPart, tag="mobile-robot"):
-    """A base and its arm as `load_mobile` finds them in a URDF or MJCF file; files relative to this one."""
+    """A base and its arm as `load_robot` finds them in a URDF or MJCF file; files relative to this one."""
 
     robot: Annotated[str, Meta(min_length=1)]
     tip_link: str | None = None
@@ -189,7 +189,7 @@ def whole_body_from(path: str | Path, data: Any, load_arm: LoadArm, load_mobile:
     load_arm
         Loads an arm from a source and the names of its links.
     load_mobile
-        Loads a base with its arm, see `dqcontrol.load_mobile`.
+        Loads a base with its arm, see `dqcontrol.load_robot`.
 
     Raises
     ------
@@ -250,8 +250,8 @@ def _mobile(part: MobileRobotPart, folder: Path, unit: float, load_mobile: LoadM
     limit = None if part.steering_limit is None else part.steering_limit * unit
     return load_mobile(
         near if near.is_file() else part.robot,
-        part.tip_link,
-        drive=part.drive,
+        tip_link=part.tip_link,
+        drive=part.drive or "found",
         wheel_radius=part.wheel_radius,
         track=part.track,
         steering_limit=limit,
