@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.compile import NOT_FINITE, OK, RAISED, SINGULAR, InterpretedKernel, Kernel
+from dqcontrol.compiled.compile import NOT_FINITE, RAISED, SINGULAR, InterpretedKernel, Kernel
 from dqcontrol.compiled.law_signature import LAW as LAW
 from dqcontrol.contact.admittance import NO_GUARDS
 from dqcontrol.contact.contact_layout import (
@@ -25,10 +25,11 @@ from dqcontrol.contact.guided_step import guide_again
 from dqcontrol.controller.command_kernel import (
     LAW_FAILED,
     Plan,
+    Prepared,
     PreparedMemory,
-    note_asked,
-    note_delivered,
+    compute_command,
     note_left,
+    note_sent,
     prepared_memory,
     sent,
     step,
@@ -40,7 +41,7 @@ from dqcontrol.laws.inverses import FilteredInverse, inverse_parameters
 from dqcontrol.laws.null_space import WORK_SIZE
 from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.limits.velocity_limit import unlimited
-from dqcontrol.references.sample import SAMPLE_SIZE, TIME, Sample
+from dqcontrol.references.sample import TIME, Sample
 from dqcontrol.robots.command_mode import AT_ONCE, CommandMode, Lag
 from dqcontrol.robots.kinematics.kinematics_kernels import split
 from dqcontrol.robots.robot import Robot
@@ -482,69 +483,28 @@ class Controller:
         state: Array,
         out: Array,
     ) -> int:
-        """Do in Python, for a law that is not compiled, what `compute_command` does."""
+        """Do what `step` does for a law that is not compiled: the stages around it are called from Python."""
         self._check(state, out)
-        parts, buffer = self._parts, self._parts.kinematics
-        if status := self.robot.kernels.twist_kinematics(self.robot.table, q, buffer):
-            return status
-        pose, _, twist_jacobian = split(buffer)
-        if self._law.contact:
-            at, room = self._contact_at, parts.contact_work
-            remembered = state[at : at + CONTACT_STATE]
-            k_now = max(round(sample[TIME] / period), 0) if k < 0 else k
-            if status := self._law.contact.kernel(pose, sample, k_now, parts.contacting, remembered, room):
-                return LAW_FAILED + status
-            sample = room[WRENCH : WRENCH + SAMPLE_SIZE]
-        if self._preference:
-            parameters, scratch = parts.preferring, parts.preference_work
-            self._preference(q, twist_jacobian, parameters, scratch, self.preferred)
         row = max(round(sample[TIME] / period), 0) if k < 0 else k
-        asked = self._asked(q, sample, k, state)
-        if self._position_limit:
-            own = parts.position_limiting, parts.position_limit_work
-            status = self._position_limit.function(self.kernel, *asked, *own, out)
-        else:
-            status = self.kernel(*asked, out)
-        if status:
-            return LAW_FAILED + status
-        if self.tasks:
-            given = parts.tasking, parts.tasking_work
-            if status := self.tasks.kernel(q, pose, twist_jacobian, sample, row, *given, out):
-                return LAW_FAILED + status
-        if self._law.contact:
-            note_asked(out, parts.contact_work)
-        if self._limit:
-            self._limit(q, parts.limiting, out)
-        if self.constraints:
-            own = parts.constraining, parts.constraint_work
-            table, address = self.robot.table, self.robot.kernels.twist_kinematics.pointer
-            metric = parts.tasking_work[max(len(parts.tasking_work) - len(out) ** 2, 0) :]
-            given = q, sample, row, twist_jacobian, metric, state
-            status = self.constraints.kernel(address, table, *given, *own, out)
-            if status:
-                return LAW_FAILED + status
-        self._note_sent(None, None, state, out)
-        return OK
+        return compute_command(self._in_python, q, sample, row, state, out)
 
     @cached_property
-    def _sent(self) -> Callable[..., int]:
-        return sent.compiled if isinstance(self.kernel, Kernel) else self._note_sent
+    def _in_python(self) -> Prepared:
+        """Plan and memory with the stages themselves in place of their addresses; an interpreted law has none."""
+        called: dict[str, Any] = {name: stage or 0 for name, stage in self.stages.items()}
+        if self._position_limit:
+            called["position_limit"] = self._position_limit.function  # it calls the law
+        if self.constraints:
+            kept, kinematics = self.constraints.kernel, self.robot.kernels.twist_kinematics.pointer
+            called["constraint"] = lambda _, *given: kept(kinematics, *given)
+        numbers = dict(zip(Plan._fields, self.plan.tolist(), strict=True))
+        return Prepared(Plan(**numbers | called), self._parts)
 
-    def _note_sent(self, plan: object, memory: object, state: Array, command: Array) -> int:
-        """Do in Python, for a law that is not compiled, what `note_sent` does."""
-        delivered, last, sent = self._feedback
-        if delivered:
-            pose, _, twist_jacobian = split(self._parts.kinematics)
-            note_delivered(pose, twist_jacobian, command, state[delivered : delivered + 6])
-        if self._law.contact:
-            pose, _, twist_jacobian = split(self._parts.kinematics)
-            at = self._contact_at
-            own = state[at : at + CONTACT_STATE]
-            note_left(pose, twist_jacobian, command, self._parts.contacting, own, self._parts.contact_work)
-        for at in (last, sent):
-            if at:
-                state[at : at + len(command)] = command
-        return OK
+    @cached_property
+    def _sent(self) -> Callable[..., object]:
+        if isinstance(self.kernel, Kernel):
+            return sent.compiled
+        return lambda _, memory, state, command: note_sent(self._in_python, state, command)
 
 
 _STATUS = {
