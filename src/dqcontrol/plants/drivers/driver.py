@@ -236,18 +236,16 @@ class RunningDriver(RunningPlant):
 def check_period(period: float, arm: str) -> None:
     """Raise if a period (s) is none that a maker's client bears."""
     if not _FASTEST <= period <= _SLOWEST:
-        raise ValueRangeError(
-            f"period: must be {_FASTEST:g} … {_SLOWEST:g} s for a {arm} arm, got {period:g}"
-        )
+        raise ValueRangeError(f"period: must be {_FASTEST:g} … {_SLOWEST:g} s for {arm} arms, got {period:g}")
 
 
-def client(module: str, extra: str) -> ModuleType:
-    """Return a robot's client, or say how to get it."""
+def client(module: str, requirement: str) -> ModuleType:
+    """Return a robot's client, or say what to install for it."""
     try:
         return import_module(module)
     except ImportError as error:
         raise MissingExtraError(
-            f"plant: the robot's client is not installed ({error}); pip install 'dqcontrol[{extra}]'"
+            f"plant: the robot's client is not installed ({error}); pip install {requirement}"
         ) from None
 
 

@@ -56,7 +56,7 @@ class FrankaArm(Driver, frozen=True, kw_only=True, tag="franka"):
 
 class _Franky(Link):
     def __init__(self, plant: FrankaArm) -> None:
-        self._franky: Any = client("franky", "franka")
+        self._franky: Any = client("franky", "'dqcontrol[franka]'")
         real_time = self._franky.RealtimeConfig
         has_priorities = hasattr(os, "sched_getscheduler")
         before = (os.sched_getscheduler(0), os.sched_getparam(0)) if has_priorities else None

@@ -15,6 +15,7 @@ from dqcontrol.errors import ShapeError, UnknownNameError, ValueRangeError
 from dqcontrol.plants.drivers.driver import Driver, Link, client
 from dqcontrol.robots.robot import Robot
 
+_LEROBOT = "lerobot (Python 3.12 or newer)"
 _ENDING = ".pos"  # of a joint's position in LeRobot's observations and actions
 
 
@@ -75,7 +76,7 @@ class _LeRobot(Link):
         config = kind(**settings)
         if plant.units == "deg" and not getattr(config, "use_degrees", True):
             raise ValueRangeError("plant.robot.use_degrees: must be true; shares of a range are no angles")
-        self._robot: Any = client("lerobot.robots", "lerobot").make_robot_from_config(config)
+        self._robot: Any = client("lerobot.robots", _LEROBOT).make_robot_from_config(config)
         self._keys = [name + _ENDING for name in joints]
         self._scale = np.pi / 180 if plant.units == "deg" else 1.0
         self._reads = 0
@@ -109,7 +110,7 @@ class _LeRobot(Link):
 
 def _config_class(name: str) -> Any:
     """Return LeRobot's configuration class of a type of robot; a type is known once its module is imported."""
-    robots, utilities = client("lerobot.robots", "lerobot"), import_module("lerobot.utils.import_utils")
+    robots, utilities = client("lerobot.robots", _LEROBOT), import_module("lerobot.utils.import_utils")
     utilities.register_third_party_plugins()
     for each in pkgutil.iter_modules(robots.__path__):
         with suppress(ImportError):  # of a robot whose own library is not installed

@@ -12,6 +12,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.plants.drivers.driver import Driver, Link, check_period, client
 from dqcontrol.robots.robot import Robot
 
+_CLIENT = "'dqcontrol[ur]'"
 _CYCLE = 0.002  # s: of the e-Series
 _RECEIVED = ["timestamp", "actual_q", "robot_status_bits", "safety_status_bits", "runtime_state"]
 _PLAYING = 2  # of RTDE's runtime_state
@@ -69,7 +70,7 @@ class _Rtde(Link):
     def __init__(self, plant: UniversalRobot, period: float) -> None:
         self._plant, self._period, self._is_watched = plant, period, False
         self._control: Any = None
-        receive, dashboard = client("rtde_receive", "ur"), client("dashboard_client", "ur")
+        receive, dashboard = client("rtde_receive", _CLIENT), client("dashboard_client", _CLIENT)
         asked = dashboard.DashboardClient(plant.host)
         asked.connect()
         version = [int(part) for part in re.findall(r"\d+", asked.polyscopeVersion())[:2]]
@@ -81,7 +82,7 @@ class _Rtde(Link):
         self._received: Any = receive.RTDEReceiveInterface(plant.host, variables=_RECEIVED)
 
     def take(self) -> None:
-        self._control = client("rtde_control", "ur").RTDEControlInterface(self._plant.host)
+        self._control = client("rtde_control", _CLIENT).RTDEControlInterface(self._plant.host)
         until = time.monotonic() + _BEGINS
         while self._received.getRuntimeState() != _PLAYING and time.monotonic() < until:
             time.sleep(_CYCLE)  # the program runs; the other connection hears so a message later

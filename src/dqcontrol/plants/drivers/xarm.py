@@ -14,6 +14,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.plants.drivers.driver import Driver, Link, check_period, client
 from dqcontrol.robots.robot import Robot
 
+_CLIENT = "'dqcontrol[xarm]'"
 _OLDEST = (1, 9, 0)  # firmware: before, measured joints cannot be asked for
 _VELOCITY, _MOVES, _STANDS = 4, 1, 2  # of the SDK's modes and states
 _READY, _STOP = 0, 4  # states to be set
@@ -63,9 +64,9 @@ class XArm(Driver, frozen=True, kw_only=True, tag="xarm"):
 class _Sdk(Link):
     def __init__(self, plant: XArm) -> None:
         self._plant, self._reads, self._is_taken = plant, 0, False
-        sdk, codes = client("xarm.wrapper", "xarm"), client("xarm.core.config.x_code", "xarm")
+        sdk, codes = client("xarm.wrapper", _CLIENT), client("xarm.core.config.x_code", _CLIENT)
         self._title = codes.ControllerError
-        client("xarm.core.utils.log", "xarm").logger.setLevel(
+        client("xarm.core.utils.log", _CLIENT).logger.setLevel(
             "CRITICAL"
         )  # it says on stdout what is raised here
         address = socket.gethostbyname(plant.host)  # anything else than four numbers would be a serial port
