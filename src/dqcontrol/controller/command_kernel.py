@@ -17,6 +17,7 @@ from dqcontrol.compiled.compile import (
     STATUS,
     WRITE,
     WRONG_SIZE,
+    apart,
     inline,
     kernel,
     shared,
@@ -248,24 +249,23 @@ def note_sent(prepared, state, command):
     if delivered != 0:
         pose, _, twist_jacobian = split(prepared.memory.kinematics)
         note_delivered(pose, twist_jacobian, command, state[delivered : delivered + 6])
-    if plan.left != 0:  # by its address: loops without contact do not wait until it is compiled
-        pose, _, twist_jacobian = split(prepared.memory.kinematics)
+    if plan.left != 0:
         own = state[plan.contact_at : plan.contact_at + CONTACT_STATE]
-        _call_left(
-            plan.left,
-            pose,
-            twist_jacobian,
-            command,
-            prepared.memory.contacting,
-            own,
-            prepared.memory.contact_work,
-        )
+        memory = prepared.memory
+        _tell_contact(plan.left, memory.kinematics, command, memory.contacting, own, memory.contact_work)
     if last != 0:
         for i in range(command.shape[0]):
             state[last + i] = command[i]
     if sent != 0:
         for i in range(command.shape[0]):
             state[sent + i] = command[i]
+
+
+@apart
+def _tell_contact(left, kinematics, command, parameters, state, work):
+    """Call `note_left` by its address: loops without contact do not wait until it is compiled."""
+    pose, _, twist_jacobian = split(kinematics)
+    _call_left(left, pose, twist_jacobian, command, parameters, state, work)
 
 
 @shared
