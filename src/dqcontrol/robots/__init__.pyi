@@ -7,6 +7,7 @@ from .bases import (
     OmniBase as OmniBase,
     SteeredTricycle as SteeredTricycle,
 )
+from .files.bundled import robot_names as robot_names
 from .files.description import (
     Description as Description,
     JointRow as JointRow,
@@ -16,7 +17,6 @@ from .files.load import (
     load_mobile as load_mobile,
     load_robot as load_robot,
     load_tree as load_tree,
-    robot_names as robot_names,
 )
 from .files.robot_file import (
     RobotFile as RobotFile,
