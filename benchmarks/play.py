@@ -28,7 +28,8 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 from dqcontrol.browser.served_page import start_server, stop_server
 
-OPTIONS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+# What Chromium does by itself without a graphics card: a processor paints the page, SwiftShader the scene, once it may.
+OPTIONS = ["--no-sandbox", "--enable-unsafe-swiftshader"]
 ENVIRONMENT = {**os.environ, "BROWSER": "true"}
 ENVIRONMENT.pop("PYTHONDONTWRITEBYTECODE", None)  # installed modules have their bytecode
 WINDOW = {"width": 1280, "height": 720}

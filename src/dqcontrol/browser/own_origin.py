@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 from urllib.parse import urlsplit
 
+from dqcontrol.browser.drawn_in_software import told
 from dqcontrol.errors import Error
 
 _LOOPBACK = {"127.0.0.1", "localhost", "::1"}
@@ -51,7 +52,8 @@ def only_own_pages() -> Iterator[None]:
             headers = request.headers
             if not is_own_page(headers.get("Host"), headers.get("Origin")):
                 return connection.respond(403, "only pages of this server may ask it\n")
-            return process_request(connection, request)
+            headers.pop("Accept-Encoding", None)  # a zipped page could not be told
+            return told(process_request(connection, request))
 
         started.append(arguments)
         return serve(*arguments, process_request=process, **options)

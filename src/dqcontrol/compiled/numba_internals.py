@@ -424,6 +424,11 @@ class KernelCache(FunctionCache):
         stamp = self._impl.locator.get_source_stamp()
         self._cache_file = _SealedFiles(self._cache_path, self._impl.filename_base, stamp)
 
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Load a kernel's machine code alone: what Numba loads beside it is for compiling, and takes 0.4 s."""
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
+
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep a kernel; one that a full disk cannot keep is compiled anew in the next process."""
         try:

@@ -7,6 +7,7 @@ from .bases import (
     OmniBase as OmniBase,
     SteeredTricycle as SteeredTricycle,
 )
+from .files.bundled import robot_names as robot_names
 from .files.description import (
     Description as Description,
     JointRow as JointRow,
@@ -14,7 +15,6 @@ from .files.description import (
 )
 from .files.load import (
     load_robot as load_robot,
-    robot_names as robot_names,
 )
 from .files.robot_file import (
     RobotFile as RobotFile,

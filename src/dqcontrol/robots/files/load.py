@@ -19,6 +19,7 @@ from dqcontrol.errors import (
     unknown_name,
 )
 from dqcontrol.files.yaml_file import parse_yaml, read_text
+from dqcontrol.robots.files.bundled import MODELS, robot_names
 from dqcontrol.robots.files.robot_file import arm_from, with_tool
 from dqcontrol.robots.files.urdf_xml import MJCF, URDF, XACRO
 from dqcontrol.robots.robot import Robot
@@ -178,13 +179,6 @@ def _menagerie_file(name: str) -> Path:
 
 
 _SEVERAL = {"parts": "a whole body", "frames": "a tree"}  # by keys of their files
-
-_MODELS = Path(__file__).parent.parent / "models"
-
-
-def robot_names() -> tuple[str, ...]:
-    """Return the names of the robots that come with dqcontrol."""
-    return tuple(sorted(path.stem for path in _MODELS.glob("*.yaml")))
 
 
 @overload
@@ -409,7 +403,7 @@ def _read(source: str | Path, base_link: str | None, tip_link: str | None) -> Se
             raise ShapeError(
                 f"{field}: only URDF and MJCF files have links to choose from; '{text}' has none, got '{link}'"
             )
-    path = Path(text) if suffix in (".yaml", ".yml") else _MODELS / f"{text}.yaml"
+    path = Path(text) if suffix in (".yaml", ".yml") else MODELS / f"{text}.yaml"
     data = parse_yaml(path, read_text(path))
     several = isinstance(data, dict) and any(key in data for key in ("parts", "left", "right", "frames"))
     return (path, data) if several else arm_from(path, _with_its_arm(path, data))
@@ -419,7 +413,7 @@ def _with_its_arm(path: str | Path, data: Any) -> Any:
     """Return the plain data of an arm's file; of one that is another arm with a tool those of both."""
     if not isinstance(data, dict) or "joints" in data or not isinstance(source := data.get("robot"), str):
         return data
-    file = _MODELS / f"{source}.yaml" if source in robot_names() else Path(path).parent / source
+    file = MODELS / f"{source}.yaml" if source in robot_names() else Path(path).parent / source
     if file.suffix not in (".yaml", ".yml") or "joints" not in (arm := parse_yaml(file, read_text(file))):
         raise FileFormatError(
             f"{path}: robot: '{source}' is no robot file with joints, which could have a tool"
