@@ -150,15 +150,16 @@ class Contacts:
         if self._watched:
             depths, samples = self._deepest(record)
             found = [
-                Contact(each.words, float(depth), float(record.time[k]))
-                for each, depth, k in zip(self._watched, depths, samples, strict=True)
+                Contact(self._watched[i].words, float(depths[i]), float(record.time[samples[i]]))
+                for i in np.flatnonzero(depths > _TOUCH)
             ]
-        inside = _inside_chassis(self._robot, record.q, record.position)
-        k = int(inside.argmax())
-        found.append(Contact(f"in its own base: {HAND}", float(inside[k]), float(record.time[k])))
+        if (chassis := _chassis(self._robot)) is not None:
+            inside = _inside(chassis, record.q, record.position)
+            if inside[k := int(inside.argmax())] > _TOUCH:
+                found.append(Contact(f"in its own base: {HAND}", float(inside[k]), float(record.time[k])))
         # Of a link's shapes the deepest stands for it.
         deepest = {each.words: each for each in sorted(found, key=lambda contact: contact.depth)}
-        return [each for each in reversed(deepest.values()) if each.depth > _TOUCH]
+        return list(reversed(deepest.values()))
 
     def _deepest(self, record: Record) -> tuple[Array, NDArray[np.intp]]:
         """Return how deep each pair got into each other, m, shape (P,), and at which sample.
@@ -169,7 +170,8 @@ class Contacts:
         q, time = record.q, record.time
         look = len(q) if self._moved else min(_FIRST_LOOK, len(q))
         at = (np.arange(look) * (len(q) - 1) / max(look - 1, 1)).astype(np.intp)
-        way = np.append(0.0, np.cumsum(np.abs(np.diff(q, axis=0)) @ self._levers))
+        way = np.zeros(len(q))
+        np.cumsum(np.abs(q[1:] - q[:-1]) @ self._levers, out=way[1:])
         values = self._distances(q[at], time[at])
         while True:
             least = np.minimum(values.min(axis=0), 0.0)
@@ -281,7 +283,8 @@ def check_floor(robot: Robot, q0: Array, samples: Array) -> None:
     if not isinstance(robot, WholeBody) or not base_coordinates(robot)[0]:
         return
     hand = algebra.translation(robot.fkm(q0))
-    inside = max(-hand[2], _inside_chassis(robot, q0[None], hand[None])[0])
+    chassis = _chassis(robot)
+    inside = max(-hand[2], -np.inf if chassis is None else _inside(chassis, q0[None], hand[None])[0])
     if inside > 0:
         warnings.warn(
             f"start: the hand of {robot.name} is {1e3 * inside:.0f} mm inside its chassis or the floor",
@@ -299,11 +302,14 @@ def check_floor(robot: Robot, q0: Array, samples: Array) -> None:
         )
 
 
-def _inside_chassis(robot: Robot, q: Array, position: Array) -> Array:
+def _chassis(robot: Robot) -> Chassis | None:
+    """Return what a robot stands on and its hand must stay out of, if it has that."""
+    found = getattr(robot.parts[0], "chassis", None) if isinstance(robot, WholeBody) else None
+    return found if isinstance(found, Chassis) else None
+
+
+def _inside(chassis: Chassis, q: Array, position: Array) -> Array:
     """Return how deep points (N, 3) are in a chassis, an upright cylinder, m; negative beside and above it."""
-    chassis = getattr(robot.parts[0], "chassis", None) if isinstance(robot, WholeBody) else None
-    if not isinstance(chassis, Chassis):
-        return np.full(len(q), -np.inf)
     beside = chassis.radius - np.linalg.norm(position[:, :2] - q[:, :2], axis=1)
     over = 0.5 * chassis.height - np.abs(position[:, 2] - CLEARANCE - 0.5 * chassis.height)
     return np.minimum(beside, over)

@@ -33,7 +33,7 @@ from dqcontrol.laws import (
 )
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.simulate import simulate_prepared
-from dqcontrol.measures.metrics import least_margin
+from dqcontrol.measures.run_numbers import run_numbers
 from dqcontrol.measures.task_range import inverse_of, lost_share
 from dqcontrol.measures.task_result import FOLLOWED, SETTLED, TaskResult, task_result
 from dqcontrol.planning.branches import continued
@@ -135,7 +135,8 @@ def _demand(robot: Robot, law: Controller, start: Array, samples: Array) -> Path
     if not np.isfinite(record.q).all():
         return None
     speeds = np.abs(record.command[:-1]) / robot.limits.velocity
-    left, (margin, _) = task_result(record), least_margin(record, robot.limits)
+    numbers = run_numbers(record, robot.limits)
+    left, margin = task_result(record, numbers=numbers), numbers["limit_margin"]
     if not np.isfinite(robot.limits.velocity).any() or not len(speeds):
         return PathDemand(left, float("nan"), "", 0.0, margin)
     k, joint = np.unravel_index(int(speeds.argmax()), speeds.shape)

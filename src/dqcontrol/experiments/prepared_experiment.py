@@ -55,6 +55,7 @@ from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.closed_loop import check_disturbed
 from dqcontrol.loop.simulate import step_count
 from dqcontrol.loop.trace import FARTHEST
+from dqcontrol.measures.run_numbers import DesiredMotion
 from dqcontrol.measures.stability import LoopGain, loop_gains
 from dqcontrol.planning.branches import first_through
 from dqcontrol.planning.certified_edges import CertifiedEdges
@@ -180,6 +181,7 @@ class PreparedRobot:
     start: Array
     reference: Reference
     samples: Array
+    desired: DesiredMotion
     tasks: PreparedTasks | None = None
 
     def as_followed(self, law: Law, lag: Lag) -> PreparedRobot:
@@ -196,7 +198,9 @@ class PreparedRobot:
 
     def along(self, reference: Reference) -> PreparedRobot:
         """Return the same with another reference, at the same times."""
-        return replace(self, reference=reference, samples=reference.samples(self.samples[:, TIME]))
+        samples = reference.samples(self.samples[:, TIME])
+        desired = self.desired if self.desired.is_of(samples) else DesiredMotion.of(samples)
+        return replace(self, reference=reference, samples=samples, desired=desired)
 
 
 class Names(NamedTuple):
@@ -466,7 +470,8 @@ def _scene(spec: Spec, chosen: StartedRobotSpec, folder: Path, known: dict[bytes
             raise ReachError(f"{error}{suspected_millimetres(spec.reference, robot)}") from None
         warnings.warn(str(error), LimitWarning, stacklevel=2)
     check_floor(robot, start, samples)
-    return PreparedRobot(robot, start, reference, samples, _tasks(spec, robot, start, folder, times))
+    tasks = _tasks(spec, robot, start, folder, times)
+    return PreparedRobot(robot, start, reference, samples, DesiredMotion.of(samples), tasks)
 
 
 def _kept(spec: Spec, robot: Robot) -> PreparedConstraints:

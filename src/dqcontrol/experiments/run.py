@@ -34,6 +34,7 @@ from dqcontrol.loop.supervision import BlackBox, Watch
 from dqcontrol.loop.trace import SampleSink
 from dqcontrol.measures.lyapunov import with_certificate
 from dqcontrol.measures.metrics import Metrics, metrics_of
+from dqcontrol.measures.run_numbers import run_numbers
 from dqcontrol.measures.task_range import with_range
 from dqcontrol.measures.task_result import TaskResult, task_result
 from dqcontrol.plants import Plant
@@ -286,11 +287,13 @@ def measure(
     limits = robot.limits
     if plant is not None and command_mode(plant) == "measured":  # its commands are no velocities of joints
         limits = replace(limits, velocity=np.full_like(limits.velocity, np.inf))
+    judge = judge or Judge(robot, law, plant)
     shown = as_measured(record, robot, metrics_from)
     skip_initial = min(skip_initial, record.duration)
-    task = task_result(shown, law=law, skip_initial=skip_initial, robot=robot)
-    metrics = metrics_of(shown, task, limits, skip_initial, low_pass=low_pass)
-    verdict = (judge or Judge(robot, law, plant)).verdict(shown, metrics, task, skip_initial)
+    numbers = run_numbers(shown, limits, skip_initial, desired=judge.desired)
+    task = task_result(shown, law=law, skip_initial=skip_initial, robot=robot, numbers=numbers)
+    metrics = metrics_of(shown, task, limits, skip_initial, low_pass=low_pass, numbers=numbers)
+    verdict = judge.verdict(shown, metrics, task, skip_initial)
     return replace(metrics, verdict=verdict.words, failure=verdict.failure)
 
 

@@ -91,7 +91,10 @@ class Batch:
     def outcomes(self, progress: Steps | None = None) -> Iterator[TrialOutcome]:
         """Run one trial after the other; ``progress`` is told each one's steps done and its steps in all."""
         case = replace(self.case, prepared=self.case.prepare_law(self.setting.spec))
-        judge = Judge.of(self.setting.spec, case.scene.robot, case.variant.law, case.plant, case.scene.tasks)
+        scene = case.scene
+        judge = Judge.of(
+            self.setting.spec, scene.robot, case.variant.law, case.plant, scene.tasks, scene.desired
+        )
         for repeat in self.repeats:
             yield self._outcome(case, repeat, progress, judge)
 

@@ -23,6 +23,7 @@ from dqcontrol.loop.constraint_signals import DISTANCE, PRESSURE, ROOM, held_pos
 from dqcontrol.loop.record import Record, has_failed, row_norms
 from dqcontrol.measures.held import deadlocks
 from dqcontrol.measures.metrics import AT_LIMIT, UNSEEN, Metrics, joint_margins
+from dqcontrol.measures.run_numbers import DesiredMotion
 from dqcontrol.measures.task_result import TaskResult, further_results
 from dqcontrol.plants import MobilePlant, MujocoPlant, Plant
 from dqcontrol.plants.mobile.running_mobile import SLIDING
@@ -112,6 +113,8 @@ class Judge:
         What is asked for beside it.
     world, outcome
         What stands around, and what is to be true of a run: then neither touching nor a reference that was left fails.
+    desired
+        What the samples of the reference ask for, if that is known.
     """
 
     def __init__(
@@ -125,9 +128,11 @@ class Judge:
         tasks: PreparedTasks | None = None,
         world: World | None = None,
         outcome: Sequence[Expectation] = (),
+        desired: DesiredMotion | None = None,
     ) -> None:
         self.robot = robot
         self.law = law
+        self.desired = desired
         self._plant, self._supervisor, self._period, self._tasks = plant, supervisor, period, tasks
         self._constraints: Constraints | None = None if law is None else law.constraints
         kind = "" if reference is None else str(reference.__struct_config__.tag)
@@ -137,7 +142,15 @@ class Judge:
         self._world, self._outcome = world, list(outcome)
 
     @classmethod
-    def of(cls, spec: Spec, robot: Robot, law: Law, plant: Plant, tasks: PreparedTasks | None) -> Judge:
+    def of(
+        cls,
+        spec: Spec,
+        robot: Robot,
+        law: Law,
+        plant: Plant,
+        tasks: PreparedTasks | None,
+        desired: DesiredMotion | None = None,
+    ) -> Judge:
         """Return that of the runs of a spec with one of its robots, laws and plants; its further tasks made ready."""
         return cls(
             robot,
@@ -149,6 +162,7 @@ class Judge:
             tasks,
             spec.surroundings,
             spec.outcome or (),
+            desired,
         )
 
     def verdict(
@@ -392,10 +406,12 @@ class Judge:
         if not metrics.peak_velocity_share > _SHAKING:
             return
         share, least = _END
-        first = int(np.searchsorted(record.time, record.time[-1] - max(share * record.duration, least)))
+        first = int(record.time.searchsorted(record.time[-1] - max(share * record.duration, least)))
         command = record.command[first:-1]
         lasted = float(record.time[-1] - record.time[first])
-        turns = np.count_nonzero(command[1:] * command[:-1] < 0, axis=0) / lasted
+        turns = (command[1:] * command[:-1] < 0).sum(axis=0) / lasted
+        if not (turns >= _TURNS).any():
+            return
         sizes = np.abs(command).mean(axis=0) / self.robot.limits.velocity
         shaking = (turns >= _TURNS) & (sizes > _SHAKING)
         if shaking.any():

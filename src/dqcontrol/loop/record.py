@@ -22,7 +22,10 @@ from dqcontrol.references.sample import POSE, SAMPLE_SIZE
 
 @kernel(types.void(READ2, READ2, WRITE2))
 def pose_errors(poses, desired, out):
-    """Write x_e = x* x_d of each row, the sign with a real part ≥ 0; NaN where a pose is not finite. [P16 2.23]"""
+    """Write x_e = x* x_d of each row, the sign with a real part ≥ 0; NaN where a pose is not finite. [P16 2.23]
+
+    Rows of ``desired`` are poses (8) or samples (21), which begin with one.
+    """
     for i in range(out.shape[0]):
         conjugate_multiply(poses[i], desired[i], out[i])
         sign = -1.0 if out[i, 0] < 0.0 else 1.0
@@ -33,9 +36,17 @@ def pose_errors(poses, desired, out):
             out[i, k] *= sign
 
 
+_ONE = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
+
+
 def row_norms(vectors: Array) -> Array:
     """Return the Euclidean norm of each row, (N, n) → (N,); on short rows several times faster than NumPy's `norm`."""
     return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+
+
+def error_norms(errors: Array) -> Array:
+    """Return |1 − x_e| of errors x_e, (N, 8) → (N,)."""
+    return row_norms(_ONE - errors)
 
 
 FAILURES = ("diverged", "faulted", "halted", "toppled", "slipped")
@@ -180,8 +191,7 @@ class Record:
     @cached_property
     def error(self) -> Array:
         """|vec8(1 − x* x_d)| with the shorter sign of x_d, shape (N,), no unit [P16 5.1]."""
-        one = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
-        return _locked(row_by_row(lambda error: row_norms(one - error), self._pose_error))
+        return _locked(row_by_row(error_norms, self._pose_error))
 
     @cached_property
     def position_error(self) -> Array:
@@ -205,7 +215,7 @@ class Record:
     def _pose_error(self) -> Array:
         """x_e = x* x_d, the sign with a real part ≥ 0; NaN where a pose is not finite."""
         error = long_array(len(self), 8)
-        pose_errors(self.pose, self.desired_pose, error)
+        pose_errors(self.pose, self.desired, error)
         return _locked(error)
 
 

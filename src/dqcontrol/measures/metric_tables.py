@@ -11,7 +11,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK
 from dqcontrol.errors import unknown_name
 from dqcontrol.measures.metrics import Metrics
-from dqcontrol.measures.run_kernels import NUMBERS, REACHED, measure_kernel
+from dqcontrol.measures.run_kernels import NUMBERS, REACHED, Judged, measure_kernel
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots.chain_robot import ChainRobot
 from dqcontrol.robots.limits import Limits
@@ -283,7 +283,7 @@ class RunMeasure:
         skipped
             How many samples the settled numbers leave out.
         """
-        out = np.full(len(NUMBERS), math.nan)
+        out = np.full(len(NUMBERS) + len(Judged._fields), math.nan)
         status = measure_kernel(
             self._forward,
             np.ascontiguousarray(samples[:, TIME]),
@@ -295,10 +295,11 @@ class RunMeasure:
             self._upper,
             self._per_speed,
             min(skipped, len(q) - 1),
+            0,
             0.0,
             self._work,
             out,
         )
         if status != OK:
             out[:] = math.nan
-        return out
+        return out[: len(NUMBERS)]

@@ -6,28 +6,24 @@ Most come from one compiled pass over the samples, `measure_kernel`, which searc
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
+from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ShapeError, ValueRangeError, as_positive
-from dqcontrol.files.long_array import BLOCK, row_by_row
+from dqcontrol.errors import ValueRangeError, as_positive
+from dqcontrol.files.long_array import row_by_row
 from dqcontrol.files.plain_data import finite_or_none
 from dqcontrol.laws import Law
-from dqcontrol.loop.record import Record, row_norms
+from dqcontrol.loop.record import Record, error_norms, pose_errors, row_norms
 from dqcontrol.loop.signals import ACTUATORS, TASK
-from dqcontrol.measures.run_kernels import (
-    GIVEN,
-    NUMBERS,
-    REACHED,
-    SETTLED_FRACTION,
-    STEP_SHARE,
-    measure_kernel,
-)
+from dqcontrol.measures.run_kernels import NUMBERS, SETTLED_FRACTION, STEP_SHARE
+from dqcontrol.measures.run_numbers import RunNumbers, check_fit, run_numbers
 from dqcontrol.measures.task_range import outside_range
 from dqcontrol.measures.task_result import TaskResult, task_result
 from dqcontrol.plants.mujoco.world_model import FORCE
@@ -128,43 +124,14 @@ def joint_margins(record: Record, limits: Limits) -> NDArray[np.float64]:
     ShapeError
         If the limits do not fit the record.
     """
-    _check_fit(record, limits)
+    check_fit(record, limits)
     q = np.ascontiguousarray(record.q.T)  # NumPy is slow along a long axis of short rows
     return np.minimum(q - limits.lower[:, None], limits.upper[:, None] - q)
 
 
-def least_margin(record: Record, limits: Limits | None) -> tuple[float, str]:
-    """Return the least distance from a joint limit and that joint's name; NaN without limits or for a diverged run."""
-    if limits is None:
-        return math.nan, ""
-    _check_fit(record, limits)
-    least, largest = np.inf, -np.inf
-    for first in range(0, len(record), BLOCK):
-        q = np.ascontiguousarray(record.q[first : first + BLOCK].T)  # see above
-        least, largest = np.minimum(least, q.min(axis=1)), np.maximum(largest, q.max(axis=1))
-    margins = np.minimum(least - limits.lower, limits.upper - largest)
-    if np.isnan(margins).any() or np.isinf(margins).all():
-        return math.nan, ""
-    nearest = int(margins.argmin())
-    return float(margins[nearest]), record.joint_names[nearest]
-
-
-def _check_fit(record: Record, limits: Limits) -> None:
-    if len(limits.lower) != record.q.shape[1]:
-        raise ShapeError(
-            f"limits: expected {record.q.shape[1]} as in the record's q, got {len(limits.lower)}"
-        )
-
-
-_Part = TypeVar("_Part", "SignalNorms", "Deviation")
-
 _RESTING = 1e-6  # m or rad; an initial error below it has no direction to overshoot in
-_MOTION = (
-    "joint_step",
-    "joint_path_length",
-    "hand_speed",
-    "hand_acceleration",
-)  # what noise of encoders is most of
+_MOTION = slice(NUMBERS.index("joint_step.integral"), NUMBERS.index("joint_path_length") + 1)
+"""Of the numbers those that noise of encoders is most of: joint step and path, speed and acceleration."""
 
 
 @dataclass(frozen=True)
@@ -393,7 +360,7 @@ def evaluate(
     --------
     >>> import numpy as np
     >>> from dqcontrol.measures.metrics import evaluate
-    >>> from dqcontrol.loop.record import Record, row_norms
+    >>> from dqcontrol.loop.record import Record, error_norms, pose_errors, row_norms
     >>> time, q = np.linspace(0, 2, 5), np.zeros((5, 1))
     >>> pose = np.tile([1.0, 0, 0, 0, 0, 0, 0, 0], (5, 1))
     >>> record = Record(time, q, q, q + 3, pose, np.hstack([pose, np.zeros((5, 13))]), ("a",))
@@ -405,8 +372,11 @@ def evaluate(
         raise ValueRangeError(
             f"skip_initial: must be ≤ the run's {record.duration:g} s, got {skip_initial:g}"
         )
-    task = task_result(record, law=law, skip_initial=skip_initial, robot=robot)
-    return metrics_of(record, task, limits, skip_initial, tolerance=tolerance, low_pass=low_pass)
+    numbers = run_numbers(record, limits, skip_initial)
+    task = task_result(record, law=law, skip_initial=skip_initial, robot=robot, numbers=numbers)
+    return metrics_of(
+        record, task, limits, skip_initial, tolerance=tolerance, low_pass=low_pass, numbers=numbers
+    )
 
 
 def metrics_of(
@@ -417,80 +387,56 @@ def metrics_of(
     *,
     tolerance: float | None = None,
     low_pass: float | None = None,
+    numbers: RunNumbers | None = None,
 ) -> Metrics:
-    """Measure a run whose task has been judged; the rest as for `evaluate`."""
-    start = min(
-        int(np.searchsorted(record.time, record.time[0] + skip_initial * (1 - 1e-12))), len(record) - 1
-    )
-    if tolerance is not None:
-        as_positive("tolerance", tolerance)
-    margin, joint = least_margin(record, limits)
-    numbers = _numbers(record, limits, start, tolerance or 0.0)
+    """Measure a run whose task has been judged, and whose numbers may be known; the rest as for `evaluate`."""
+    band = 0.0 if tolerance is None else as_positive("tolerance", tolerance)
+    if numbers is None or band:
+        numbers = run_numbers(record, limits, skip_initial, band)
+    values = list(numbers.values)
     if low_pass is not None:
-        smooth = _numbers(
-            _smoothed(record, as_positive("low_pass", low_pass)), limits, start, tolerance or 0.0
-        )
-        numbers |= {name: value for name, value in smooth.items() if name.startswith(_MOTION)}
-    time, intervals = record.time, np.diff(record.time)
-    times = _Times(time, intervals)
+        smooth = run_numbers(_smoothed(record, as_positive("low_pass", low_pass)), limits, skip_initial, band)
+        values[_MOTION] = smooth.values[_MOTION]
+    found = dict(zip(NUMBERS, values, strict=True))
     with np.errstate(invalid="ignore", over="ignore"):  # a diverged run
-        effort = numbers["effort"]
+        effort = found["effort"]
         if ACTUATORS in record.readings:
             actuators = record.readings[ACTUATORS].values[:-1]
-            effort = math.sqrt(np.sum(row_by_row(row_norms, actuators) ** 2 * intervals))
+            effort = math.sqrt(np.sum(row_by_row(row_norms, actuators) ** 2 * np.diff(record.time)))
+        first = _FirstError.of(record)
         return Metrics(
             duration=record.duration,
             samples=len(record),
-            error=_part(numbers, "error", SignalNorms),
-            settled_error=_part(numbers, "settled_error", SignalNorms),
-            final_error=numbers["final_error"],
-            control=_part(numbers, "control", SignalNorms),
-            joint_step=_part(numbers, "joint_step", SignalNorms),
-            hand_speed=_part(numbers, "hand_speed", SignalNorms),
-            hand_acceleration=_part(numbers, "hand_acceleration", SignalNorms),
-            position=_part(numbers, "position", Deviation),
-            orientation=_part(numbers, "orientation", Deviation),
-            joint_path_length=numbers["joint_path_length"],
+            position=Deviation(*values[:7]),
+            orientation=Deviation(*values[7:14]),
+            error=SignalNorms(*values[14:18]),
+            settled_error=SignalNorms(*values[18:22]),
+            final_error=found["final_error"],
+            control=SignalNorms(*values[23:27]),
+            joint_step=SignalNorms(*values[27:31]),
+            hand_speed=SignalNorms(*values[31:35]),
+            hand_acceleration=SignalNorms(*values[35:39]),
+            joint_path_length=found["joint_path_length"],
             effort=effort,
-            settling_time=numbers["settling_time"],
-            settling_band=_settling_band(record, numbers["error.peak"], tolerance),
-            position_overshoot=_overshoot(row_by_row(np.subtract, record.desired_position, record.position)),
-            orientation_overshoot=_overshoot(record.rotation_error),
-            limit_margin=margin,
-            limit_joint=joint,
+            settling_time=found["settling_time"],
+            settling_band=_settling_band(first.norm, found["error.peak"], tolerance),
+            position_overshoot=_overshoot(
+                first.way, 1e-3 * found["position.peak"], lambda: record.desired_position - record.position
+            ),
+            orientation_overshoot=_overshoot(
+                first.turn, math.radians(found["orientation.peak"]), lambda: record.rotation_error
+            ),
+            limit_margin=found["limit_margin"],
+            limit_joint=numbers.limit_joint,
             peak_contact=peak_contact(record),
             recovery_time=recovery_time(record),
-            peak_velocity_share=numbers["peak_velocity_share"],
-            saturation=numbers["saturation"],
+            peak_velocity_share=found["peak_velocity_share"],
+            saturation=found["saturation"],
             outside_range=outside_range(record),
-            tasks={
-                name.removeprefix(TASK): TaskDeviation(
-                    _deviation(times, 1e3 * signal.values[:, 0], start),
-                    _deviation(times, np.degrees(signal.values[:, 1]), start),
-                )
-                for name, signal in record.readings.items()
-                if name.startswith(TASK)
-            },
+            tasks=_task_deviations(record, numbers.skipped),
             verdict=task.words,
             failure="" if task.succeeded else "ended" if task.outcome == "failed" else "task",
         )
-
-
-def _numbers(record: Record, limits: Limits | None, start: int, band: float) -> dict[str, float]:
-    """Return what one pass over the samples finds, by name."""
-    n, m = record.q.shape[1], record.command.shape[1]
-    out, free = np.full(len(NUMBERS), math.nan), np.zeros(n)
-    if limits is not None and len(limits.velocity) != m:
-        raise ShapeError(f"limits: expected {m} speeds as the record has inputs, got {len(limits.velocity)}")
-    per_speed = np.zeros(m) if limits is None else 1.0 / np.asarray(limits.velocity, dtype=np.float64)
-    work = np.zeros(REACHED + 2 * n)
-    measure_kernel(
-        GIVEN, record.time, record.desired, record.q, record.command, record.pose, free, free, per_speed, start, band,
-        work, out,
-    )  # fmt: skip
-    # One NaN for all, as Python calls two of them equal only if they are the same object: metrics can be compared.
-    found = (value if value == value else math.nan for value in out.tolist())
-    return dict(zip(NUMBERS, found, strict=True))
 
 
 def _smoothed(record: Record, cutoff: float) -> Record:
@@ -501,9 +447,36 @@ def _smoothed(record: Record, cutoff: float) -> Record:
     return replace(record, q=low_passed(record.time, record.q, cutoff), pose=pose)
 
 
-def _part(numbers: dict[str, float], name: str, kind: type[_Part]) -> _Part:
-    """Return the numbers of one signal."""
-    return kind(**{each.name: numbers[f"{name}.{each.name}"] for each in fields(kind)})
+class _FirstError(NamedTuple):
+    """At the first sample: |1 − x* x_d|, |p_d − p| in m and the angle between the orientations in rad."""
+
+    norm: float
+    way: float
+    turn: float
+
+    @classmethod
+    def of(cls, record: Record) -> _FirstError:
+        """Return that of a record, without those of its other samples."""
+        error = np.empty((1, 8))
+        pose_errors(record.pose[:1], record.desired[:1], error)
+        way = math.dist(position(record.pose[0]), position(record.desired[0]))
+        turn = 2 * math.atan2(math.hypot(*error[0, 1:4]), error[0, 0])
+        return cls(float(error_norms(error)[0]), way, turn)
+
+
+def _task_deviations(record: Record, start: int) -> dict[str, TaskDeviation]:
+    """Return the deviations of further tasks, settled from a sample on, by their names."""
+    signals = {name: signal for name, signal in record.readings.items() if name.startswith(TASK)}
+    if not signals:
+        return {}
+    times = _Times(record.time, np.diff(record.time))
+    return {
+        name.removeprefix(TASK): TaskDeviation(
+            _deviation(times, 1e3 * signal.values[:, 0], start),
+            _deviation(times, np.degrees(signal.values[:, 1]), start),
+        )
+        for name, signal in signals.items()
+    }
 
 
 class _Times(NamedTuple):
@@ -537,20 +510,19 @@ def _deviation(times: _Times, value: Array, start: int) -> Deviation:
     )
 
 
-def _settling_band(record: Record, largest: float, tolerance: float | None) -> float:
+def _settling_band(first: float, largest: float, tolerance: float | None) -> float:
     """Return the band of the error; NaN if it is a share of the first error and the run starts on its target."""
     if tolerance is not None:
         return tolerance
-    first = float(record.error[0])
     return math.nan if first < STEP_SHARE * largest else SETTLED_FRACTION * first
 
 
-def _overshoot(error: Array) -> float:
+def _overshoot(first: float, largest: float, errors: Callable[[], Array]) -> float:
     """Return the largest component against the first error vector over the latter's length."""
-    size = float(np.linalg.norm(error[0]))
-    if not size > _RESTING or size < STEP_SHARE * float(row_norms(error).max()):
+    if not first > _RESTING or first < STEP_SHARE * largest:
         return math.nan
-    return float(np.maximum(-(error @ error[0]) / size**2, 0.0).max())
+    error = errors()
+    return float(np.maximum(-(error @ error[0]) / float(np.linalg.norm(error[0])) ** 2, 0.0).max())
 
 
 def _flatten(nested: dict[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -41,7 +41,27 @@ NUMBERS: tuple[str, ...] = (
     "saturation",
     "command_jerk",
 )
-"""Names of the numbers, in the order that `measure_run` writes them; as in `Metrics.flat`, but ``command_jerk``."""
+"""Names of the numbers, in the order that `measure_kernel` writes them; as in `Metrics.flat`, but ``command_jerk``."""
+
+
+class Judged(NamedTuple):
+    """What it writes behind `NUMBERS`: what the errors come to at the samples by which a task is judged.
+
+    Attributes
+    ----------
+    distance, farthest
+        RMS and largest |p_d − p|, mm.
+    turn, widest
+        RMS and largest angle between end effector and desired orientation, degrees.
+    speed
+        Mean of the end effector over the last twentieth of the run, m/s.
+    """
+
+    distance: float
+    farthest: float
+    turn: float
+    widest: float
+    speed: float
 
 
 class Sums(NamedTuple):
@@ -97,10 +117,11 @@ def _given_poses(poses, first, work):
 
 
 # forward kinematics (0: of a chain, GIVEN: none), time, samples, joints, commands, its table or the poses, joints'
-# lower and upper ends, one over inputs' speeds, samples left out, band of the error (0: of the first), scratch, numbers
+# lower and upper ends, one over inputs' speeds, samples left out, the first by which the task is judged, band of the
+# error (0: of the first), scratch, numbers
 MEASURE = STATUS(
-    ADDRESS, READ, READ2, READ2, READ2, READ2, READ, READ, READ, types.intp, types.float64, WRITE, WRITE
-)
+    ADDRESS, READ, READ2, READ2, READ2, READ2, READ, READ, READ, types.intp, types.intp, types.float64, WRITE, WRITE
+)  # fmt: skip
 
 
 _DESIRED = WORK  # scratch behind that of `end_poses`: the desired poses, and what the errors are
@@ -175,14 +196,19 @@ def _limit_margin(q, lower, upper, reached):
 
 @kernel(MEASURE)
 def measure_kernel(
-    forward, time, samples, q, command, table, lower, upper, per_speed, skipped, band, work, out
+    forward, time, samples, q, command, table, lower, upper, per_speed, skipped, judged, band, work, out
 ):
-    """Write all `NUMBERS` of a run; NaN where one does not exist."""
+    """Write all `NUMBERS` of a run and `Judged`; NaN where one does not exist.
+
+    ``work`` then ends with the lowest and highest of each joint.
+    """
     count, n, m = q.shape[0], q.shape[1], command.shape[1]
     turning = forward == 0 and all_turn(table)
     zero = Sums(0.0, 0.0, 0.0)
     distance, turn, error = zero, zero, zero
     settled_distance, settled_turn, settled_error = zero, zero, zero
+    judged_distance, judged_turn, way_before = zero, zero, 0.0
+    slow = max(0, count - 1 - max(1, count // 20))
     control, step, speed, acceleration = zero, zero, zero, zero
     last_distance, last_turn, last_error, first_error = 0.0, 0.0, 0.0, 0.0
     x0, y0, z0 = 0.0, 0.0, 0.0
@@ -216,6 +242,9 @@ def measure_kernel(
             settled_distance = Sums(0.0, 0.0, now_distance)
             settled_turn = Sums(0.0, 0.0, now_turn)
             settled_error = Sums(0.0, 0.0, now_error)
+        if k >= judged:
+            judged_distance = _held(judged_distance, now_distance, 1.0)
+            judged_turn = _held(judged_turn, now_turn, 1.0)
         if not now_error <= (band if band > 0.0 else SETTLED_FRACTION * first_error):
             last_outside = k
         if k > 0:
@@ -254,6 +283,8 @@ def measure_kernel(
                     bent += (ahead - behind) ** 2
                 jerk += bent * rate
             vx0, vy0, vz0, last_interval, last_rate = vx, vy, vz, interval, rate
+        if k == slow:
+            way_before = speed.total
         x0, y0, z0 = x, y, z
         last_distance, last_turn, last_error = now_distance, now_turn, now_error
     margin = _limit_margin(q, lower, upper, work[REACHED : REACHED + 2 * n])
@@ -286,4 +317,10 @@ def measure_kernel(
     out[43] = share if is_known else math.nan
     out[44] = saturated / (count - 1) if is_known else math.nan
     out[45] = math.sqrt(jerk / duration) if duration > 0.0 else math.nan
+    for part in range(2):
+        sums = judged_distance if part == 0 else judged_turn
+        _write_norms(sums, float(count - judged), norms)
+        out[46 + 2 * part], out[47 + 2 * part] = norms[2], norms[3]
+    lasted = time[count - 1] - time[slow]
+    out[50] = (speed.total - way_before) / lasted if lasted > 0.0 else 0.0
     return OK

@@ -7,17 +7,15 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.compile import OK, READ2, STATUS, WRITE, inline, kernel
 from dqcontrol.contact import Admittance
 from dqcontrol.controller import PreparedTasks
-from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws import Law, PartialProportional
 from dqcontrol.loop.record import Record, has_failed, part_of, row_norms
+from dqcontrol.measures.run_numbers import LAST, RunNumbers, run_numbers
 from dqcontrol.measures.task_range import inverse_of, lost_share
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
@@ -33,10 +31,7 @@ _MISSED: dict[Outcome, Outcome] = {
     "followed": "not followed",
     "kept": "not kept",
 }
-_SAME = 1e-9  # as poses: that a reference rests
-_SLOW = 0.1  # of its greatest speed
 _LOST = 0.5  # of what is left of an error at rest: from there on it is a singularity that is in the way
-_LAST = 0.1  # of the time in which the reference rests: an error that comes and goes is not reached
 
 
 @dataclass(frozen=True)
@@ -113,106 +108,41 @@ class _Asked(NamedTuple):
     ----------
     outcome
         Of one that is done.
-    judged
-        At which samples, shape (N,).
+    first
+        The first sample at which it is judged.
     distance, angle
         How far it is asked to go and to turn, m and rad, of which the errors may be a share.
     """
 
     outcome: Outcome
-    judged: NDArray[np.bool_]
+    first: int
     distance: float
     angle: float
 
-
-class _Motion(NamedTuple):
-    """Numbers of a desired motion, see `_measure_motion`.
-
-    Attributes
-    ----------
-    last_step, largest_step
-        Of its eight numbers from one sample to the next, Euclidean norm.
-    distance, angle
-        From its own mean, RMS, m and rad.
-    farthest, widest
-        From its end, the largest, m and rad.
-    """
-
-    last_step: float
-    largest_step: float
-    distance: float
-    angle: float
-    farthest: float
-    widest: float
-
-    @property
-    def ends_at_rest(self) -> bool:
-        """Whether it has all but stopped at its last step: samples beyond its end rest whatever it did."""
-        return self.last_step <= _SLOW * self.largest_step + _SAME
+    def left_of(self, error: Array) -> float:
+        """Return what errors (N,) come to: at rest the largest, on the way their RMS."""
+        judged = error[self.first :]
+        return float(judged.max()) if self.outcome == "reached" else float(np.sqrt(np.mean(judged**2)))
 
 
-@inline
-def _angle_between(rotation, other):
-    """Return the angle, rad, between a rotation and the one whose quaternion the other four numbers are."""
-    real = rotation[0] * other[0] + rotation[1] * other[1] + rotation[2] * other[2] + rotation[3] * other[3]
-    return 2.0 * math.acos(min(abs(real), 1.0))
-
-
-@kernel(STATUS(READ2, WRITE, WRITE))
-def _measure_motion(desired, mean, out):
-    """Write the numbers of `_Motion`; ``mean`` (7,) is scratch: mean rotation and position."""
-    count = desired.shape[0]
-    last_step, largest_step = 0.0, 0.0
-    mean[:] = 0.0
-    for i in range(count):
-        row, real, square = desired[i], 0.0, 0.0
-        for k in range(4):
-            real += row[k] * desired[0, k]
-        sign = 1.0 if real > 0.0 else (-1.0 if real < 0.0 else 0.0)
-        for k in range(4):
-            mean[k] += sign * row[k]
-        x, y, z = position(row)
-        mean[4] += x
-        mean[5] += y
-        mean[6] += z
-        if i > 0:
-            for k in range(8):
-                square += (row[k] - desired[i - 1, k]) ** 2
-            last_step = math.sqrt(square)
-            largest_step = max(largest_step, last_step)
-    size = math.sqrt(mean[0] ** 2 + mean[1] ** 2 + mean[2] ** 2 + mean[3] ** 2)
-    for k in range(4):
-        mean[k] /= size
-    for k in range(4, 7):
-        mean[k] /= count
-    end = desired[count - 1]
-    ex, ey, ez = position(end)
-    distances, angles, farthest, widest = 0.0, 0.0, 0.0, 0.0
-    for i in range(count):
-        x, y, z = position(desired[i])
-        distances += (x - mean[4]) ** 2 + (y - mean[5]) ** 2 + (z - mean[6]) ** 2
-        farthest = max(farthest, (x - ex) ** 2 + (y - ey) ** 2 + (z - ez) ** 2)
-        angles += _angle_between(desired[i], mean) ** 2
-        widest = max(widest, _angle_between(desired[i], end))
-    out[0], out[1] = last_step, largest_step
-    out[2], out[3] = math.sqrt(distances / count), math.sqrt(angles / count)
-    out[4], out[5] = math.sqrt(farthest), widest
-    return OK
-
-
-def _asked(record: Record, skip_initial: float) -> _Asked:
+def _asked(record: Record, numbers: RunNumbers) -> _Asked:
     """Return what the desired motion of a record asks for."""
-    numbers = np.empty(len(_Motion._fields))
-    _measure_motion(record.desired, np.empty(7), numbers)
-    motion = _Motion(*numbers.tolist())
-    if motion.ends_at_rest:
-        return _Asked("reached", _resting(record.desired[:, POSE]), *_to_the_end(record, motion))
-    judged = record.time >= record.time[0] + skip_initial * (1 - 1e-12)
-    return _Asked("followed", judged, motion.distance, motion.angle)
+    motion = numbers.desired.numbers
+    if numbers.desired.rest is None:
+        return _Asked("followed", numbers.judged, motion.distance, motion.angle)
+    # from the end effector's start, or from the farthest that was desired
+    way = math.dist(position(record.pose[0]), position(record.desired[-1]))
+    turn = 2 * math.acos(min(abs(record.pose[0, :4] @ record.desired[-1, :4]), 1.0))
+    return _Asked("reached", numbers.judged, max(motion.farthest, way), max(motion.widest, turn))
 
 
 def task_result(
-    record: Record, *, law: Law | None = None, skip_initial: float = 0.0, robot: Robot | None = None
+    record: Record,
+    *,
+    law: Law | None = None,
+    skip_initial: float = 0.0,
+    robot: Robot | None = None,
+    numbers: RunNumbers | None = None,
 ) -> TaskResult:
     """Return whether a run did what was asked.
 
@@ -234,6 +164,8 @@ def task_result(
         Length of the start that does not count where the reference ends moving, s.
     robot
         That of the run: with it a run that rests short of its goal is told whether a singularity is in the way.
+    numbers
+        Of the run, if they are known.
 
     Examples
     --------
@@ -247,15 +179,24 @@ def task_result(
     not reached: still moves 24.5 mm, 6.3° off
     reached
     """
-    record = _before_braking(record)
-    part = law.part if isinstance(law, PartialProportional) else "pose"
-    distance = record.position_error if part in ("pose", "position") else None
-    orientation = _orientation_error(record, law)
-    if (
-        law is not None and law.contact is not None
-    ):  # where the end effector gives way it is not where the reference is
-        distance, orientation = _along_rigid_axes(record, law.contact, orientation)
-    found = _judged(record, _asked(record, skip_initial), distance, orientation)
+    judged = _before_braking(record)
+    if numbers is None or judged is not record:
+        numbers = run_numbers(judged, skip_initial=skip_initial)
+    record, asked = judged, _asked(judged, numbers)
+    part, rests = law.part if isinstance(law, PartialProportional) else "pose", asked.outcome == "reached"
+    distance = 1e-3 * (numbers.task.farthest if rests else numbers.task.distance)
+    orientation = math.radians(numbers.task.widest if rests else numbers.task.turn)
+    if part not in ("pose", "position"):
+        distance = math.nan
+    if part == "position":
+        orientation = math.nan
+    elif isinstance(law, PartialProportional) and part == "axis":
+        orientation = asked.left_of(_axis_error(record, law))
+    if law is not None and law.contact is not None:  # where it gives way it is not where the reference is
+        rigid = law.contact.rigid
+        distance = asked.left_of(_rigid_distance(record, law.contact)) if rigid[3:].any() else math.nan
+        orientation = orientation if rigid[:3].all() else math.nan
+    found = _judged(record, asked, distance, orientation, numbers.task.speed)
     if record.stopped == "settled" and not found.succeeded:  # what `stop` asked for is reached
         return replace(found, outcome="reached" if found.rests else "followed")
     if robot is None or found.outcome != "not reached" or found.is_moving:
@@ -282,18 +223,21 @@ def further_results(record: Record, tasks: PreparedTasks, skip_initial: float = 
     found, errors = {}, tasks.errors(record.q)
     for label, task, samples, gain in zip(tasks.labels, tasks.tasks, tasks.samples, tasks.gains, strict=True):
         away, turned = errors[label].T
-        always = np.ones(len(record), dtype=np.bool_)
         if gain == 0.0:
             continue
+        numbers = run_numbers(record, skip_initial=skip_initial)
         if task is None:
-            last = np.arange(len(record)) >= len(record) - max(1, int(_LAST * len(record)))
-            found[label] = _judged(record, _Asked("reached", last, away[0], turned[0]), away, turned)
+            first = len(record) - max(1, int(LAST * len(record)))
+            asked = _Asked("reached", first, away[0], turned[0])
         elif len(samples) == 1:
-            found[label] = _judged(record, _Asked("kept", always, 0.0, 0.0), away, turned)
+            asked = _Asked("kept", 0, 0.0, 0.0)
         else:
             desired = samples[np.minimum(np.arange(len(record)), len(samples) - 1)]
             shown = replace(record, pose=tasks.robot.pose_of(task, record.q), desired=desired)
-            found[label] = _judged(shown, _asked(shown, skip_initial), away, turned)
+            numbers = run_numbers(shown, skip_initial=skip_initial)
+            asked = _asked(shown, numbers)
+        left = asked.left_of(away), asked.left_of(turned)
+        found[label] = _judged(record, asked, *left, numbers.task.speed)
     return found
 
 
@@ -303,61 +247,23 @@ def _before_braking(record: Record) -> Record:
         return record
     brakes = record.readings[INTERVENTIONS].values[:, 0].astype(np.int64) & SOFT_STOP != 0
     count = len(record) if brakes.all() or not brakes[-1] else len(record) - int(brakes[::-1].argmin())
-    return part_of(record, 0, count)
+    return record if count == len(record) else part_of(record, 0, count)
 
 
-def _judged(record: Record, asked: _Asked, distance: Array | None, orientation: Array | None) -> TaskResult:
-    """Return what the errors of position and orientation, m and rad, come to; None or NaN of what does not count."""
-    rests = asked.outcome == "reached"
-    errors, tolerances = [], []
-    share = SETTLED if rests else FOLLOWED
-    for error, size, least in (
-        (distance, asked.distance, POSITION),
-        (orientation, asked.angle, ORIENTATION),
-    ):
-        tolerances.append(float(np.fmax(least, share * size)))
-        if error is None:
-            errors.append(np.nan)
-        elif rests:
-            errors.append(float(error[asked.judged].max()))
-        else:
-            errors.append(float(np.sqrt(np.mean(error[asked.judged] ** 2))))
-    good = all(
-        error <= tolerance for error, tolerance in zip(errors, tolerances, strict=True) if error == error
-    )
+def _judged(record: Record, asked: _Asked, distance: float, orientation: float, speed: float) -> TaskResult:
+    """Return what errors of position and orientation, m and rad, come to; NaN of what does not count."""
+    share = SETTLED if asked.outcome == "reached" else FOLLOWED
+    allowed = max(POSITION, share * asked.distance), max(ORIENTATION, share * asked.angle)
+    # what does not count is NaN, and that is not beyond
+    good = not (distance > allowed[0] or orientation > allowed[1])
     outcome: Outcome = asked.outcome if good else _MISSED[asked.outcome]
     if has_failed(record.stopped) or not np.isfinite(record.q[-1]).all():
         outcome = "failed"
-    return TaskResult(
-        outcome,
-        position=errors[0],
-        orientation=errors[1],
-        position_tolerance=tolerances[0],
-        orientation_tolerance=tolerances[1],
-        speed=_speed(record),
-    )
+    return TaskResult(outcome, distance, orientation, *allowed, speed)
 
 
-def _to_the_end(record: Record, asked: _Motion) -> tuple[float, float]:
-    """Return how far the end effector had to go and to turn, from its start or from the farthest that was desired."""
-    way = np.linalg.norm(record.position[0] - record.desired_position[-1])
-    turn = 2 * np.arccos(min(abs(record.pose[0, :4] @ record.desired[-1, :4]), 1.0))
-    return float(np.maximum(way, asked.farthest)), float(np.maximum(turn, asked.widest))
-
-
-def _resting(desired: Array) -> NDArray[np.bool_]:
-    """Return which samples are in the last tenth of those at whose end the reference rests."""
-    there = row_by_row(lambda rows: (np.abs(rows - desired[-1]) <= _SAME).all(axis=1), desired)
-    first = len(there) - int(there[::-1].argmin()) if not there.all() else 0
-    count = max(1, int(_LAST * (len(there) - first)))
-    return np.arange(len(there)) >= len(there) - count
-
-
-def _orientation_error(record: Record, law: Law | None) -> Array | None:
-    if not isinstance(law, PartialProportional) or law.part == "rotation":
-        return record.orientation_error
-    if law.part == "position":
-        return None
+def _axis_error(record: Record, law: PartialProportional) -> Array:
+    """Return the angle between the axis of a law and where it is to be, shape (N,), rad."""
     direction = np.asarray(law.axis, dtype=np.float64)
     direction = direction / np.linalg.norm(direction)
     is_, wanted = (
@@ -366,21 +272,9 @@ def _orientation_error(record: Record, law: Law | None) -> Array | None:
     return np.arctan2(row_norms(np.cross(is_, wanted)), np.einsum("ij,ij->i", is_, wanted))
 
 
-def _along_rigid_axes(
-    record: Record, contact: Admittance, orientation: Array | None
-) -> tuple[Array | None, Array | None]:
-    """Return the errors of position and orientation along axes that do not give way, None where all do."""
-    rigid = contact.rigid
+def _rigid_distance(record: Record, contact: Admittance) -> Array:
+    """Return the error of position along axes that do not give way, shape (N,), m."""
     left = contact.turned_to_axes(
         record.desired_position - record.position, record.pose, record.desired[:, POSE]
     )
-    distance = row_norms(np.ascontiguousarray(left[:, rigid[3:]])) if rigid[3:].any() else None
-    return distance, orientation if rigid[:3].all() else None
-
-
-def _speed(record: Record) -> float:
-    """Return the mean speed of the end effector over the last twentieth, m/s."""
-    first = max(0, len(record) - 1 - max(1, len(record) // 20))
-    passed = record.time[-1] - record.time[first]
-    way = row_norms(np.diff(record.position[first:], axis=0)).sum()
-    return float(way / passed) if passed else 0.0
+    return row_norms(np.ascontiguousarray(left[:, contact.rigid[3:]]))

@@ -11,6 +11,7 @@ import numpy as np
 
 from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE2, inline_ieee, kernel
 from dqcontrol.errors import as_positive
 from dqcontrol.references.reference import SNAP, Reference
 from dqcontrol.references.sample import POSE, TWIST, TWIST_RATE
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 _STEP = 0.2  # of the lag, between the twists whose difference leads
 _LEAST_STEP = 1e-3  # s
+_FEW = 10_000  # samples, which take half as long in Python as their kernel takes to compile
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -97,23 +99,63 @@ class Previewed(Reference):
         """Return samples (N, 21); see `Reference.motion`."""
         share, step = self._share, self._behind  # type: ignore[attr-defined]
         seen = _seen_early(_Same(self.reference), self._ahead, step if share else 0.0, times.tobytes())  # type: ignore[attr-defined]
-        moving, position = seen.moving, seen.position
-        if share:
-            ahead: Array = times + self._ahead  # type: ignore[attr-defined]
-            moving = (moving - share * seen.before) / (1 - share)
-            jumped = self._jumps(ahead)
-            moving[:, :6] += jumped - self._jumps(ahead - self.lag)
-            moving[:, :6] -= share / (1 - share) * (jumped - self._jumps(ahead - step))
-        turning, speed, turning_rate, speed_rate = moving.reshape(-1, 4, 3).swapaxes(0, 1)
+        numbers = np.array([share, self._ahead, self.lag, step])  # type: ignore[attr-defined]
         out = seen.samples.copy()
-        carried = np.cross(seen.present, turning) + np.cross(position, turning_rate)
-        out[:, TWIST] = np.hstack([turning, speed + np.cross(position, turning)])
-        out[:, TWIST_RATE] = np.hstack([turning_rate, speed_rate + carried])
+        lead.worth_compiling(len(times), _FEW)(
+            numbers, times, self._starts, self._jumped, seen.position, seen.present, seen.moving, seen.before, out  # type: ignore[attr-defined]
+        )  # fmt: skip
         return out
 
-    def _jumps(self, times: Array) -> Array:
-        """Return the sum of the jumps of [ω; ṗ] until each time, shape (N, 6)."""
-        return self._jumped[np.searchsorted(self._starts, times, side="right")]  # type: ignore[attr-defined]
+
+@inline_ieee
+def _cross(a, b):
+    """Return a × b of two triples."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@inline_ieee
+def _begun(starts, time):
+    """Return how many of the starts, which increase, are not after a time."""
+    low, high = 0, starts.shape[0]
+    while low < high:
+        middle = (low + high) // 2
+        if starts[middle] <= time:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+# share, delay, lag and step; times, starts, sums of their jumps; of `_Ahead` all but the samples; samples
+@kernel(STATUS(READ, READ, READ, READ2, READ2, READ2, READ2, READ2, WRITE2), strict=True)
+def lead(numbers, times, starts, jumped, position, present, moving, before, out):
+    """Write twists and their rates that are led into samples."""
+    share, delay, lag, step = numbers[0], numbers[1], numbers[2], numbers[3]
+    for k in range(times.shape[0]):
+        turning, turning_rate, p = out[k, 8:11], out[k, 14:17], position[k]
+        speed, speed_rate = out[k, 11:14], out[k, 17:20]
+        for i in range(3):
+            turning[i], speed[i] = moving[k, i], moving[k, 3 + i]
+            turning_rate[i], speed_rate[i] = moving[k, 6 + i], moving[k, 9 + i]
+        if share != 0.0:
+            ahead = times[k] + delay
+            now, late, close = (
+                _begun(starts, ahead),
+                _begun(starts, ahead - lag),
+                _begun(starts, ahead - step),
+            )
+            for i in range(3):
+                for at, led in ((i, turning), (3 + i, speed)):
+                    led[i] = (led[i] - share * before[k, at]) / (1.0 - share)
+                    led[i] += jumped[now, at] - jumped[late, at]
+                    led[i] -= share / (1.0 - share) * (jumped[now, at] - jumped[close, at])
+                turning_rate[i] = (turning_rate[i] - share * before[k, 6 + i]) / (1.0 - share)
+                speed_rate[i] = (speed_rate[i] - share * before[k, 9 + i]) / (1.0 - share)
+        a, b, c = _cross(present[k], turning), _cross(p, turning_rate), _cross(p, turning)
+        for i in range(3):
+            speed_rate[i] += a[i] + b[i]
+            speed[i] += c[i]
+    return OK
 
 
 class _Same:
