@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import prod
 from typing import Annotated, Any, Generic, TypeVar, get_type_hints  # noqa: F401 — Annotated for the example
 
@@ -59,6 +59,8 @@ class MemoryLayout(Generic[Fields]):
         self.sizes: tuple[str, ...] = sizes
         self.__name__: str = fields.__name__
         self._unchecked = unchecked
+        # asked for again and again with the same sizes
+        self._places, self._size_of = lru_cache(self._parts_of), lru_cache(self._size)
         written_by(self, lambda: self._taken_apart)
 
     @cached_property
@@ -79,25 +81,37 @@ class MemoryLayout(Generic[Fields]):
         listed = ", ".join(f"({''.join(f'{size}, ' for size in shape)})" for shape in self._shapes.values())
         return eval(f"lambda {', '.join([*self.sizes, _REST])}: ({listed},)")
 
+    @cached_property
+    def _ranks(self) -> list[int]:
+        return [len(shape) for shape in self._shapes.values()]
+
     def __call__(self, memory: Array, *sizes: int) -> Fields:
         """Return the parts of an array by name; of rows of such arrays, columns, shape (…, size)."""
+        lead, parts = memory.shape[:-1], []
+        for place, shape in self._places(memory.shape[-1] if self._has_rest else 0, *sizes):
+            part = memory[..., place] if lead else memory[place]
+            parts.append(part.reshape(*lead, *shape) if len(shape) > 1 else part)
+        return self.fields(*parts)
+
+    def _parts_of(self, length: int, *sizes: int) -> list[tuple[int | slice, tuple[int, ...]]]:
+        """Return where each part of an array of this length is, and its shape."""
         *before, last = self._known_shapes(*sizes, 1)
         if self._has_rest:
-            left = (memory.shape[-1] - sum(map(prod, before))) // max(prod(last), 1)
+            left = (length - sum(map(prod, before))) // max(prod(last), 1)
             *before, last = self._known_shapes(*sizes, left)
-        parts, place = [], 0
+        found, place = [], 0
         for shape in (*before, last):
             size = prod(shape)
-            part = memory[..., place : place + size]
-            if len(shape) > 1:
-                part = part.reshape(*memory.shape[:-1], *shape)
-            parts.append(part if shape else memory.T[place].T)
+            found.append((slice(place, place + size) if shape else place, shape))
             place += size
-        return self.fields(*parts)
+        return found
+
+    def _size(self, *sizes: int) -> int:
+        return sum(prod(shape) for shape in self._known_shapes(*sizes, 0))
 
     def size(self, *sizes: int) -> int:
         """Return how many numbers it has, without a field that is what is left."""
-        return sum(prod(shape) for shape in self._known_shapes(*sizes, 0))
+        return self._size_of(*sizes)
 
     def sized(self, *sizes: str) -> str:
         """Return its size as an expression in these sizes, for a layout that has it as a part."""
@@ -115,9 +129,9 @@ class MemoryLayout(Generic[Fields]):
         if values.keys() != self._shapes.keys():
             raise TypeError(f"{self.__name__}: expected {', '.join(self._shapes)}, got {', '.join(values)}")
         arrays = [np.asarray(values[name], dtype=np.float64) for name in self._shapes]
-        leads = [array.ndim - len(shape) for array, shape in zip(arrays, self._shapes.values(), strict=True)]
+        leads = [array.ndim - rank for array, rank in zip(arrays, self._ranks, strict=True)]
         if not any(leads):
-            return np.concatenate([array.ravel() for array in arrays])
+            return np.concatenate(arrays, axis=None)
         parts = [
             array.reshape(*array.shape[:lead], prod(array.shape[lead:]))
             for array, lead in zip(arrays, leads, strict=True)

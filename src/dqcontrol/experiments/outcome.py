@@ -214,10 +214,11 @@ def _when(record: Record) -> str:
     return "" if force is None else f" at {record.time[int((force > 0).argmax())]:.3g} s"
 
 
-def felt(record: Record, links: tuple[str, ...]) -> list[str]:
+def felt(record: Record, robot: Robot) -> list[str]:
     """Return what links touched in physics, as ``"hit table: panda_link6 85 N, 1.2 mm deep at 2.1 s"``."""
     if FORCE not in record.readings:
         return []
+    links = () if robot.shapes is None else robot.shapes.links
     force, depth = record.readings[FORCE], record.readings[DEPTH].values
     link, found = record.readings[LINK].values, []
     for i, name in enumerate(force.parts):

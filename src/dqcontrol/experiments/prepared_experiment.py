@@ -266,6 +266,13 @@ class PreparedExperiment:
     scenes: dict[str, PreparedRobot]
     cases: tuple[Combination, ...]
 
+    def with_drives_of(self, spec: Spec) -> PreparedExperiment:
+        """Return the same for a spec that differs in its laws and plants alone, for runs that follow at once.
+
+        Its robots and what they follow stay; laws and plants are left to the runs, as by `prepare_spec` unchecked.
+        """
+        return _combined(spec.with_empty_hands, self.folder, self.scenes, checked=False)
+
     @property
     def scene(self) -> PreparedRobot:
         """The first robot's."""
@@ -388,34 +395,39 @@ def prepare_spec(
         for variant in variants
     ]
     folder_names(each.label for each in names)
-    scenes, cases = {}, []
+    scenes = {}
     for label, robot in robots.items():
         with error_prefix(f"robots.{label}") if label else nullcontext():
             parts = spec.reference, spec.period, spec.duration, spec.skip_initial, robot, spec.tasks
             if spec.reference.plans_around:
                 parts = *parts, [each.law.constraints for each in variants], list(plants.values()), spec.world
             scenes[label] = _once(known, parts, lambda chosen=robot: _scene(spec, chosen, folder, known))
-    spec = spec.gripping(_gripper_steps(scenes))
+    return _combined(spec, folder, scenes, checked=checked)
+
+
+def _combined(
+    spec: Spec, folder: Path, scenes: dict[str, PreparedRobot], *, checked: bool
+) -> PreparedExperiment:
+    """Return a spec whose robots are made ready with all that it combines them with; see `prepare_spec`."""
+    spec, cases = spec.gripping(_gripper_steps(scenes)), []
     variants, plants = spec.variants, spec.plant_by_label
-    for label in robots:
+    for label, started in scenes.items():
         with error_prefix(f"robots.{label}") if label else nullcontext():
-            limits = {name: spec.limits_of(plant, scenes[label].robot) for name, plant in plants.items()}
+            limits = {name: spec.limits_of(plant, started.robot) for name, plant in plants.items()}
             different = {each.velocity: each for each in limits.values()}
             laws = [(dict.fromkeys(different), None)] * len(variants)
             compiled = dict.fromkeys(plants, False)
             if checked or any(variant.law.constraints for variant in variants):
-                laws = list(_prepared_laws(spec, variants, scenes[label], different))
-                compiled = _checked_plants(spec, plants, scenes[label])
+                laws = list(_prepared_laws(spec, variants, started, different))
+                compiled = _checked_plants(spec, plants, started)
         led: dict[bytes, PreparedRobot] = {}
         for name, plant in plants.items():
             for variant, (versions, gains) in zip(variants, laws, strict=True):
                 place = Names(label, variant.label, variant.set, name)
-                law, lag = versions[limits[name].velocity], plant.lag(scenes[label].robot)
-                follow = partial(scenes[label].as_followed, variant.law, lag)
+                law, lag = versions[limits[name].velocity], plant.lag(started.robot)
+                follow = partial(started.as_followed, variant.law, lag)
                 scene = _once(led, [bool(variant.law.lag_at), lag.mean], follow)
-                if (
-                    scene is not scenes[label]
-                ):  # the law's rows may depend on the twists: it is prepared again
+                if scene is not started:  # the law's rows may depend on the twists: it is prepared again
                     law = None
                 cases.append(
                     Combination(place, scene, variant, plant, limits[name], compiled[name], law, gains, lag)

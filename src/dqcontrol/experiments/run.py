@@ -294,7 +294,7 @@ def measure(
     task = task_result(shown, law=law, skip_initial=skip_initial, robot=robot, numbers=numbers)
     metrics = metrics_of(shown, task, limits, skip_initial, low_pass=low_pass, numbers=numbers)
     verdict = judge.verdict(shown, metrics, task, skip_initial)
-    return replace(metrics, verdict=verdict.words, failure=verdict.failure)
+    return metrics.judged(verdict.words, verdict.failure)
 
 
 def execute(

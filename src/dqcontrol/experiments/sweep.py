@@ -212,6 +212,7 @@ def quasi_random(method: str, size: int, seed: int, first: int, last: int) -> ND
 REFUSED = "refused: "
 _FIXED = {"name", "record", "repeats", "laws", "robots", "plants"}  # they make the trials of a point
 _MARKED = {"parameter_sets", "grids"}
+_DRIVES = {"law", "laws", "plant", "plants"}
 _ENDS = ("low", "high")  # of a range
 _TRIAL = 4e-3  # s, roughly: what a trial takes beside its steps
 _PART = 1.0  # s of work in a part
@@ -307,7 +308,16 @@ class Sweep:
 
     def _unchecked(self, point: Point) -> PreparedExperiment:
         """Return the same for runs that follow at once, which fail where `setting` does, if in other words."""
-        return prepare_spec(self._spec_at(point), self.folder, self._known, checked=False)
+        spec = self._spec_at(point)
+        if self._keeps_scenes:
+            return self.first.with_drives_of(spec)
+        return prepare_spec(spec, self.folder, self._known, checked=False)
+
+    @cached_property
+    def _keeps_scenes(self) -> bool:
+        """Whether robots and what they follow are those of the first point: its laws and plants alone vary."""
+        heads = {key.partition(".")[0] for key in self.sampling.over}
+        return heads <= _DRIVES and not self.first.spec.reference.plans_around
 
     def _spec_at(self, point: Point) -> Spec:
         """Return the spec at a point: of numbers alone with these put into what was read of the first point."""

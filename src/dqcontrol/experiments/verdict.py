@@ -234,7 +234,7 @@ class Judge:
         return Verdict("; ".join([*words, end]), found[0][0])
 
     def _felt(self, record: Record) -> list[str]:
-        return felt(record, () if self.robot.shapes is None else self.robot.shapes.links)
+        return felt(record, self.robot)
 
     def _may_be_hit(self, words: str) -> bool:
         """Return whether what was hit is a body that gives way."""

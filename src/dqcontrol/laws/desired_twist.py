@@ -21,7 +21,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline, shared
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import unknown_name
-from dqcontrol.laws.law import Law
+from dqcontrol.laws.law import Law, beside
 from dqcontrol.references.previewed import Previewed
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ class FeedforwardLaw(Law, frozen=True, kw_only=True):
         """Return the rows of the law itself, and what feed-forward of second order needs."""
         rows = super().rows(robot, reference, period)
         numbers = _numbers(self.feedforward, robot, reference, period, self.inverse.characteristic_length)
-        return np.hstack([rows, np.tile(numbers, (len(rows), 1))])
+        return beside(rows, numbers)
 
     def state_size(self, robot: Robot) -> int:
         """Return room for the state of the law itself, and the last command."""

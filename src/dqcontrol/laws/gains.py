@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.named_fields import CheckedFields
 
 
@@ -71,6 +71,8 @@ def gain_matrix_rows(
     field: str, gain: Gain | ArrayLike, size: int, times: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the diagonal of a gain matrix at each time, shape (N or 1, size); a number stands for k I."""
+    if type(gain) is float:
+        return np.full((1, size), as_positive(field, gain))
     if isinstance(gain, Schedule) or np.ndim(gain) == 0:
         return np.repeat(gain_rows(field, gain, times)[:, None], size, axis=1)  # type: ignore[arg-type]
     diagonal = as_array(field, gain, (size,))

@@ -17,8 +17,9 @@ from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.laws.growth import pose_error
 from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
 from dqcontrol.laws.inverses import inverse_parameters
+from dqcontrol.laws.law import beside
 from dqcontrol.laws.loop_rates import LoopRates
-from dqcontrol.laws.pose_law import PoseLaw, pose_parameters
+from dqcontrol.laws.pose_law import PoseLaw
 from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ class IntegralParameters(NamedTuple):
     Attributes
     ----------
     inverse, hysteresis, gain
-        Those of `PoseParameters`.
+        Those of `PoseParameters`, in the same order: what is of the integral stands behind them.
     step, back
         k_I T and T/T_t.
     bounds
@@ -150,16 +151,9 @@ class IntegralPoseLaw(PoseLaw, frozen=True, kw_only=True):
 
     def rows(self, robot: Robot, reference: Reference | None, period: float) -> np.ndarray:
         """Return inverse, hysteresis, gains, k_I T, T/T_t and bounds, one row a sample as long as they change."""
-        rows = super().rows(robot, reference, period)
-        gain = self.integral_gain
-        position = self.integral_position_limit
-        orientation = self.integral_orientation_limit
-        return integral_parameters.pack(
-            **pose_parameters(rows)._asdict(),
-            step=gain * period,
-            back=min(math.sqrt(gain) * period, 1.0),
-            bounds=[orientation, position],
-        )
+        gain, back = self.integral_gain, min(math.sqrt(self.integral_gain) * period, 1.0)
+        bounds = self.integral_orientation_limit, self.integral_position_limit
+        return beside(super().rows(robot, reference, period), [gain * period, back, *bounds])
 
     def state_size(self, robot: Robot) -> int:
         """Return room for the sign of x_d, the integral, and what was asked for and what left."""

@@ -185,6 +185,14 @@ class Law(
         return prepared.command(values, sample, prepared.initial_state(values) if state is None else state)
 
 
+def beside(rows: Array, numbers: ArrayLike) -> Array:
+    """Return rows of parameters, (K, p), with the same numbers, (r,), behind each, shape (K, p + r)."""
+    size, same = rows.shape[1], np.asarray(numbers)
+    out = np.empty((len(rows), size + len(same)))
+    out[:, :size], out[:, size:] = rows, same
+    return out
+
+
 def _multiplied(value: Any, factor: float) -> Any:
     """Return a number, all numbers of a list, or the values of what changes with time, times a factor."""
     if isinstance(value, list | tuple):

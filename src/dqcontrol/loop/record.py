@@ -126,40 +126,38 @@ class Record:
     readings: Mapping[str, Signal] = field(default_factory=dict, kw_only=True)
 
     def __post_init__(self) -> None:
-        time = _frozen("time", self.time, (None,))
+        time = _frozen("time", self.time, None)
         count = len(time)
-        q = _frozen("q", self.q, (count, None))
-        command = _frozen("command", self.command, (count, None))
+        q, command = _frozen("q", self.q, count, None), _frozen("command", self.command, count, None)
+        n, m = q.shape[1], command.shape[1]
         arrays: dict[str, object] = {
             "time": time,
             "q": q,
-            "measured": _frozen("measured", self.measured, q.shape),
+            "measured": _frozen("measured", self.measured, count, n),
             "command": command,
-            "pose": _frozen("pose", self.pose, (count, 8)),
-            "desired": _frozen("desired", self.desired, (count, SAMPLE_SIZE)),
+            "pose": _frozen("pose", self.pose, count, 8),
+            "desired": _frozen("desired", self.desired, count, SAMPLE_SIZE),
         }
         if self.disturbance is not None:
-            arrays["disturbance"] = _frozen("disturbance", self.disturbance, (count, 6))
+            arrays["disturbance"] = _frozen("disturbance", self.disturbance, count, 6)
         arrays["readings"] = {
-            name: signal._replace(
-                values=_frozen(f"readings.{name}", signal.values, (count, len(signal.units)))
-            )
+            name: signal._replace(values=_frozen(f"readings.{name}", signal.values, count, len(signal.units)))
             for name, signal in self.readings.items()
         }
         if not count:
             raise ShapeError("time: a record needs at least one sample, got none")
-        if not np.isfinite(time).all() or not (np.diff(time) > 0).all():
+        # between finite ends what increases is finite, too
+        if not (math.isfinite(time[0]) and math.isfinite(time[-1]) and (time[1:] > time[:-1]).all()):
             raise ValueRangeError(
                 f"time: must be finite and increasing, got {np.array2string(time, threshold=8)}"
             )
-        names = {"joint_names": tuple(self.joint_names), "input_names": tuple(self.input_names)}
-        if not names["input_names"] and command.shape[1] == q.shape[1]:
-            names["input_names"] = names["joint_names"]
-        for name, size in (("joint_names", q.shape[1]), ("input_names", command.shape[1])):
-            if len(names[name]) != size:
-                raise ShapeError(f"{name}: expected {size} names, got {len(names[name])}")
-        for name, value in (arrays | names).items():
-            object.__setattr__(self, name, value)
+        joints, inputs = tuple(self.joint_names), tuple(self.input_names)
+        if not inputs and m == n:
+            inputs = joints
+        for name, names, size in (("joint_names", joints, n), ("input_names", inputs, m)):
+            if len(names) != size:
+                raise ShapeError(f"{name}: expected {size} names, got {len(names)}")
+        vars(self).update(arrays, joint_names=joints, input_names=inputs)
 
     def __len__(self) -> int:
         return len(self.time)
@@ -267,18 +265,18 @@ def _rotation_vector(pose_errors: Array) -> Array:
     return scale * v
 
 
-def _frozen(name: str, value: object, shape: tuple[int | None, ...]) -> Array:
-    """Return a read-only view (or copy) as float64 with this shape; NaN may pass."""
+def _frozen(name: str, value: object, *shape: int | None) -> Array:
+    """Return a read-only view (or copy) as float64 with this shape, None for any length; NaN may pass."""
     try:
         array = np.asarray(value)
         if array.dtype.kind not in "iuf":
             raise TypeError
     except (TypeError, ValueError):
         raise ShapeError(f"{name}: expected real numbers, got {value!r:.80}") from None
-    fits = array.ndim == len(shape) and all(
-        want in (None, got) for want, got in zip(shape, array.shape, strict=True)
-    )
-    if not fits:
+    if array.ndim != len(shape) or (
+        array.shape != shape
+        and any(want not in (None, got) for want, got in zip(shape, array.shape, strict=True))
+    ):
         wanted = ", ".join("any" if want is None else str(want) for want in shape)
         raise ShapeError(f"{name}: expected shape ({wanted}{',' * (len(shape) == 1)}), got {array.shape}")
     return _locked(np.ascontiguousarray(array, dtype=np.float64).view())

@@ -315,8 +315,22 @@ class Metrics:
         return plain
 
     def flat(self) -> dict[str, float | int | str | None]:
-        """Return one level with dotted names, as ``"error.integral"``."""
-        return _flatten(vars(self))
+        """Return one level with dotted names, as ``"error.integral"``; None for NaN and infinity."""
+        flat: dict[str, float | int | str | None] = {}
+        for key, value in vars(self).items():
+            if isinstance(value, SignalNorms | Deviation):
+                _add(flat, f"{key}.", value)
+            elif key == "tasks":
+                for name, task in value.items():
+                    _add(flat, f"tasks.{name}.position.", task.position)
+                    _add(flat, f"tasks.{name}.orientation.", task.orientation)
+            else:
+                flat[key] = None if isinstance(value, float) and value - value != 0.0 else value
+        return flat
+
+    def judged(self, verdict: str, failure: str) -> Metrics:
+        """Return the same with another verdict."""
+        return Metrics(**{**vars(self), "verdict": verdict, "failure": failure})
 
 
 def evaluate(
@@ -525,13 +539,7 @@ def _overshoot(first: float, largest: float, errors: Callable[[], Array]) -> flo
     return float(np.maximum(-(error @ error[0]) / float(np.linalg.norm(error[0])) ** 2, 0.0).max())
 
 
-def _flatten(nested: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for key, value in nested.items():
-        if isinstance(value, float):
-            flat[prefix + key] = value if math.isfinite(value) else None
-        elif isinstance(value, SignalNorms | Deviation | TaskDeviation):
-            flat |= _flatten(vars(value), f"{prefix}{key}.")
-        else:
-            flat |= _flatten(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
-    return flat
+def _add(flat: dict[str, float | int | str | None], prefix: str, part: SignalNorms | Deviation) -> None:
+    """Add the numbers of a signal, all floats; of one less itself NaN and infinity leave NaN."""
+    for name, value in vars(part).items():
+        flat[prefix + name] = value if value - value == 0.0 else None

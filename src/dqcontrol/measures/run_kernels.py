@@ -207,7 +207,7 @@ def measure_kernel(
     zero = Sums(0.0, 0.0, 0.0)
     distance, turn, error = zero, zero, zero
     settled_distance, settled_turn, settled_error = zero, zero, zero
-    judged_distance, judged_turn, way_before = zero, zero, 0.0
+    judged_distance, farthest, judged_turn, widest, way_before = 0.0, 0.0, 0.0, 0.0, 0.0
     slow = max(0, count - 1 - max(1, count // 20))
     control, step, speed, acceleration = zero, zero, zero, zero
     last_distance, last_turn, last_error, first_error = 0.0, 0.0, 0.0, 0.0
@@ -243,8 +243,9 @@ def measure_kernel(
             settled_turn = Sums(0.0, 0.0, now_turn)
             settled_error = Sums(0.0, 0.0, now_error)
         if k >= judged:
-            judged_distance = _held(judged_distance, now_distance, 1.0)
-            judged_turn = _held(judged_turn, now_turn, 1.0)
+            judged_distance += now_distance * now_distance
+            judged_turn += now_turn * now_turn
+            farthest, widest = max(farthest, now_distance), max(widest, now_turn)
         if not now_error <= (band if band > 0.0 else SETTLED_FRACTION * first_error):
             last_outside = k
         if k > 0:
@@ -317,10 +318,9 @@ def measure_kernel(
     out[43] = share if is_known else math.nan
     out[44] = saturated / (count - 1) if is_known else math.nan
     out[45] = math.sqrt(jerk / duration) if duration > 0.0 else math.nan
-    for part in range(2):
-        sums = judged_distance if part == 0 else judged_turn
-        _write_norms(sums, float(count - judged), norms)
-        out[46 + 2 * part], out[47 + 2 * part] = norms[2], norms[3]
+    out[46], out[48] = math.sqrt(judged_distance / (count - judged)), math.sqrt(judged_turn / (count - judged))
+    out[47] = farthest if judged_distance == judged_distance else math.nan
+    out[49] = widest if judged_turn == judged_turn else math.nan
     lasted = time[count - 1] - time[slow]
     out[50] = (speed.total - way_before) / lasted if lasted > 0.0 else 0.0
     return OK

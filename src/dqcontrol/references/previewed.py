@@ -71,13 +71,16 @@ class Previewed(Reference):
         lag = as_positive("lag", self.lag, zero_allowed=True)
         step = max(_STEP * lag, _LEAST_STEP) if self.step is None else as_positive("step", self.step)
         starts, jumps = _starts(_Same(self.reference))
-        jumps = jumps.copy()
         close = np.diff(starts) < lag
-        jumps[np.append(False, close) | np.append(close, False)] = 0.0  # samples of a smooth motion
+        if close.any():
+            jumps = jumps.copy()  # of samples of a smooth motion
+            jumps[np.append(False, close) | np.append(close, False)] = 0.0
         ends = starts[1:] - delay
         moved = np.unique(np.concatenate([ends, starts - delay + lag])) if lag else ends
         moved = moved[(moved > 0) & (moved < self.reference.duration)]
         moved.flags.writeable = False
+        jumped = np.zeros((len(starts) + 1, 6))
+        np.cumsum(jumps, axis=0, out=jumped[1:])
         values = {
             "duration": self.reference.duration,
             "corners": moved,
@@ -85,10 +88,9 @@ class Previewed(Reference):
             "_ahead": delay,
             "_behind": step,
             "_starts": starts - SNAP,
-            "_jumped": np.vstack([np.zeros(6), np.cumsum(jumps, axis=0)]),
+            "_jumped": jumped,
         }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        vars(self).update(values)
 
     @property
     def guards(self) -> Guards:

@@ -209,16 +209,21 @@ class Reference(ABC):
             raise ShapeError(f"times: expected shape (N,), got {asked.shape}")
         if (asked < 0).any():
             raise ValueRangeError(f"times: must be ≥ 0, got {asked.min():g}")
+        if len(asked) <= _BLOCK:
+            return self._block(asked)
         out = long_array(len(asked), SAMPLE_SIZE)
         for first in range(0, len(asked), _BLOCK):
-            rows = slice(first, first + _BLOCK)
-            inside, at_corner = self.snapped(asked[rows])
-            block = self.motion(inside)
-            block[at_corner, TWIST_RATE] = 0.0
-            block[inside >= self.duration, TWIST.start : TWIST_RATE.stop] = 0.0
-            out[rows] = block
-        out[:, TIME] = asked
+            out[first : first + _BLOCK] = self._block(asked[first : first + _BLOCK])
         return out
+
+    def _block(self, times: Array) -> Array:
+        """Return samples at times that are checked."""
+        inside, at_corner = self.snapped(times)
+        found = np.ascontiguousarray(self.motion(inside), dtype=np.float64)
+        found[at_corner, TWIST_RATE] = 0.0
+        found[inside >= self.duration, TWIST.start : TWIST_RATE.stop] = 0.0
+        found[:, TIME] = times
+        return found
 
     def at(self, time: float) -> Sample:
         """Return the sample at one time, s, ≥ 0."""

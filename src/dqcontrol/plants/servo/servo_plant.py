@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, NamedTuple, Self, TypeAlias
 
@@ -31,6 +32,7 @@ from dqcontrol.world import World
 
 Each: TypeAlias = Annotated[float, Meta(ge=0)] | list[Annotated[float, Meta(ge=0)]]
 _EachAboveZero: TypeAlias = Annotated[float, Meta(gt=0)] | list[Annotated[float, Meta(gt=0)]]
+_MOST_SHARED = 1_000_000  # numbers, 8 MB: so much is kept until other noise is drawn
 _HORIZON = 2.0  # s in which what matters of a joint is seen
 
 
@@ -193,11 +195,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         parameters = np.concatenate([head, joint.ravel(), bodies.ravel(), table.ravel()])
         scratch = np.zeros(WORK * len(bodies) + n)
         state = np.concatenate([target, np.zeros(n), *[target] * (oldest + 1), scratch, start])
-        noise = (
-            np.random.default_rng(seed).standard_normal(out=long_array(steps, n))
-            if joint[:, layout.NOISE].any()
-            else np.zeros((steps, n))
-        )
+        noise = _drawn(seed, steps, n) if joint[:, layout.NOISE].any() else np.zeros((steps, n))
         plant = CompiledPlant(servo, parameters, state, start, noise)
         if self.wrist is None:
             return plant
@@ -298,6 +296,16 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         joints = list(zip(delay, bandwidth, damping, tau, strict=True))
         found = {joint: _answer(*joint, period) for joint in set(joints)}  # most arms have one kind
         return [found[joint] for joint in joints]
+
+
+def _drawn(seed: int, steps: int, n: int) -> Array:
+    """Return normal deviates of each step and joint, shape (steps, n); the runs of a study share those of a seed."""
+    return _shared(seed, steps, n) if steps * n <= _MOST_SHARED else _shared.__wrapped__(seed, steps, n)
+
+
+@lru_cache(maxsize=1)
+def _shared(seed: int, steps: int, n: int) -> Array:
+    return np.random.default_rng(seed).standard_normal(out=long_array(steps, n))
 
 
 def _answer(delay: float, bandwidth: float, damping: float, tau: float, period: float) -> _Answer:
