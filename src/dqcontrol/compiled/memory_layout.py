@@ -61,6 +61,7 @@ class MemoryLayout(Generic[Fields]):
         self._unchecked = unchecked
         # asked for again and again with the same sizes
         self._places, self._size_of = lru_cache(self._parts_of), lru_cache(self._size)
+        self._place_of = lru_cache(self._place)
         written_by(self, lambda: self._taken_apart)
 
     @cached_property
@@ -121,6 +122,9 @@ class MemoryLayout(Generic[Fields]):
 
     def place(self, name: str, *sizes: int) -> int:
         """Return where the numbers of a field begin."""
+        return self._place_of(name, *sizes)
+
+    def _place(self, name: str, *sizes: int) -> int:
         before = list(self._shapes).index(name)
         return sum(prod(shape) for shape in self._known_shapes(*sizes, 0)[:before])
 
@@ -136,7 +140,8 @@ class MemoryLayout(Generic[Fields]):
             array.reshape(*array.shape[:lead], prod(array.shape[lead:]))
             for array, lead in zip(arrays, leads, strict=True)
         ]
-        rows = np.broadcast_shapes(*{part.shape[:-1] for part in parts})
+        given = {part.shape[:-1] for part in parts} - {()}
+        rows = given.pop() if len(given) == 1 else np.broadcast_shapes(*given)
         whole, place = np.empty((*rows, sum(part.shape[-1] for part in parts))), 0
         for part in parts:
             whole[..., place : place + part.shape[-1]] = part

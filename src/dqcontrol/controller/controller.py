@@ -184,8 +184,8 @@ class Controller:
             growth, share = parameters[:, _GROWTH : _GROWTH + 2].max(axis=0)
             self._parts.tasking[at : at + 3] = growth, 0.5 * (period + lag.late), share
         self.parameters: Array = self._parts.parameters
-        if law.lag_at:
-            self.parameters[:, law.lag_at] = sum(lag.mean)
+        if lag_at := law.lag_at:
+            self.parameters[:, lag_at] = sum(lag.mean)
         self.wrench: Array = self._parts.contact_work[:WRENCH]
         self.work, self.preferred = self._parts.work, self._parts.work[:m]
         self.pose = self._parts.kinematics[:8]

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
@@ -146,13 +145,10 @@ class Contacts:
         """Return where a run went through something, the deepest first."""
         if not np.isfinite(record.q).all():
             return []
-        found = []
-        if self._watched:
-            depths, samples = self._deepest(record)
-            found = [
-                Contact(self._watched[i].words, float(depths[i]), float(record.time[samples[i]]))
-                for i in np.flatnonzero(depths > _TOUCH)
-            ]
+        found = [
+            Contact(self._watched[i].words, depth, float(record.time[k]))
+            for i, depth, k in (self._deepest(record) if self._watched else ())
+        ]
         if (chassis := _chassis(self._robot)) is not None:
             inside = _inside(chassis, record.q, record.position)
             if inside[k := int(inside.argmax())] > _TOUCH:
@@ -161,8 +157,8 @@ class Contacts:
         deepest = {each.words: each for each in sorted(found, key=lambda contact: contact.depth)}
         return list(reversed(deepest.values()))
 
-    def _deepest(self, record: Record) -> tuple[Array, NDArray[np.intp]]:
-        """Return how deep each pair got into each other, m, shape (P,), and at which sample.
+    def _deepest(self, record: Record) -> Iterator[tuple[int, float, int]]:
+        """Yield of the pairs that touched each other number and depth, m, and at which sample.
 
         Two shapes come nearer by no more than the sum of the ways of what the joints carry. Where that may have closed
         the gap between two samples that were looked at, the one in the middle is looked at, too, and so on.
@@ -170,22 +166,23 @@ class Contacts:
         q, time = record.q, record.time
         look = len(q) if self._moved else min(_FIRST_LOOK, len(q))
         at = (np.arange(look) * (len(q) - 1) / max(look - 1, 1)).astype(np.intp)
-        way = np.zeros(len(q))
-        np.cumsum(np.abs(q[1:] - q[:-1]) @ self._levers, out=way[1:])
+        way, steps = np.zeros(len(q)), q[1:] - q[:-1]
+        np.cumsum(np.abs(steps, out=steps) @ self._levers, out=way[1:])
         values = self._distances(q[at], time[at])
         while True:
-            least = np.minimum(values.min(axis=0), 0.0)
             nearest = 0.5 * (values[:-1] + values[1:] - np.diff(way[at])[:, None])
-            unsure = (nearest < least).any(axis=1) & (np.diff(at) > 1)
-            if not unsure.any():
+            least = np.minimum(values.min(axis=0), 0.0)
+            unsure = (nearest < least).any(axis=1)
+            if not unsure.any() or not (unsure := unsure & (np.diff(at) > 1)).any():
                 break
             new = (at[:-1][unsure] + at[1:][unsure]) // 2
             at = np.concatenate([at, new])
             values = np.vstack([values, self._distances(q[new], time[new])])
             order = np.argsort(at, kind="stable")
             at, values = at[order], values[order]
-        deepest = values.argmin(axis=0)
-        return -values[deepest, np.arange(len(self._watched))], at[deepest]
+        for i in np.flatnonzero(least < -_TOUCH):
+            k = int(values[:, i].argmin())
+            yield int(i), -float(values[k, i]), int(at[k])
 
     def _distances(self, q: Array, time: Array) -> Array:
         """Return the distance of each pair at configurations (K, n), shape (K, P), m."""

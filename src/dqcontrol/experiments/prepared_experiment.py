@@ -269,9 +269,11 @@ class PreparedExperiment:
     def with_drives_of(self, spec: Spec) -> PreparedExperiment:
         """Return the same for a spec that differs in its laws and plants alone, for runs that follow at once.
 
-        Its robots and what they follow stay; laws and plants are left to the runs, as by `prepare_spec` unchecked.
+        Its robots and what they follow stay; laws are made ready, plants are left to the runs.
         """
-        return _combined(spec.with_empty_hands, self.folder, self.scenes, checked=False)
+        found = _combined(spec.with_empty_hands, self.folder, self.scenes, checked=False)
+        cases = (replace(case, prepared=case.prepare_law(found.spec)) for case in found.cases)
+        return replace(found, cases=tuple(cases))
 
     @property
     def scene(self) -> PreparedRobot:

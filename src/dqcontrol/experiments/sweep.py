@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import groupby
+from itertools import groupby, islice
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -214,6 +214,7 @@ _FIXED = {"name", "record", "repeats", "laws", "robots", "plants"}  # they make 
 _MARKED = {"parameter_sets", "grids"}
 _DRIVES = {"law", "laws", "plant", "plants"}
 _ENDS = ("low", "high")  # of a range
+_AT_ONCE = 20_000  # samples of points that are prepared together, 3 MB
 _TRIAL = 4e-3  # s, roughly: what a trial takes beside its steps
 _PART = 1.0  # s of work in a part
 _MOST_IN_PART = 500  # trials
@@ -369,18 +370,36 @@ class Sweep:
         """Run the trials of some runs, in the order of their points, repeats and cases."""
         repeats = self.first.spec.repeats
         points = self.sampling.points_between(runs[0] // repeats, runs[-1] // repeats + 1)
-        by_point = groupby(runs, key=lambda run: run // repeats)
-        for (number, group), point in zip(by_point, points, strict=True):
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # thousands of points; their rows say it
-                yield from self._rows_at(number, point, [run % repeats for run in group])
+        by_point = (
+            (number, [run % repeats for run in group])
+            for number, group in groupby(runs, key=lambda run: run // repeats)
+        )
+        places = zip(by_point, points, strict=True)
+        # What prepares a point is no longer in the processor's caches after a run: several at once take two thirds.
+        at_once = max(_AT_ONCE // len(self.first.scene.samples), 1)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # thousands of points; their rows say it
+            while some := list(islice(places, at_once)):
+                ready = [self._ready(point) for _, point in some]
+                for ((number, of_point), point), setting in zip(some, ready, strict=True):
+                    yield from self._rows_at(number, point, of_point, setting)
 
-    def _rows_at(self, number: int, point: Point, repeats: list[int]) -> Iterator[Row]:
+    def _ready(self, point: Point) -> PreparedExperiment | Error:
+        """Return the study at a point for runs that follow at once, or why there are none."""
+        try:
+            return self._unchecked(point)
+        except Error as error:
+            return error
+
+    def _rows_at(
+        self, number: int, point: Point, repeats: list[int], setting: PreparedExperiment | Error
+    ) -> Iterator[Row]:
         place: Row = {"point": number} | {
             f"parameter.{key}": self._shown(key, value) for key, value in point.items()
         }
         try:
-            setting = self._unchecked(point)
+            if isinstance(setting, Error):
+                raise setting
             outcomes = [list(Batch(setting, case, repeats, None).outcomes()) for case in setting.cases]
         except Error as error:
             yield from self._refused(place, f"{REFUSED}{self._worded(point, error)}", repeats)

@@ -158,7 +158,7 @@ def growth_for(robot: Robot, rates: LoopRates | None, late: float, period: float
     parts = [] if rates is None else [np.abs(x) for x in (rates.position, rates.orientation) if x is not None]
     if rates is None or not parts:
         return Growth((_RATE_UNKNOWN if rates is None else LEAST) * one, one)
-    gain = np.max(parts, axis=0)
+    gain = parts[0] if len(parts) == 1 else np.maximum(*parts)
     needed = 0.5 * gain * (period + late)
     growth = np.maximum(LEAST, needed + (0.5 * gain / rates.lag if rates.lag else 0.0))
     return Growth(growth, needed / growth if drives_anywhere(robot) else one)

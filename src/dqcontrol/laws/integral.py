@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
 
 import numpy as np
@@ -166,4 +165,5 @@ class IntegralPoseLaw(PoseLaw, frozen=True, kw_only=True):
 
     def loop_rates(self, parameters: np.ndarray) -> LoopRates:
         """Return the largest of K's entries, and k_I."""
-        return replace(super().loop_rates(parameters), integral=self.integral_gain)
+        rates = super().loop_rates(parameters)
+        return LoopRates(rates.position, rates.orientation, self.integral_gain)

@@ -23,7 +23,7 @@ from dqcontrol.loop.replanning import Replanning
 from dqcontrol.loop.signals import Readings
 from dqcontrol.loop.supervision import Senses, Supervision, most_steps_to_rest
 from dqcontrol.loop.trace import SampleSink, Stop, Trace, empty_records, ended
-from dqcontrol.plants.disturbance_step import ROW, RunningDisturbance
+from dqcontrol.plants.disturbance_step import RunningDisturbance
 from dqcontrol.plants.plant import CompiledPlant, PlantProtocol, RunningPlant, running_plant
 from dqcontrol.references.follow import Follow
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE
@@ -157,7 +157,7 @@ def _stop_array(stop: Stop | None) -> Array:
 def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop | None) -> Trace:
     """Run the steps compiled; only coming to rest is interpreted."""
     law, samples, supervision, disturbance = steps.law, steps.samples, steps.supervision, steps.disturbance
-    empty, count = np.zeros(0), len(steps.samples)
+    count = len(steps.samples)
     done, settling = np.zeros(3), np.zeros(9)
     status = compiled.rollout(
         compiled.stages(
@@ -169,19 +169,21 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
         ),
         compiled.law_arrays(plan=law.plan, memory=law.memory, state=steps.law_state),
         compiled.supervisor_arrays(
-            memory=supervision.supervisor.memory if supervision else empty,
-            moment=moment_layout.pack(age=0.0, elapsed=supervision.period, request=GO, known=0.0, still=0.0)
-            if supervision
-            else empty,
-            state=supervision.state if supervision else empty,
-            codes=supervision.codes[:count] if supervision else empty,
-        ),
+            memory=supervision.supervisor.memory,
+            moment=moment_layout.pack(age=0.0, elapsed=supervision.period, request=GO, known=0.0, still=0.0),
+            state=supervision.state,
+            codes=supervision.codes[:count],
+        )
+        if supervision
+        else compiled.UNSUPERVISED,
         compiled.disturbance_arrays(
-            rows=disturbance.rows if disturbance else np.zeros((0, ROW)),
-            parameters=disturbance.parameters if disturbance else empty,
-            work=disturbance.work if disturbance else empty,
-            realised=steps.realised[:count] if disturbance else np.zeros((1, 6)),
-        ),
+            rows=disturbance.rows,
+            parameters=disturbance.parameters,
+            work=disturbance.work,
+            realised=steps.realised[:count],
+        )
+        if disturbance
+        else compiled.UNDISTURBED,
         compiled.plant_arrays(
             parameters=plant.parameters,
             state=plant.state,

@@ -20,12 +20,9 @@ from dqcontrol.loop.signals import Signal
 from dqcontrol.loop.simulate import supervise
 from dqcontrol.loop.trace import FARTHEST
 from dqcontrol.plants.disturbance import Disturbance
-from dqcontrol.plants.disturbance_step import ROW
 from dqcontrol.plants.plant import CompiledPlant, Plant, running_plant
 from dqcontrol.robots.robot import Robot
 from dqcontrol.supervisor import Supervisor
-
-_NOTHING: Array = np.zeros(0)
 
 
 class RolloutView(NamedTuple):
@@ -126,12 +123,6 @@ class RepeatedLoop:
             plant=plant.kernel.pointer,
             settled=0,
         )
-        self._supervising = compiled.supervisor_arrays(
-            memory=_NOTHING, moment=_NOTHING, state=_NOTHING, codes=_NOTHING
-        )
-        self._disturbing = compiled.disturbance_arrays(
-            rows=np.zeros((0, ROW)), parameters=_NOTHING, work=_NOTHING, realised=np.zeros((1, 6))
-        )
         self._moved = compiled.plant_arrays(
             parameters=plant.parameters,
             state=plant.state,
@@ -139,7 +130,7 @@ class RepeatedLoop:
             q=plant.q,
             measured=plant.measured,
             wrench=plant.wrench if plant.wrench.size else np.full(WRENCH, np.nan),
-            readings=_NOTHING,
+            readings=np.zeros(0),
         )
         self._course = compiled.course(
             samples=self.samples, stop=np.zeros(2), done=self._done, settling=np.zeros(9)
@@ -166,8 +157,8 @@ class RepeatedLoop:
         status = compiled.rollout(
             self._stages,
             arrays,
-            self._supervising,
-            self._disturbing,
+            compiled.UNSUPERVISED,
+            compiled.UNDISTURBED,
             self._moved,
             self._course,
             self._records_of(law.report.size),

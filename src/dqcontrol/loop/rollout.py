@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
+import numpy as np
+
 from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.bundle import Bundle
@@ -12,7 +14,7 @@ from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, k
 from dqcontrol.compiled.intrinsics import ADDRESS, caller
 from dqcontrol.contact.contact_layout import WRENCH
 from dqcontrol.controller.command_kernel import LAW_FAILED, PLAN, compute_command, note_sent, unpack
-from dqcontrol.plants.disturbance_step import DISTURBANCE
+from dqcontrol.plants.disturbance_step import DISTURBANCE, ROW
 from dqcontrol.plants.plant import PLANT
 from dqcontrol.supervisor.supervisor_layout import AT_REST, NOW, SUPERVISOR
 
@@ -160,6 +162,14 @@ disturbance_arrays: Bundle[DisturbanceArrays] = Bundle(DisturbanceArrays)
 plant_arrays: Bundle[PlantArrays] = Bundle(PlantArrays)
 records: Bundle[Records] = Bundle(Records)
 course: Bundle[Course] = Bundle(Course)
+
+_NOTHING: Array = np.zeros(0)
+UNSUPERVISED: SupervisorArrays = supervisor_arrays(
+    memory=_NOTHING, moment=_NOTHING, state=_NOTHING, codes=_NOTHING
+)
+UNDISTURBED: DisturbanceArrays = disturbance_arrays(
+    rows=np.zeros((0, ROW)), parameters=_NOTHING, work=_NOTHING, realised=np.zeros((1, 6))
+)
 
 ROLLOUT = STATUS(
     *(each.type for each in (stages, law_arrays, supervisor_arrays, disturbance_arrays, plant_arrays)),

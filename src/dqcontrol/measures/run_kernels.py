@@ -318,7 +318,10 @@ def measure_kernel(
     out[43] = share if is_known else math.nan
     out[44] = saturated / (count - 1) if is_known else math.nan
     out[45] = math.sqrt(jerk / duration) if duration > 0.0 else math.nan
-    out[46], out[48] = math.sqrt(judged_distance / (count - judged)), math.sqrt(judged_turn / (count - judged))
+    out[46], out[48] = (
+        math.sqrt(judged_distance / (count - judged)),
+        math.sqrt(judged_turn / (count - judged)),
+    )
     out[47] = farthest if judged_distance == judged_distance else math.nan
     out[49] = widest if judged_turn == judged_turn else math.nan
     lasted = time[count - 1] - time[slow]

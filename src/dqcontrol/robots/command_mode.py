@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import add
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
 CommandMode: TypeAlias = Literal["integrated", "measured"]
@@ -25,7 +26,7 @@ class Lag(NamedTuple):
     @property
     def late(self) -> float:
         """The longest of time constant and delay together, s."""
-        return max((a + b for a, b in zip(self.times, self.delays, strict=True)), default=0.0)
+        return max(map(add, self.times, self.delays), default=0.0)
 
     @property
     def mean(self) -> tuple[float, float]:
