@@ -175,7 +175,10 @@ PATH_SAMPLES = 200  # of a path that starts are tried with: 20 mm apart on one o
 
 @dataclass(frozen=True)
 class PreparedRobot:
-    """A robot where it starts, and the motion that it is to follow, sampled."""
+    """A robot where it starts, and the motion that it is to follow, sampled.
+
+    What is ``desired`` is that of the first motion: of one that is led in time it is the same.
+    """
 
     robot: Robot
     start: Array
@@ -198,9 +201,8 @@ class PreparedRobot:
 
     def along(self, reference: Reference) -> PreparedRobot:
         """Return the same with another reference, at the same times."""
-        samples = reference.samples(self.samples[:, TIME])
-        desired = self.desired if self.desired.is_of(samples) else DesiredMotion.of(samples)
-        return replace(self, reference=reference, samples=samples, desired=desired)
+        times = np.ascontiguousarray(self.samples[:, TIME])
+        return replace(self, reference=reference, samples=reference.samples(times))
 
 
 class Names(NamedTuple):

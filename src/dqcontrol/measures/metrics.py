@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
-from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.files.long_array import row_by_row
@@ -417,7 +416,6 @@ def metrics_of(
         if ACTUATORS in record.readings:
             actuators = record.readings[ACTUATORS].values[:-1]
             effort = math.sqrt(np.sum(row_by_row(row_norms, actuators) ** 2 * np.diff(record.time)))
-        first = _FirstError.of(record)
         return Metrics(
             duration=record.duration,
             samples=len(record),
@@ -433,12 +431,16 @@ def metrics_of(
             joint_path_length=found["joint_path_length"],
             effort=effort,
             settling_time=found["settling_time"],
-            settling_band=_settling_band(first.norm, found["error.peak"], tolerance),
+            settling_band=_settling_band(record, found["error.peak"], tolerance),
             position_overshoot=_overshoot(
-                first.way, 1e-3 * found["position.peak"], lambda: record.desired_position - record.position
+                1e-3 * numbers.task.first_distance,
+                1e-3 * found["position.peak"],
+                lambda: record.desired_position - record.position,
             ),
             orientation_overshoot=_overshoot(
-                first.turn, math.radians(found["orientation.peak"]), lambda: record.rotation_error
+                math.radians(numbers.task.first_turn),
+                math.radians(found["orientation.peak"]),
+                lambda: record.rotation_error,
             ),
             limit_margin=found["limit_margin"],
             limit_joint=numbers.limit_joint,
@@ -459,23 +461,6 @@ def _smoothed(record: Record, cutoff: float) -> Record:
     place = low_passed(record.time, record.position, cutoff)
     pose[:] = algebra.pose(pose[:, :4], place)
     return replace(record, q=low_passed(record.time, record.q, cutoff), pose=pose)
-
-
-class _FirstError(NamedTuple):
-    """At the first sample: |1 − x* x_d|, |p_d − p| in m and the angle between the orientations in rad."""
-
-    norm: float
-    way: float
-    turn: float
-
-    @classmethod
-    def of(cls, record: Record) -> _FirstError:
-        """Return that of a record, without those of its other samples."""
-        error = np.empty((1, 8))
-        pose_errors(record.pose[:1], record.desired[:1], error)
-        way = math.dist(position(record.pose[0]), position(record.desired[0]))
-        turn = 2 * math.atan2(math.hypot(*error[0, 1:4]), error[0, 0])
-        return cls(float(error_norms(error)[0]), way, turn)
 
 
 def _task_deviations(record: Record, start: int) -> dict[str, TaskDeviation]:
@@ -524,10 +509,13 @@ def _deviation(times: _Times, value: Array, start: int) -> Deviation:
     )
 
 
-def _settling_band(first: float, largest: float, tolerance: float | None) -> float:
+def _settling_band(record: Record, largest: float, tolerance: float | None) -> float:
     """Return the band of the error; NaN if it is a share of the first error and the run starts on its target."""
     if tolerance is not None:
         return tolerance
+    error = np.empty((1, 8))
+    pose_errors(record.pose[:1], record.desired[:1], error)
+    first = float(error_norms(error)[0])
     return math.nan if first < STEP_SHARE * largest else SETTLED_FRACTION * first
 
 

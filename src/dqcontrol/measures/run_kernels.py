@@ -55,6 +55,8 @@ class Judged(NamedTuple):
         RMS and largest angle between end effector and desired orientation, degrees.
     speed
         Mean of the end effector over the last twentieth of the run, m/s.
+    first_distance, first_turn
+        At the first sample, mm and degrees.
     """
 
     distance: float
@@ -62,6 +64,8 @@ class Judged(NamedTuple):
     turn: float
     widest: float
     speed: float
+    first_distance: float
+    first_turn: float
 
 
 class Sums(NamedTuple):
@@ -210,7 +214,8 @@ def measure_kernel(
     judged_distance, farthest, judged_turn, widest, way_before = 0.0, 0.0, 0.0, 0.0, 0.0
     slow = max(0, count - 1 - max(1, count // 20))
     control, step, speed, acceleration = zero, zero, zero, zero
-    last_distance, last_turn, last_error, first_error = 0.0, 0.0, 0.0, 0.0
+    last_distance, last_turn, last_error = 0.0, 0.0, 0.0
+    first_distance, first_turn, first_error = 0.0, 0.0, 0.0
     x0, y0, z0 = 0.0, 0.0, 0.0
     vx0, vy0, vz0, last_interval, last_rate = 0.0, 0.0, 0.0, 0.0, 0.0
     share, saturated, jerk, path = 0.0, 0.0, 0.0, 0.0
@@ -234,7 +239,7 @@ def measure_kernel(
         now_distance, now_turn = work[_DISTANCE + lane], work[_TURN + lane]
         now_error = work[_ERROR + lane]
         if k == 0:
-            first_error = now_error
+            first_error, first_distance, first_turn = now_error, now_distance, now_turn
             distance = Sums(0.0, 0.0, now_distance)
             turn = Sums(0.0, 0.0, now_turn)
             error = Sums(0.0, 0.0, now_error)
@@ -324,6 +329,7 @@ def measure_kernel(
     )
     out[47] = farthest if judged_distance == judged_distance else math.nan
     out[49] = widest if judged_turn == judged_turn else math.nan
+    out[51], out[52] = first_distance, first_turn
     lasted = time[count - 1] - time[slow]
     out[50] = (speed.total - way_before) / lasted if lasted > 0.0 else 0.0
     return OK
