@@ -539,8 +539,12 @@ class Judge:
             yield words
         if result.rests and not result.is_moving:
             yield from self._rests(record, metrics, result)
-        elif behind := _behind(record, result):
+        elif behind := _behind(record, result, self._desired_of(record)):
             yield f"too late: {length_text(behind)} behind"
+
+    def _desired_of(self, record: Record) -> DesiredMotion:
+        known = self.desired
+        return known if known and known.is_of(record.desired) else DesiredMotion.of(record.desired)
 
     def _rests(self, record: Record, metrics: Metrics, result: TaskResult) -> Iterator[str]:
         """Yield why an end effector rests before its goal."""
@@ -580,7 +584,7 @@ def _braked(record: Record) -> str:
     return f"held by the supervisor: {reason} for {100 * share:.2g} % of the time" if share > _OFTEN else ""
 
 
-def _behind(record: Record, result: TaskResult) -> float:
+def _behind(record: Record, result: TaskResult, desired: DesiredMotion) -> float:
     """Return by how much the end effector is behind on its way, m: the mean while the reference moves, or what is left.
 
     Of a reference at rest only an end effector that comes nearer all the time is behind: others hang or sway beside
@@ -591,10 +595,8 @@ def _behind(record: Record, result: TaskResult) -> float:
         steps = np.diff(record.position_error[-max(2, len(record) // 20) :])
         comes = np.mean(steps < 0) > _STEADILY and result.position > result.position_tolerance
         return float(record.position_error[-1]) if comes else 0.0
-    ahead = np.gradient(record.desired_position, record.time, axis=0)
-    speed = row_norms(ahead)
-    moves = speed > 1e-3 * speed.max(initial=0.0)
-    along = np.einsum("ij,ij->i", error[moves], ahead[moves] / speed[moves, None])
+    moves, ahead = desired.directions
+    along = np.einsum("ij,ij->i", error[moves], ahead)
     mean = float(along.mean()) if len(along) else 0.0
     return (
         mean

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dqcontrol import algebra
 from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ2, STATUS, WRITE, inline, kernel
 from dqcontrol.errors import ShapeError
 from dqcontrol.files.long_array import row_by_row
-from dqcontrol.loop.record import Record
+from dqcontrol.loop.record import Record, row_norms
 from dqcontrol.measures.run_kernels import GIVEN, NUMBERS, REACHED, Judged, measure_kernel
-from dqcontrol.references.sample import POSE
+from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots.limits import Limits
 
 LAST = 0.1  # of the time in which the reference rests: an error that comes and goes is not reached
@@ -99,14 +102,15 @@ class DesiredMotion:
 
     Attributes
     ----------
-    poses
-        Those that are desired, shape (N, 8), inertial frame.
+    times, poses
+        When, shape (N,), s, and what is desired, shape (N, 8), inertial frame.
     numbers
         How far they go.
     rest
         The first sample of the last tenth of those at whose end they rest; None where they end moving.
     """
 
+    times: Array
     poses: Array
     numbers: _Motion
     rest: int | None
@@ -114,16 +118,25 @@ class DesiredMotion:
     @classmethod
     def of(cls, desired: Array) -> DesiredMotion:
         """Return that of samples (N, 21)."""
-        poses, out = np.ascontiguousarray(desired[:, POSE]), np.empty(len(_Motion._fields))
+        times, poses = np.ascontiguousarray(desired[:, TIME]), np.ascontiguousarray(desired[:, POSE])
+        out = np.empty(len(_Motion._fields))
         _measure_motion(desired, np.empty(7), out)
         numbers = _Motion(*out.tolist())
         # It has all but stopped at its last step: samples beyond its end rest whatever it did.
         rests = numbers.last_step <= _SLOW * numbers.largest_step + _SAME
-        return cls(poses, numbers, _first_of_rest(poses) if rests else None)
+        return cls(times, poses, numbers, _first_of_rest(poses) if rests else None)
 
     def is_of(self, desired: Array) -> bool:
         """Return whether it is that of these samples."""
         return np.array_equal(self.poses, desired[:, POSE])
+
+    @cached_property
+    def directions(self) -> tuple[NDArray[np.bool_], Array]:
+        """Which samples move, shape (N,), and in what directions these do, shape (k, 3)."""
+        ahead = np.gradient(row_by_row(algebra.translation, self.poses), self.times, axis=0)
+        speed = row_norms(ahead)
+        moves = speed > 1e-3 * speed.max(initial=0.0)
+        return moves, ahead[moves] / speed[moves, None]
 
 
 def _first_of_rest(poses: Array) -> int:
