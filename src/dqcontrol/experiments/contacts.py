@@ -38,6 +38,7 @@ _BELOW = (
 )  # m: links of the file so far below the base frame say that it does not stand on anything there
 _TOUCH = 1e-6  # m: what stands on the floor or rests against a wall is that near by rounding, and goes through nothing
 _FIRST_LOOK = 17  # samples; between them only what may have touched is looked at
+_MOST_KEPT = 1_000_000  # numbers of a run, 8 MB
 _FEW = 30_000  # distances, which take a second in Python: less than their kernel takes to compile
 
 
@@ -140,6 +141,7 @@ class Contacts:
         )
         self._moved = {number[id(b)]: shifts for _, b, _, shifts in self._watched if shifts is not None}
         self._work = np.empty((len(shapes), wide)), np.empty(kernels.FOUND)
+        self._free: tuple[Array, float] | None = None  # configurations of a run, and its room all the way, m
 
     def of_run(self, record: Record) -> list[Contact]:
         """Return where a run went through something, the deepest first."""
@@ -147,7 +149,9 @@ class Contacts:
             return []
         found = [
             Contact(self._watched[i].words, depth, float(record.time[k]))
-            for i, depth, k in (self._deepest(record) if self._watched else ())
+            for i, depth, k in (
+                self._deepest(record) if self._watched and not self._has_room(record.q) else ()
+            )
         ]
         if (chassis := _chassis(self._robot)) is not None:
             inside = _inside(chassis, record.q, record.position)
@@ -156,6 +160,13 @@ class Contacts:
         # Of a link's shapes the deepest stands for it.
         deepest = {each.words: each for each in sorted(found, key=lambda contact: contact.depth)}
         return list(reversed(deepest.values()))
+
+    def _has_room(self, q: Array) -> bool:
+        """Return whether a run is nearer to one that touched nothing than that was to anything: studies have many."""
+        if self._free is None or self._free[0].shape != q.shape:
+            return False
+        other, room = self._free
+        return float(np.abs(q - other).max(axis=0) @ self._levers) < room
 
     def _deepest(self, record: Record) -> Iterator[tuple[int, float, int]]:
         """Yield of the pairs that touched each other number and depth, m, and at which sample.
@@ -180,6 +191,9 @@ class Contacts:
             values = np.vstack([values, self._distances(q[new], time[new])])
             order = np.argsort(at, kind="stable")
             at, values = at[order], values[order]
+        room = float(nearest.min(initial=values.min()))
+        if room > 0.0 and not self._moved and q.size <= _MOST_KEPT:
+            self._free = q, room
         for i in np.flatnonzero(least < -_TOUCH):
             k = int(values[:, i].argmin())
             yield int(i), -float(values[k, i]), int(at[k])

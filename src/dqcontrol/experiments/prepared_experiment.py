@@ -168,6 +168,7 @@ T = TypeVar("T")
 
 _KEPT_BYTES = 200e6  # of prepared laws; beyond that they are prepared again when their turn comes
 _MOST_TRIALS = 10_000_000  # more are a slip
+_FEW_CASES = 100  # whose laws a point keeps ready, 10 kB each
 _MOST_KNOWN = 16  # robots and scenes
 FULL_POSE = 6  # joints, with fewer of which an end effector follows no pose
 PATH_SAMPLES = 200  # of a path that starts are tried with: 20 mm apart on one of 4 m
@@ -271,9 +272,11 @@ class PreparedExperiment:
     def with_drives_of(self, spec: Spec) -> PreparedExperiment:
         """Return the same for a spec that differs in its laws and plants alone, for runs that follow at once.
 
-        Its robots and what they follow stay; laws are made ready, plants are left to the runs.
+        Its robots and what they follow stay; laws are made ready if they are few, plants are left to the runs.
         """
         found = _combined(spec.with_empty_hands, self.folder, self.scenes, checked=False)
+        if len(found.cases) > _FEW_CASES:
+            return found
         cases = (replace(case, prepared=case.prepare_law(found.spec)) for case in found.cases)
         return replace(found, cases=tuple(cases))
 

@@ -376,7 +376,7 @@ class Sweep:
         )
         places = zip(by_point, points, strict=True)
         # What prepares a point is no longer in the processor's caches after a run: several at once take two thirds.
-        at_once = max(_AT_ONCE // len(self.first.scene.samples), 1)
+        at_once = max(_AT_ONCE // (len(self.first.scene.samples) * len(self.first.cases)), 1)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # thousands of points; their rows say it
             while some := list(islice(places, at_once)):

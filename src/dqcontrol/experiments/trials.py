@@ -90,7 +90,8 @@ class Batch:
 
     def outcomes(self, progress: Steps | None = None) -> Iterator[TrialOutcome]:
         """Run one trial after the other; ``progress`` is told each one's steps done and its steps in all."""
-        case = replace(self.case, prepared=self.case.prepare_law(self.setting.spec))
+        case, law = self.case, self.case.prepare_law(self.setting.spec)
+        case = case if law is case.prepared else replace(case, prepared=law)
         scene = case.scene
         judge = Judge.of(
             self.setting.spec, scene.robot, case.variant.law, case.plant, scene.tasks, scene.desired
