@@ -431,7 +431,7 @@ def metrics_of(
             joint_path_length=found["joint_path_length"],
             effort=effort,
             settling_time=found["settling_time"],
-            settling_band=_settling_band(record, found["error.peak"], tolerance),
+            settling_band=_settling_band(record, numbers.task.first_error, found["error.peak"], tolerance),
             position_overshoot=_overshoot(
                 1e-3 * numbers.task.first_distance,
                 1e-3 * found["position.peak"],
@@ -509,14 +509,15 @@ def _deviation(times: _Times, value: Array, start: int) -> Deviation:
     )
 
 
-def _settling_band(record: Record, largest: float, tolerance: float | None) -> float:
+def _settling_band(record: Record, first: float, largest: float, tolerance: float | None) -> float:
     """Return the band of the error; NaN if it is a share of the first error and the run starts on its target."""
     if tolerance is not None:
         return tolerance
+    if first < STEP_SHARE * largest:
+        return math.nan
     error = np.empty((1, 8))
     pose_errors(record.pose[:1], record.desired[:1], error)
-    first = float(error_norms(error)[0])
-    return math.nan if first < STEP_SHARE * largest else SETTLED_FRACTION * first
+    return SETTLED_FRACTION * float(error_norms(error)[0])
 
 
 def _overshoot(first: float, largest: float, errors: Callable[[], Array]) -> float:

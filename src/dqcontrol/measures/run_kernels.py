@@ -55,8 +55,8 @@ class Judged(NamedTuple):
         RMS and largest angle between end effector and desired orientation, degrees.
     speed
         Mean of the end effector over the last twentieth of the run, m/s.
-    first_distance, first_turn
-        At the first sample, mm and degrees.
+    first_distance, first_turn, first_error
+        At the first sample, mm, degrees and |1 − x* x_d|.
     """
 
     distance: float
@@ -66,6 +66,7 @@ class Judged(NamedTuple):
     speed: float
     first_distance: float
     first_turn: float
+    first_error: float
 
 
 class Sums(NamedTuple):
@@ -329,7 +330,7 @@ def measure_kernel(
     )
     out[47] = farthest if judged_distance == judged_distance else math.nan
     out[49] = widest if judged_turn == judged_turn else math.nan
-    out[51], out[52] = first_distance, first_turn
+    out[51], out[52], out[53] = first_distance, first_turn, first_error
     lasted = time[count - 1] - time[slow]
     out[50] = (speed.total - way_before) / lasted if lasted > 0.0 else 0.0
     return OK
