@@ -590,20 +590,16 @@ def _behind(record: Record, result: TaskResult, desired: DesiredMotion) -> float
     Of a reference at rest only an end effector that comes nearer all the time is behind: others hang or sway beside
     their goal.
     """
-    error = record.desired_position - record.position
     if result.rests:
         steps = np.diff(record.position_error[-max(2, len(record) // 20) :])
         comes = np.mean(steps < 0) > _STEADILY and result.position > result.position_tolerance
         return float(record.position_error[-1]) if comes else 0.0
     moves, ahead = desired.directions
-    along = np.einsum("ij,ij->i", error[moves], ahead)
-    mean = float(along.mean()) if len(along) else 0.0
-    return (
-        mean
-        if mean > _BEHIND * float(row_norms(error[moves]).mean())
-        and result.position > result.position_tolerance
-        else 0.0
-    )
+    if not len(ahead) or not result.position > result.position_tolerance:
+        return 0.0
+    error = (desired.positions - record.position)[moves]
+    mean = float(np.einsum("ij,ij->i", error, ahead).mean())
+    return mean if mean > _BEHIND * float(row_norms(error).mean()) else 0.0
 
 
 def _at(record: Record, sample: int) -> str:

@@ -131,9 +131,14 @@ class DesiredMotion:
         return np.array_equal(self.poses, desired[:, POSE])
 
     @cached_property
+    def positions(self) -> Array:
+        """Positions that are desired, shape (N, 3), m."""
+        return row_by_row(algebra.translation, self.poses)
+
+    @cached_property
     def directions(self) -> tuple[NDArray[np.bool_], Array]:
         """Which samples move, shape (N,), and in what directions these do, shape (k, 3)."""
-        ahead = np.gradient(row_by_row(algebra.translation, self.poses), self.times, axis=0)
+        ahead = np.gradient(self.positions, self.times, axis=0)
         speed = row_norms(ahead)
         moves = speed > 1e-3 * speed.max(initial=0.0)
         return moves, ahead[moves] / speed[moves, None]
