@@ -92,6 +92,21 @@ def test_a_hand_inside_its_own_chassis_is_found(point, depth):
     assert [each.depth for each in found] == ([] if depth is None else [pytest.approx(depth)])
 
 
+def test_a_run_beside_one_that_touched_nothing_is_looked_at_where_it_goes_farther():
+    robot, home = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
+    free = home + 0.1 * np.sin(np.linspace(0, 6, 300))[:, None]
+    low = free.copy()
+    low[100:200] += np.array([0, 1.4, 0, -1.6, 0, -0.6, 0])  # stretched, and below the floor
+    contacts, found = Contacts(robot), []
+    for q in (free, free + 0.01, low, free):
+        samples = np.hstack([robot.fkm(q), np.zeros((300, 13))])
+        record = Record(np.arange(300.0), q, q, q, robot.fkm(q), samples, robot.joint_names)
+        assert contacts._has_room(q) == (len(found) in (1, 3))
+        found.append(contacts.of_run(record))
+        assert found[-1] == Contacts(robot).of_run(record)
+    assert [bool(each) for each in found] == [False, False, True, False]
+
+
 def test_python_finds_the_distances_that_machine_code_finds(monkeypatch):
     robot = dqc.load_robot("panda")
     contacts = Contacts(robot)

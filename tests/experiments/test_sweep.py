@@ -14,6 +14,7 @@ from dqcontrol.experiments import load_study, rank, run_sweep as conduct_sweep, 
 from dqcontrol.experiments.results_folder import working_folder
 from dqcontrol.experiments.spec import as_spec
 from dqcontrol.experiments.sweep import REFUSED, read_sweep
+from dqcontrol.experiments.trials import Batch
 from dqcontrol.figures import sweep_figure
 
 pytest.importorskip("pyarrow")
@@ -61,6 +62,24 @@ def test_points_of_numbers_are_read_as_if_afresh():
         read = as_spec("spec", found._data_at(point), found.folder)
         assert found._spec_at(point) == read
         assert read.seed == point["seed"]
+
+
+def test_points_that_take_over_what_the_first_follows_give_the_rows_of_their_own():
+    found = read_sweep(study())
+    assert found._keeps_scenes
+    rows = list(found.rows(range(2, 8)))
+    for number, point in enumerate(found.sampling.points_between(1, 4), 1):
+        setting = found.setting(point)
+        alone = [list(Batch(setting, case, (0, 1), None).outcomes()) for case in setting.cases]
+        together = [row for row in rows if row["point"] == number]
+        assert len(together) == 2 * len(alone)
+        for row in together:
+            own = alone[list(setting.cases).index(case_of(setting, row))][row["repeat"]].row
+            assert own == {key: row[key] for key in own}
+
+
+def case_of(setting, row):
+    return next(case for case in setting.cases if case.names.law == row["law"])
 
 
 def test_a_run_starts_its_plant_once(monkeypatch):

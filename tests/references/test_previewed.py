@@ -6,6 +6,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.errors import Error
 from dqcontrol.references import Circle, Previewed, Square
+from dqcontrol.references.previewed import lead
 
 START = [0, 0.6, 0, 1.6, 0, 0.6, 0]
 
@@ -17,6 +18,15 @@ def test_poses_stay_and_twists_lead():
     assert np.array_equal(plain[:, :8], ahead[:, :8])
     later = circle.samples(times + 0.02)
     assert np.abs(ahead[:, 11:14] - later[:, 11:14] - 0.05 * later[:, 17:20]).max() < 2e-3
+
+
+def test_python_leads_to_the_last_bit_as_machine_code_does(monkeypatch):
+    square, times = Square([1, 0, 0, 0, 0, 0, 0, 0], side=0.1, duration=8.0), np.linspace(0, 8, 50)
+    found = []
+    for led in (lead.compiled, lead.function):
+        monkeypatch.setattr(type(lead), "worth_compiling", lambda *_, led=led: led)
+        found.append(Previewed(square, delay=0.02, lag=0.3, step=0.01).samples(times))
+    assert found[0].tobytes() == found[1].tobytes()
 
 
 def test_a_turning_hand_keeps_its_own_velocity():

@@ -242,7 +242,7 @@ def of_all_runs(rows: Array) -> Array:
 
 
 class RunMeasure:
-    """What `measure_run` needs to know of a robot and its runs, made ready once.
+    """What `measure_kernel` needs to know of a robot and its runs, made ready once.
 
     Parameters
     ----------
