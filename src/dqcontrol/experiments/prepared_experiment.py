@@ -272,13 +272,9 @@ class PreparedExperiment:
     def with_drives_of(self, spec: Spec) -> PreparedExperiment:
         """Return the same for a spec that differs in its laws and plants alone, for runs that follow at once.
 
-        Its robots and what they follow stay; laws are made ready if they are few, plants are left to the runs.
+        Its robots and what they follow stay; as of `prepare_spec` unchecked, plants are left to the runs.
         """
-        found = _combined(spec.with_empty_hands, self.folder, self.scenes, checked=False)
-        if len(found.cases) > _FEW_CASES:
-            return found
-        cases = (replace(case, prepared=case.prepare_law(found.spec)) for case in found.cases)
-        return replace(found, cases=tuple(cases))
+        return _combined(spec.with_empty_hands, self.folder, self.scenes, checked=False)
 
     @property
     def scene(self) -> PreparedRobot:
@@ -386,7 +382,8 @@ def prepare_spec(
     known
         Robots and scenes from earlier calls, which are not made again.
     checked
-        False: laws are prepared and plants started by the runs alone, which follow at once; gains are not worked out.
+        False: plants are started, and laws prepared if there are many, by the runs alone, which follow at once; gains
+        are not worked out.
         What constraints keep is checked all the same: a run does not ask whether its start keeps it.
     """
     spec = spec.with_empty_hands
@@ -442,6 +439,8 @@ def _combined(
     if checked:
         for case in cases:
             check_contact(spec, case)
+    elif len(cases) <= _FEW_CASES:
+        cases = [replace(case, prepared=case.prepare_law(spec)) for case in cases]
     return PreparedExperiment(spec, folder, scenes, tuple(cases))
 
 

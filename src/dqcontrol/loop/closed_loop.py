@@ -283,6 +283,8 @@ class _Steps:
         signals = self.readings.signals(len(found.q))
         if supervision:
             signals |= supervision.signals(len(found.q))
+        if not signals and stopped == found.stopped:
+            return found
         return replace(found, stopped=stopped, readings=signals)
 
     def _why(self, supervision: Supervision, halted: str) -> str:
