@@ -208,11 +208,9 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
     def lag(self, robot: Robot) -> Lag:
         """Return time constants and delays of its coordinates; of second order 2ζ/ω."""
         n = robot.configuration_size
-        bandwidth, damping = self._each("bandwidth", n), self._each("damping_ratio", n)
-        second = bandwidth > 0
-        times = np.where(
-            second, 2 * damping / np.where(second, bandwidth, 1.0), self._each("time_constant", n)
-        )
+        bandwidth, times = self._each("bandwidth", n), self._each("time_constant", n)
+        if (second := bandwidth > 0).any():
+            times[second] = 2 * self._each("damping_ratio", n)[second] / bandwidth[second]
         times[base_coordinates(robot)] = self.base_time_constant
         return Lag(tuple(times.tolist()), tuple(self._each("delay", n).tolist()))
 
