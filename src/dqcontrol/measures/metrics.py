@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -176,6 +176,21 @@ class Deviation:
     settled_mean: float
     settled_rms: float
     settled_peak: float
+
+
+def _places(kind: type[SignalNorms | Deviation], *names: str) -> dict[str, tuple[Any, slice]]:
+    """Return where `NUMBERS` has signals of a kind, by their names."""
+    size = len(fields(kind))
+    firsts = {name: NUMBERS.index(f"{name}.{fields(kind)[0].name}") for name in names}
+    return {name: (kind, slice(first, first + size)) for name, first in firsts.items()}
+
+
+_SIGNALS = {
+    **_places(Deviation, "position", "orientation"),
+    **_places(
+        SignalNorms, "error", "settled_error", "control", "joint_step", "hand_speed", "hand_acceleration"
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -417,17 +432,10 @@ def metrics_of(
             actuators = record.readings[ACTUATORS].values[:-1]
             effort = math.sqrt(np.sum(row_by_row(row_norms, actuators) ** 2 * np.diff(record.time)))
         return Metrics(
+            **{name: kind(*values[place]) for name, (kind, place) in _SIGNALS.items()},
             duration=record.duration,
             samples=len(record),
-            position=Deviation(*values[:7]),
-            orientation=Deviation(*values[7:14]),
-            error=SignalNorms(*values[14:18]),
-            settled_error=SignalNorms(*values[18:22]),
             final_error=found["final_error"],
-            control=SignalNorms(*values[23:27]),
-            joint_step=SignalNorms(*values[27:31]),
-            hand_speed=SignalNorms(*values[31:35]),
-            hand_acceleration=SignalNorms(*values[35:39]),
             joint_path_length=found["joint_path_length"],
             effort=effort,
             settling_time=found["settling_time"],
