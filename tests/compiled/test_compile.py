@@ -81,6 +81,22 @@ def test_first_process_compiles_and_says_so_once_the_second_is_silent(filled):
 
 
 @pytest.mark.slow
+def test_a_kept_kernel_is_loaded_without_what_compiles(filled, tmp_path):
+    """What Numba knows of NumPy's functions takes longer to import than the kernel; a second one needs it."""
+    cache = shutil.copytree(filled[0], tmp_path / "cache")
+    script = CALL + "\nimport sys; print('numba.np.arraymath' in sys.modules)"
+    for second in (False, True):
+        done = subprocess.run(
+            [sys.executable, "-B", "-c", script.format(second=second)],
+            env={**os.environ, "PYTHONPATH": str(PACKAGE.parent), "DQCONTROL_CACHE": str(cache)},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert done.stdout == f"0.0 1 []\n{second}\n"
+
+
+@pytest.mark.slow
 def test_of_processes_that_begin_at_once_one_compiles(tmp_path):
     with ThreadPoolExecutor() as pool:
         calls = [pool.submit(call, tmp_path) for _ in range(3)]
