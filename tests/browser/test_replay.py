@@ -63,7 +63,7 @@ def test_it_plays_from_the_file_system_and_asks_for_nothing(run, tmp_path):
     playwright = pytest.importorskip("playwright.sync_api", reason="the browser test needs playwright")
     page = replay_page([Track("one", run.robot, run.record), Track("two", run.robot, run.record)], "both")
     (tmp_path / "both.html").write_text(page, encoding="utf-8")
-    options = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    options = ["--no-sandbox", "--enable-unsafe-swiftshader"]
     with playwright.sync_playwright() as driver:
         window = driver.chromium.launch(executable_path=CHROMIUM, args=options)
         tab = window.new_page(viewport={"width": 600, "height": 400}, device_scale_factor=0.5)
