@@ -40,7 +40,7 @@ def test_presets():
 @pytest.mark.parametrize("suffix", [".yaml", ".yml", ".YAML"])
 def test_a_path_is_the_same_as_a_name(tmp_path, suffix):
     path = tmp_path / f"mine{suffix}"
-    shutil.copy(load._MODELS / "iiwa7.yaml", path)
+    shutil.copy(load.MODELS / "iiwa7.yaml", path)
     q = np.arange(7) / 7
     for source in (path, str(path)):
         np.testing.assert_array_equal(load_robot(source).fkm(q), load_robot("iiwa7").fkm(q))

@@ -25,7 +25,7 @@ parts:
 @pytest.fixture
 def file(tmp_path):
     """Write a file, beside an arm's."""
-    shutil.copy(load._MODELS / "ur5.yaml", tmp_path / "mine.yaml")
+    shutil.copy(load.MODELS / "ur5.yaml", tmp_path / "mine.yaml")
 
     def write(text, name="toy.yaml"):
         path = tmp_path / name
