@@ -15,9 +15,8 @@ from dqcontrol.compiled.intrinsics import ADDRESS, caller
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 
 UNIT_TOLERANCE = 1e-6  # how far a value may be from unit norm where a pose is asked for
-WRITTEN_TOLERANCE = (
-    1e-3  # the same of a quaternion written with four digits or more, which is then normalised
-)
+# the same of a quaternion written with four digits or more, which is then normalised
+WRITTEN_TOLERANCE = 1e-3
 
 _UNARY = types.void(READ, WRITE)
 _BINARY = types.void(READ, READ, WRITE)
@@ -77,9 +76,8 @@ def _kernel(operation: Any, operands: int) -> Kernel:
 def apply(operation: Any, size: int, **operands: Array) -> Array:
     """Return the operation on broadcast leading axes, shape (…, size); keywords name operands in errors."""
     compiled = _kernel(operation, len(operands))
-    if all(
-        operand.ndim == 1 for operand in operands.values()
-    ):  # one element: no need of a loop and a pointer
+    # one element: no need of a loop and a pointer
+    if all(operand.ndim == 1 for operand in operands.values()):
         out = np.empty(size)
         compiled(*map(np.ascontiguousarray, operands.values()), out)
         return out

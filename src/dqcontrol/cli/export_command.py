@@ -9,9 +9,8 @@ from cyclopts import Parameter
 
 from dqcontrol.cli.options import Force
 
-Target = Literal[
-    "native", "x86-64-v2", "x86-64-v3", "aarch64", "armv7", "riscv64", "cortex-m4f", "cortex-m7"
-]  # named here: looking at `TARGETS` would load the compiler
+# named here: looking at `TARGETS` would load the compiler
+Target = Literal["native", "x86-64-v2", "x86-64-v3", "aarch64", "armv7", "riscv64", "cortex-m4f", "cortex-m7"]
 
 
 def export(

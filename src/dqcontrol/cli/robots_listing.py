@@ -20,13 +20,7 @@ from dqcontrol.figures.robot_picture import shapes_picture
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.geometry import Box, Capsule, Sphere
 from dqcontrol.robots import Robot, SerialArm, load_robot
-from dqcontrol.robots.collision_shapes import (
-    FittedShape,
-    SampledPair,
-    collision_shapes,
-    kept,
-    sampled_pairs,
-)
+from dqcontrol.robots.collision_shapes import FittedShape, SampledPair, collision_shapes, kept, sampled_pairs
 from dqcontrol.robots.files.load import file_of
 from dqcontrol.robots.files.mobile_robot_file import base_of_file
 from dqcontrol.robots.files.robot_file import plain_arm

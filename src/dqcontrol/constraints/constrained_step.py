@@ -115,10 +115,8 @@ _SOFT = 1e-6  # softness of limits of acceleration, to be compared with inverses
 _HALVINGS = 5  # to 3 % of the step
 _STOP_POINTS = 3  # of the way to rest that are looked at
 _ASKED_MORE = 4  # how often more is asked for
-_HELD_TIME, _ASIDE_TIME = (
-    0.4,
-    1.0,
-)  # s: how long a hand is held before it goes aside, and for how long it does
+# s: how long a hand is held before it goes aside, and for how long it does
+_HELD_TIME, _ASIDE_TIME = 0.4, 1.0
 _POSTURE = 2.0  # s: for how long joints go to another posture at most
 _STUCK, _ASKED = 0.1, 1e-3  # share of the speed that the law asks for; m/s, less is no wish
 _TRIES = 8  # postures before it is a deadlock

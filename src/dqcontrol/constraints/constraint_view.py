@@ -119,9 +119,8 @@ class ConstraintView(Surroundings):
 
     def __init__(self, given: Constraints, robot: Robot, period: float) -> None:
         super().__init__(given)
-        self._held = [
-            shape for name in given.held for shape in given.obstacles.get(name, _NOTHING).shapes
-        ]  # what hands hold where it stands: obstacles after the others, and no things
+        # what hands hold where it stands: obstacles after the others, and no things
+        self._held = [shape for name in given.held for shape in given.obstacles.get(name, _NOTHING).shapes]
         self._robot = robot
         self._prepared = PreparedConstraints(given.unwatched, robot, period, "measured")
 

@@ -282,9 +282,8 @@ class _Loop:
             answer, size = along @ by_joints, along @ along
             share = answer @ along / size
             alone = len(axes) == len(ways) == 1
-            if alone and np.abs(answer - share * along).max() < _STEP * abs(
-                share
-            ):  # and for the way along the axis
+            # and for the way along the axis
+            if alone and np.abs(answer - share * along).max() < _STEP * abs(share):
                 by_sample, ways, by_joints = (
                     (by_sample @ along)[..., None],
                     np.ones((1, 1)),

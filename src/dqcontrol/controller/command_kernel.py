@@ -218,9 +218,8 @@ def compute_command(prepared, q, sample, k, state, out):
         _call_limit(plan.limit, q, memory.limiting, out)
     if plan.constraint != 0:
         m = out.shape[0]
-        metric = memory.tasking_work[
-            max(plan.tasking_work - m * m, 0) :
-        ]  # of further tasks, if there are any
+        # of further tasks, if there are any
+        metric = memory.tasking_work[max(plan.tasking_work - m * m, 0) :]
         status = _call_constraint(
             plan.constraint,
             plan.kinematics,

@@ -72,9 +72,8 @@ class Keyboard:
         if text != self._shown and select.select([], [sys.stdout], [], 0.0)[1]:
             self._shown = text
             lines = textwrap.wrap(text, max(shutil.get_terminal_size().columns - 1, 1))
-            up = (
-                f"\x1b[{len(lines) - 1}A" if len(lines) > 1 else ""
-            )  # the next text begins where this one did
+            # the next text begins where this one did
+            up = f"\x1b[{len(lines) - 1}A" if len(lines) > 1 else ""
             self._write("\r\x1b[J" + "\n".join(lines) + up)
 
     def tell(self, line: str) -> None:

@@ -21,9 +21,8 @@ from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, unkno
 from dqcontrol.extensions import POLICY, REFUSED
 from dqcontrol.files.input_file import read_whole
 
-_announced: set[tuple[str, ...]] = (
-    set()
-)  # functions that this process has said it runs, with their files' content
+# functions that this process has said it runs, with their files' content
+_announced: set[tuple[str, ...]] = set()
 
 
 def function_at(field: str, place: object) -> Callable[..., Any]:

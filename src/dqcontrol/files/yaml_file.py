@@ -26,9 +26,8 @@ from dqcontrol.files.units import as_quantity
 
 T = TypeVar("T")
 
-LARGEST_YAML = (
-    2_000_000  # bytes; the largest that people write have some kB, and reading takes 10 s for each MB
-)
+# bytes; the largest that people write have some kB, and reading takes 10 s for each MB
+LARGEST_YAML = 2_000_000
 _LARGEST = 1e12  # in any unit: neighbouring numbers in m, rad or s are 0.1 mm, mrad or ms apart from there on
 _ANY_SIZE = re.compile("seed|gain")  # a run says itself that a gain is too high
 _MERGED = "aliases are not read here; write the value out"

@@ -336,9 +336,8 @@ def _crossing_sides(corners: Array) -> tuple[int, int] | None:
         return None
     to = corners[None] - corners[:, None]  # from the first corner of side i to corner j
     first = _cross(side[:, None], to)
-    apart = (
-        first * np.roll(first, -1, axis=1) < 0.0
-    )  # side j has its ends on both sides of the line of side i
+    # side j has its ends on both sides of the line of side i
+    apart = first * np.roll(first, -1, axis=1) < 0.0
     found = np.argwhere(apart & apart.T)
     return (int(found[0, 0]), int(found[0, 1])) if len(found) else None
 

@@ -31,9 +31,8 @@ if TYPE_CHECKING:
 
 Feedforward: TypeAlias = Literal["second-order", "printed"]
 
-_MOST = (
-    0.5  # of |ξ_d|: with a larger share, u = J⁺ (ξ_d − h J̇(u⁻) u⁻) no longer contracts from sample to sample
-)
+# of |ξ_d|: with a larger share, u = J⁺ (ξ_d − h J̇(u⁻) u⁻) no longer contracts from sample to sample
+_MOST = 0.5
 
 
 class SecondOrder(NamedTuple):
@@ -188,9 +187,8 @@ def _add_second_order(sample, pose, twist_jacobian, numbers, last, out):
             d, e, f = u * twist_jacobian[3, j], u * twist_jacobian[4, j], u * twist_jacobian[5, j]
             bx, by, bz = bx + b * f - c * e, by + c * d - a * f, bz + a * e - b * d
         ax, ay, az, bx, by, bz = -lead * ax, -lead * ay, -lead * az, -lead * bx, -lead * by, -lead * bz
-        if (
-            given.preview > 0.0
-        ):  # a twist that is led is that of the end effector where it is, not where it will be
+        # a twist that is led is that of the end effector where it is, not where it will be
+        if given.preview > 0.0:
             vx, vy, vz = vx + wy * pz - wz * py, vy + wz * px - wx * pz, vz + wx * py - wy * px
             bx -= lead * (wy * vz - wz * vy)
             by -= lead * (wz * vx - wx * vz)

@@ -66,9 +66,8 @@ def solve_pose_rows(pose, lever, twist_jacobian, hand_twist, preferred, inverse_
     twist[3] = hand_twist[3] - 0.5 * (b * dz - c * dy)
     twist[4] = hand_twist[4] - 0.5 * (c * dx - a * dz)
     twist[5] = hand_twist[5] - 0.5 * (a * dy - b * dx)
-    along = 0.25 / (
-        1.0 + math.sqrt(1.0 + 0.25 * (dx * dx + dy * dy + dz * dz))
-    )  # (I + along dd')² = I + ¼dd'
+    # (I + along dd')² = I + ¼dd'
+    along = 0.25 / (1.0 + math.sqrt(1.0 + 0.25 * (dx * dx + dy * dy + dz * dz)))
     for i in range(matrix.shape[1]):
         turn = along * (dx * matrix[0, i] + dy * matrix[1, i] + dz * matrix[2, i])
         matrix[0, i] += turn * dx

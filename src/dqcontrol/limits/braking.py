@@ -25,9 +25,8 @@ def fastest_stoppable(distance, acceleration, period):
         return distance / period
     step = acceleration * period
     ratio = distance / (step * period)
-    if (
-        not ratio < _SMOOTH
-    ):  # v²/(2a) + vT/2 = room: v is less than √(2a room) by 1/(2N) of it, N ≥ √2·10⁶ periods
+    # v²/(2a) + vT/2 = room: v is less than √(2a room) by 1/(2N) of it, N ≥ √2·10⁶ periods
+    if not ratio < _SMOOTH:
         return math.sqrt(2.0 * acceleration) * math.sqrt(distance) * (1.0 - 1e-6)
     count = max(math.ceil(0.5 * (math.sqrt(1.0 + 8.0 * ratio) - 1.0)), 1.0)
     return (distance / period + 0.5 * step * count * (count - 1.0)) / count

@@ -239,9 +239,8 @@ class Control:
         """
         if not self.is_commanding:
             return
-        passed = (
-            time - self._stamp if self._stamp or time else self.law.period
-        )  # the first step is a period long
+        # the first step is a period long
+        passed = time - self._stamp if self._stamp or time else self.law.period
         self._still = self._still + self.law.period if time == self._stamp else 0.0
         self._stamp = time
         self.time += min(max(passed, 0.0), self.longest_advance) if time else 0.0

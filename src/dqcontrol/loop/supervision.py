@@ -104,9 +104,8 @@ class BlackBox:
             raise Error("black box: holds no samples yet")
         order = np.arange(self._count - len(self), self._count) % len(self._desired)
         q, desired = self._q[order], self._desired[order]
-        finite = np.isfinite(q).all(
-            axis=1
-        )  # what an encoder said before it stopped the robot may be anything
+        # what an encoder said before it stopped the robot may be anything
+        finite = np.isfinite(q).all(axis=1)
         pose = np.full((len(q), 8), np.nan)
         pose[finite] = self._robot.fkm(q[finite])
         return Record(

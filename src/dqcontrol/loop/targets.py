@@ -203,9 +203,8 @@ class LeaderTarget(PoseTarget):
         super().__init__(speeds, timeout)
         self._clutch: Clutch | None = None
         self._told = -math.inf
-        self.start(
-            algebra.pose([1.0, 0, 0, 0], [0.0, 0, 0])
-        )  # anywhere: a leader may be told before it begins
+        # anywhere: a leader may be told before it begins
+        self.start(algebra.pose([1.0, 0, 0, 0], [0.0, 0, 0]))
 
     def start(self, pose: Array, time: float = 0.0) -> None:
         """Begin at rest where the end effector is, without a leader."""

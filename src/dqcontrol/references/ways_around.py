@@ -26,9 +26,8 @@ _LINK = 0.04  # m; half the width of links whose shapes are not known
 _SPACED = 0.02  # m; between points of such links
 _BALL = 0.06  # m; edge of the cubes in which a box is cut, which stand out of it by 22 mm
 _ABOVE = 0.03  # m; of a folded arm above its base
-_APART = (
-    0.02  # m; of shapes from each other: twice what constraints keep, which keep more the longer a period is
-)
+# m; of shapes from each other: twice what constraints keep, which keep more the longer a period is
+_APART = 0.02
 _STEPS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
 
 

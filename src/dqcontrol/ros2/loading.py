@@ -311,10 +311,8 @@ def load_simulated(source: str | Path) -> Loaded:
 def _loaded(source: str | Path, setting: PreparedExperiment) -> Loaded:
     case = setting.only_case(source, "a robot does one at a time")
     supervisor = setting.spec.supervisor_of(case.plant) or Supervisor()
-    supervisor = msgspec.structs.replace(
-        supervisor,
-        payload=supervisor.payload or Tool(),  # has numbers to change
-    )
+    # has numbers to change
+    supervisor = msgspec.structs.replace(supervisor, payload=supervisor.payload or Tool())
     loaded = Loaded(setting, case, case.variant.law, supervisor, Speeds())
     _ = loaded.parts  # which refuses several bases
     return loaded

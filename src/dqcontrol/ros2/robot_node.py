@@ -143,9 +143,8 @@ class RobotNode(Node):
         self.nodes: tuple[Node, ...] = (self, *([Node(wrench_node)] if wrench_node else []))
         self._wrench = wrench_publisher(self.nodes[-1], self._plant)
         self._hand = pose_publisher(self, tracker, "odom" if parts.base else "base_link") if tracker else None
-        self._diagnostics.tell(
-            f"serves {robot.name}, {self._period * 1e3:g} ms"
-        )  # the first line takes a while
+        # the first line takes a while
+        self._diagnostics.tell(f"serves {robot.name}, {self._period * 1e3:g} ms")
         self._begun, self._origin = time.monotonic(), self.get_clock().now().nanoseconds
         steady_timer(self, loaded.period, self._tick)
 

@@ -63,11 +63,8 @@ _SPEED_TIME = 0.02  # s that the measured speed is smoothed over, two periods at
 _SPEED_SLACK = 0.1  # rad/s or m/s, beside the overspeed: what encoder steps of 2 mrad make of `_SPEED_TIME`
 _FROZEN_WAY = 0.02  # rad or m that a joint was told to move meanwhile
 _EFFORT_TIME = 0.2  # s that the usual effort is smoothed over
-_LATENESS_PERIODS, _LATEST, _LATEST_SHARE = (
-    50.0,
-    2.0,
-    0.25,
-)  # mean of so many periods; bound in T, and in the longest
+# mean of so many periods; bound in T, and in the longest
+_LATENESS_PERIODS, _LATEST, _LATEST_SHARE = 50.0, 2.0, 0.25
 
 
 @inline
@@ -122,18 +119,16 @@ def _watch_joints(measured, age, passed, bounds, memory):
         way = measured[j] - good[j]
         if numbers[SILENT] > 0.0:
             memory.speed[i] += share * (way / numbers[SILENT] - memory.speed[i])
-        allowed = max(
-            bounds.velocity[i], abs(memory.sent_rate[i])
-        )  # more where the limit was lowered meanwhile
+        # more where the limit was lowered meanwhile
+        allowed = max(bounds.velocity[i], abs(memory.sent_rate[i]))
         if abs(memory.speed[i]) > head[OVERSPEED_SHARE] * allowed + _SPEED_SLACK:
             fault |= OVERSPEED
         if way != 0.0 or not running:
             memory.unchanged[i], memory.sent_then[i] = 0.0, memory.sent[i]
         else:
             memory.unchanged[i] += passed
-            told = abs(memory.sent[i] - good[j]) - abs(
-                memory.sent_then[i] - good[j]
-            )  # away from where it stays
+            # away from where it stays
+            told = abs(memory.sent[i] - good[j]) - abs(memory.sent_then[i] - good[j])
             if memory.unchanged[i] - age > head[FROZEN_AFTER] and told > _FROZEN_WAY:
                 fault |= FROZEN
         beyond = max(bounds.lower[i] - measured[j], measured[j] - bounds.upper[i])
@@ -225,9 +220,8 @@ def judge(memory, state, parts, moment, measured, wanted, effort, wrench, at_res
     if numbers[ENDING] != 0.0 and numbers[SCALE] == 0.0 and at_rest and numbers[MODE] == RUNNING:
         fault |= SOFT_STOP
     if fault:
-        if (
-            numbers[MODE] != STOPPED or not at_rest or request == STOP
-        ):  # what happens to one at rest is no reason
+        # what happens to one at rest is no reason
+        if numbers[MODE] != STOPPED or not at_rest or request == STOP:
             numbers[FAULT] = float(int(numbers[FAULT]) | fault)
         numbers[MODE] = STOPPED
     elif request == RESET and numbers[MODE] == STOPPED and at_rest and not wrong:

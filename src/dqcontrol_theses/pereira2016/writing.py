@@ -25,9 +25,8 @@ if TYPE_CHECKING:
 _GAIN = 3.0  # 1/s: what the arm takes without swinging, see docs/physics.md
 _BUDGET = {SERVO: 16}
 _IN_PHYSICS = 8
-_POSTURE = (
-    0.9  # 1/s: damped as `check` asks up to 0.999; the 10 of the other experiments would use up the margin
-)
+# 1/s: damped as `check` asks up to 0.999; the 10 of the other experiments would use up the margin
+_POSTURE = 0.9
 _SLOW = 0.2  # Hz
 _GOAL = 1.0  # mm
 

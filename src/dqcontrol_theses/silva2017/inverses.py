@@ -16,13 +16,8 @@ from dqcontrol_theses.silva2017.race import RaceOutcome, matched_gain, outcome
 from dqcontrol_theses.silva2017.specs import GOOD_ENOUGH
 
 FILTERED, EXACT = "filtered", "undamped"
-LEVELS = (
-    0.02,
-    0.05,
-    0.07,
-    0.09,
-    0.1,
-)  # λ of (4.19), from hardly any effect to where S17's law no longer arrives
+# λ of (4.19), from hardly any effect to where S17's law no longer arrives
+LEVELS = (0.02, 0.05, 0.07, 0.09, 0.1)
 _DEPENDS_ON = "λ of (4.19)"
 UNDAMPED = FilteredInverse(
     threshold=1e-6, damping=1e-6, growth=0.0

@@ -33,10 +33,8 @@ _GRIPPING, _DROPPING = 2.0, 3.0  # s; before the end of its set-point the grippe
 _OTHER_NOISE = 1000  # things are seen with other noise than the base
 _UNSCALED = CommandLimits(velocity=False)
 
-_STEEP, _FLAT = (
-    math.radians(72),
-    math.radians(50),
-)  # how far the hand looks down where it grips, and where it carries
+# how far the hand looks down where it grips, and where it carries
+_STEEP, _FLAT = math.radians(72), math.radians(50)
 _REACH = 0.27, 0.34  # m; from the axle to the hand there
 _ABOVE, _GRIP, _CARRY = 0.09, 0.02, 0.22  # m; heights of the hand
 _SPEED, _TURN_RATE = 0.12, 0.4  # m/s, rad/s

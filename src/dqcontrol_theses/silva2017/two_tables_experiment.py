@@ -39,10 +39,8 @@ _ABOVE, _GRIP, _DROP = 0.09, 0.02, 0.1  # m; of the hand above the table
 _CLEARANCE, _SPEED, _ACCELERATION = 0.02, 0.35, 2.0  # m, of the limits, rad/s²
 _RESTS = (1.0, 4.0, 0.5, 4.0)  # s; above the cube, at it, above it again, above the basket
 _CLOSES, _OPENS = 2.5, 2.0  # s; after the arrival
-_CARRIED, _LET_GO = (
-    0.03,
-    0.05,
-)  # m; from the hand to the cube, while it is carried at most, at the end at least
+# m; from the hand to the cube, while it is carried at most, at the end at least
+_CARRIED, _LET_GO = 0.03, 0.05
 _LAWS: dict[str, Law] = {GUIDED: GuidedProportional(gain=1.0, inverse=PRINTED_INVERSE)}
 
 

@@ -30,14 +30,10 @@ from dqcontrol.robots import Robot, load_robot
 from dqcontrol.tables.tables import Cell, Column, Table
 from dqcontrol.version import __version__
 
-_MODE_SAMPLES, _MOVED = (
-    1500,
-    1e-3,
-)  # samples that tell what velocities mean; rad or m that a joint must be told to move
-_WHOLE, _EXPLAINED = (
-    (0.7, 1.4),
-    0.3,
-)  # gains of joints that go as far as told; share of the motion that may be left
+# samples that tell what velocities mean; rad or m that a joint must be told to move
+_MODE_SAMPLES, _MOVED = 1500, 1e-3
+# gains of joints that go as far as told; share of the motion that may be left
+_WHOLE, _EXPLAINED = (0.7, 1.4), 0.3
 _RIGID = 1e9  # N·m/rad: the stiffness of joints without sag
 _LEAST_COMPLIANCE = 1e-9  # rad/(N·m): 1/`_RIGID`
 IDENTIFICATION, PLANT = "identification.json", "plant.yaml"

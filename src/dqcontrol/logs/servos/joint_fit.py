@@ -71,16 +71,11 @@ _GRID_DELAYS = np.linspace(0.0, MOST_DELAY, 31)
 _GRID_SAMPLES, _START_SAMPLES = 800, 3000
 _STARTS = 3  # the best points of the grid, from which the fit descends
 _ITERATIONS = 60  # ends by itself at `_PRECISE`
-_ROUGH, _PRECISE = (
-    1e-5,
-    1e-9,
-)  # of the sum of squares, a gain that is none: for choosing among minima, and at the end
+# of the sum of squares, a gain that is none: for choosing among minima, and at the end
+_ROUGH, _PRECISE = 1e-5, 1e-9
 _CLOSE = 1.02  # times the least sum of squares of a part of the samples, one that may be less of all
-_SHARES = (
-    0.3,
-    0.6,
-    0.9,
-)  # of lag and delay of a fit of first order, that a second-order fit begins with as 2ζ/ω
+# of lag and delay of a fit of first order, that a second-order fit begins with as 2ζ/ω
+_SHARES = (0.3, 0.6, 0.9)
 _VALLEY = 0.9  # correlation of lag and delay
 _BEGIN_DAMPINGS = (0.5, 1.0)
 
@@ -221,9 +216,8 @@ def fit(segments: list[Segment], period: float, near: Fit | None = None) -> Fit:
     found = fit_at(segments, FIRST_ORDER, _descended(segments, FIRST_ORDER, starts))
     if abs(found.correlation) < _VALLEY:
         return found
-    both = (
-        found.lag + found.delay
-    )  # a long valley with a bend at each whole period: from other places in it, too
+    # a long valley with a bend at each whole period: from other places in it, too
+    both = found.lag + found.delay
     starts = [found.values, *(np.array([share * both, (1 - share) * both]) for share in _SHARES)]
     return fit_at(segments, FIRST_ORDER, _descended(segments, FIRST_ORDER, starts))
 

@@ -45,15 +45,12 @@ _TRAIN_FRACTION = 0.7  # of a joint's path is fitted, the rest checks
 _MIN_SAG_SIGMA = 3.0  # standard errors, of a sag that is there: noise looks so once in 700 logs
 _REGULAR = 1.3  # times the floor: a residual that is more than noise
 _NOISE_CORRELATION = 0.15  # of neighbouring residuals, that noise has not: 3/√N of 400 samples
-_BETTER, _BETTER_ELSEWHERE = (
-    0.8,
-    0.95,
-)  # of the sum of squares, and of the RMS not fitted, that second order leaves
+# of the sum of squares, and of the RMS not fitted, that second order leaves
+_BETTER, _BETTER_ELSEWHERE = 0.8, 0.95
 _QUICKEST = 15.0  # times as fast as the motion changes, a bandwidth that it can tell
 _LIKELIER = 8.0  # logarithm of how much likelier second order is: by its one parameter more, chance is 6·10⁻⁵
-_COARSE = (
-    0.45  # of the encoder's step, a residual that is mostly rounding: 1/√12 of a position, √2 of that of two
-)
+# of the encoder's step, a residual that is mostly rounding: 1/√12 of a position, √2 of that of two
+_COARSE = 0.45
 
 
 @dataclass(frozen=True, eq=False)

@@ -66,9 +66,8 @@ class _Sdk(Link):
         self._plant, self._reads, self._is_taken = plant, 0, False
         sdk, codes = client("xarm.wrapper", _CLIENT), client("xarm.core.config.x_code", _CLIENT)
         self._title = codes.ControllerError
-        client("xarm.core.utils.log", _CLIENT).logger.setLevel(
-            "CRITICAL"
-        )  # it says on stdout what is raised here
+        # it says on stdout what is raised here
+        client("xarm.core.utils.log", _CLIENT).logger.setLevel("CRITICAL")
         address = socket.gethostbyname(plant.host)  # anything else than four numbers would be a serial port
         self._arm: Any = sdk.XArmAPI(address, is_radian=True, report_type="normal", check_is_pause=False)
         self._arm.set_timeout(plant.timeout)

@@ -68,12 +68,8 @@ class RigidBody(NamedTuple):
 
 _body = MemoryLayout(RigidBody, unchecked=True)
 
-MOVED, _INERTIA, RATES, _WRENCH = (
-    13,
-    10,
-    12,
-    6,
-)  # numbers a joint: pose and screw; composite; twist and its rate
+# numbers a joint: pose and screw; composite; twist and its rate
+MOVED, _INERTIA, RATES, _WRENCH = 13, 10, 12, 6
 
 
 def rigid_bodies(robot: Robot) -> Array:

@@ -105,9 +105,8 @@ def _arm(part: ArmOfTwo, folder: Path, unit: float, load: LoadRobot) -> Robot:
     if isinstance(robot, WholeBody):
         if part.mirrored:
             raise ValueRangeError(f"mirrored: '{part.robot}' is a whole body; only arms have mirror images")
-        stands = (
-            [] if part.base == FixedPose() else [base]
-        )  # a drive that comes first is one that physics knows
+        # a drive that comes first is one that physics knows
+        stands = [] if part.base == FixedPose() else [base]
         return WholeBody([*stands, robot, tool], robot.name, robot.form)
     if not isinstance(robot, SerialArm):
         raise ValueRangeError(f"robot: '{part.robot}' is no arm")

@@ -128,9 +128,8 @@ def find_base(
     found = _wheels(tree, shapes)
     wheels = tuple(wheel for wheel in found if not wheel.is_caster)
     casters = tuple(wheel for wheel in found if wheel.is_caster)
-    if (
-        not wheels and casters and drive is not None
-    ):  # files of driven wheels that can be turned, as the youBot's
+    # files of driven wheels that can be turned, as the youBot's
+    if not wheels and casters and drive is not None:
         wheels, casters = tuple(replace(each, steering="", steering_limit=0.0) for each in casters), ()
     if not wheels and casters:
         names = ", ".join(each.joint for each in casters)

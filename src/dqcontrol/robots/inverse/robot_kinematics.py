@@ -311,9 +311,8 @@ def most_dexterous(robot: Robot, lowest: float = -math.inf) -> Array:
 
 
 _FRAME = 1 / 30  # s: of LeRobot's loops
-_STEPS_OF_A_CALL = (
-    10  # of a descent in a call: a step within reach ends below 1e-3 mm after three frames (tests)
-)
+# of a descent in a call: a step within reach ends below 1e-3 mm after three frames (tests)
+_STEPS_OF_A_CALL = 10
 
 
 class RobotKinematics:

@@ -43,9 +43,8 @@ def end_poses(chain, turning, q, first, work):
             tx, ty, tz = chain[i, 4], chain[i, 5], chain[i, 6]
             for lane in range(LANES):
                 work[_HALF + lane] = 0.5 * q[min(first + lane, last), i] if i < n else 0.0
-            for lane in range(
-                LANES
-            ):  # `compose_fixed` and `move_joint`, written out so that they are vectorised
+            # `compose_fixed` and `move_joint`, written out so that they are vectorised
+            for lane in range(LANES):
                 w, x = work[lane], work[LANES + lane]
                 y, z = work[2 * LANES + lane], work[3 * LANES + lane]
                 half = work[_HALF + lane]

@@ -13,11 +13,8 @@ from dqcontrol.compiled.compile import inline, inline_ieee
 FARTHEST = 1e5  # rad; beyond, the product of quarter turns and the first part of π/2 is no longer exact
 
 _ROUND = 1.5 * 2.0**52  # adding and taking it away rounds to the nearest whole number
-_QUARTER = (
-    1.57079632673412561417,
-    6.07710050630396597660e-11,
-    2.02226624879595063154e-21,
-)  # π/2 in three parts
+# π/2 in three parts
+_QUARTER = (1.57079632673412561417, 6.07710050630396597660e-11, 2.02226624879595063154e-21)
 
 
 @inline_ieee

@@ -16,14 +16,8 @@ from dqcontrol_theses.pereira2016.verdicts.evidence import JUDGES, Evidence
 
 __all__ = ["Evidence", "judge"]
 
-_MODULES = (
-    appendices,
-    circle,
-    further_runs,
-    h_infinity,
-    sampling_time,
-    spiral,
-)  # importing them registers their judges
+# importing them registers their judges
+_MODULES = (appendices, circle, further_runs, h_infinity, sampling_time, spiral)
 
 
 def judge(reproduction: str, evidence: Evidence) -> dict[str, Judgement]:

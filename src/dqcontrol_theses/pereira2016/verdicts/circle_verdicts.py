@@ -20,9 +20,8 @@ from dqcontrol_theses.pereira2016.verdicts.evidence import (
 )
 
 _PRINTED_BOUND = 0.12  # rad s
-_NO_DIFFERENCE = (
-    0.01  # sets whose numbers differ by less are one controller with noise: repeats deviate by 0.8 %
-)
+# sets whose numbers differ by less are one controller with noise: repeats deviate by 0.8 %
+_NO_DIFFERENCE = 0.01
 ONE_CONTROLLER = "with q/r = 1000 in all four they are one controller"
 
 

@@ -19,9 +19,8 @@ from dqcontrol_theses.results import Results
 
 PROPORTIONAL, LQR, ROBUST = ("K", "K+FF"), ("LQR-R8", "LQR-DQ"), ("HIR", "HIRT")
 LAWS = (*PROPORTIONAL, *LQR, *ROBUST)
-MOST_OVER_PRINTED = (
-    2.0  # of Err, L.Vel or Eff: beyond it the law strayed or shook, and what is said of it is not tested
-)
+# of Err, L.Vel or Eff: beyond it the law strayed or shook, and what is said of it is not tested
+MOST_OVER_PRINTED = 2.0
 START = 5.0  # s; "in the beginning of the trajectory"
 
 Look = Callable[[tuple[str, ...], str], tuple[bool, str]]

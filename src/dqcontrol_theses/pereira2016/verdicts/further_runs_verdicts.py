@@ -105,9 +105,8 @@ def _duration(evidence: Evidence) -> Judgement:
 
     def error(period: float, multiplied_by: float) -> float:
         reference = published_spec("spiral", evidence.plant)["reference"] | {"duration": 2999 * period}
-        weight = (
-            270 * (multiplied_by / period) ** 2
-        )  # a gain of √(q/r), as much smaller as the step of the command
+        # a gain of √(q/r), as much smaller as the step of the command
+        weight = 270 * (multiplied_by / period) ** 2
         setting = evidence.changed(
             "spiral", (law,), period=period, reference=reference, laws={law: {"error_weight": weight}}
         )
