@@ -7,7 +7,9 @@ import math
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -140,6 +142,31 @@ class NoteWarning(UserWarning):
     """Something was chosen or completed for the user, who may want to know; nothing is wrong."""
 
 
+def from_extra(module: str, extra: str, what: str) -> Any:
+    """Return a module of a package that only an extra installs; ``what``, in the plural, needs it.
+
+    Raises
+    ------
+    MissingExtraError
+        If it cannot be imported.
+
+    Examples
+    --------
+    >>> from_extra("no_such", "plan", "plans")
+    Traceback (most recent call last):
+    ...
+    dqcontrol.errors.MissingExtraError: no_such: plans need it and it cannot be imported (No module named 'no_such'); \
+pip install 'dqcontrol[plan]'
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise MissingExtraError(
+            f"{module.partition('.')[0]}: {what} need it and it cannot be imported ({error}); "
+            f"pip install 'dqcontrol[{extra}]'"
+        ) from None
+
+
 @contextmanager
 def writing(target: object) -> Iterator[None]:
     """Say that a target cannot be written if the system does not let something inside be written."""
@@ -251,9 +278,8 @@ def as_each_positive(
 
 def as_positive(field: str, value: float, *, zero_allowed: bool = False) -> float:
     """Return a finite number above zero (or not below it)."""
-    if type(value) is float and (
-        0.0 < value < math.inf or (zero_allowed and value == 0.0)
-    ):  # searches check thousands
+    # searches check thousands
+    if type(value) is float and (0.0 < value < math.inf or (zero_allowed and value == 0.0)):
         return value
     number = float(as_array(field, value, ()))
     if number < 0 or (number == 0 and not zero_allowed):

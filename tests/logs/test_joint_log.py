@@ -357,7 +357,7 @@ def test_random_damage_to_a_recording_raises_only_errors_of_one_line(tmp_path, k
 def test_bags_without_rosbags_say_what_to_install(tmp_path, monkeypatch):
     path = write_bag(tmp_path / "log", messages())
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
-    with pytest.raises(MissingExtraError, match=r"rosbags: is needed for .*pip install 'dqcontrol\[data\]'"):
+    with pytest.raises(MissingExtraError, match=r"rosbags: bags, .*pip install 'dqcontrol\[data\]'"):
         read_joint_log(path, ARM)
 
 

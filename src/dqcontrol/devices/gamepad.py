@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import time
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.devices.teleoperation import Told
-from dqcontrol.errors import Error, MissingExtraError
+from dqcontrol.errors import Error, from_extra
 
 _AXES = 6  # left x, left y, right x, right y, left trigger, right trigger, as SDL orders them
 _LEFT_SHOULDER, _RIGHT_SHOULDER = 9, 10
@@ -36,13 +35,9 @@ class Gamepad:
     def __init__(self) -> None:
         os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # no window
         os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-        try:
-            self._pygame: Any = importlib.import_module("pygame")
-            controllers: Any = importlib.import_module("pygame._sdl2.controller")
-        except ImportError as error:
-            raise MissingExtraError(
-                f"gamepad: needs pygame-ce, which cannot be imported ({error}); pip install 'dqcontrol[devices]'"
-            ) from None
+        self._pygame, controllers = (
+            from_extra(name, "devices", "gamepads") for name in ("pygame", "pygame._sdl2.controller")
+        )
         self._pygame.display.init()
         controllers.init()
         found = [i for i in range(controllers.get_count()) if controllers.is_controller(i)]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
 import time
 from typing import Any
 
 import numpy as np
 
 from dqcontrol.devices.teleoperation import Told
-from dqcontrol.errors import Error, MissingExtraError
+from dqcontrol.errors import Error, from_extra
 
 _DEAD = 0.05  # of its way: it rests not quite at 0
 
@@ -28,13 +27,7 @@ class SpaceMouse:
     """
 
     def __init__(self) -> None:
-        try:
-            library: Any = importlib.import_module("pyspacemouse")
-        except ImportError as error:
-            raise MissingExtraError(
-                f"space mouse: needs pyspacemouse, which cannot be imported ({error}); "
-                "pip install 'dqcontrol[devices]'"
-            ) from None
+        library = from_extra("pyspacemouse", "devices", "space mice")
         try:
             # Forward, left and up, and turns about these (REP 103)
             self._device: Any = library.open(axis_convention=library.AxisConvention.ROS)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 import threading
 import time
@@ -16,7 +15,7 @@ from msgspec import Meta
 from dqcontrol import algebra
 from dqcontrol.browser.own_origin import is_own_page
 from dqcontrol.devices.teleoperation import Told
-from dqcontrol.errors import Error, MissingExtraError
+from dqcontrol.errors import Error, from_extra
 
 HOST = "127.0.0.1"  # browsers give poses to pages of localhost, or with a certificate
 _PAGE = Path(__file__).with_name("web_xr.html")
@@ -65,13 +64,9 @@ class WebXr:
     port: int
 
     def __init__(self, port: int = 8090) -> None:
-        try:
-            serving: Any = importlib.import_module("websockets.sync.server")
-            self._errors: Any = importlib.import_module("websockets.exceptions")
-        except ImportError as error:
-            raise MissingExtraError(
-                f"web-xr: needs websockets, which cannot be imported ({error}); pip install 'dqcontrol[view]'"
-            ) from None
+        serving, self._errors = (
+            from_extra(f"websockets.{part}", "view", "headsets") for part in ("sync.server", "exceptions")
+        )
         self._told: Told | None = None
         try:
             self._server: Any = serving.serve(

@@ -6,7 +6,6 @@ layout is that of ``lerobot/datasets`` of release 0.6, which the slow tests read
 
 from __future__ import annotations
 
-import importlib
 import json
 import os
 import shutil
@@ -21,9 +20,9 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import (
     ExistsError,
     FileFormatError,
-    MissingExtraError,
     ShapeError,
     ValueRangeError,
+    from_extra,
     writing,
 )
 
@@ -126,7 +125,7 @@ def write_dataset(
     (5, 1)
     """
     folder = Path(folder)
-    arrow, parquet = _library("pyarrow"), _library("pyarrow.parquet")
+    arrow, parquet = map(_library, ("pyarrow", "pyarrow.parquet"))
     if folder.exists() and not (force and (folder / _INFO).is_file()):
         hint = "is no dataset" if force else "exists"
         raise ExistsError(f"{folder}: {hint}; choose another name" + ", or --force replaces it" * (not force))
@@ -392,7 +391,7 @@ class Dataset:
         return out
 
     def _table(self, paths: Iterable[Path], columns: Sequence[str], **options: Any) -> dict[str, list[Any]]:
-        arrow, parquet = _library("pyarrow"), _library("pyarrow.parquet")
+        arrow, parquet = map(_library, ("pyarrow", "pyarrow.parquet"))
         found: dict[str, list[Any]] = {name: [] for name in columns}
         for path in paths:
             try:
@@ -490,9 +489,4 @@ def _feature(about: Mapping[str, Any]) -> Feature:
 
 
 def _library(module: str) -> Any:
-    try:
-        return importlib.import_module(module)
-    except ImportError:
-        raise MissingExtraError(
-            "pyarrow: is not installed; install it with: pip install 'dqcontrol[lerobot]'"
-        ) from None
+    return from_extra(module, "lerobot", "LeRobot datasets")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dqcontrol import algebra
 from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
 from dqcontrol.arrays import Array
-from dqcontrol.errors import Error, FileFormatError, MissingExtraError, suggest, suggest_file
+from dqcontrol.errors import Error, FileFormatError, from_extra, suggest, suggest_file
 from dqcontrol.files.input_file import open_regular
 from dqcontrol.recording.cdr import layout_of
 from dqcontrol.recording.mcap_reader import ChunkMessages, read_records
@@ -256,14 +256,11 @@ def _open_bag(path: Path) -> Iterator[OpenRecording]:
         raise FileFormatError(f"{path}: is a part of a ROS 2 bag; give its folder, with metadata.yaml in it")
     if path.is_dir() and not (path / "metadata.yaml").is_file():
         raise FileFormatError(f"{path}: is no ROS 2 bag: it holds no metadata.yaml")
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        raise MissingExtraError(
-            f"rosbags: is needed for {path} and not installed; install it with: pip install 'dqcontrol[data]'"
-        ) from None
-    with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+    highlevel, typesys = (
+        from_extra(f"rosbags.{part}", "data", f"bags, as {path},") for part in ("highlevel", "typesys")
+    )
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    with highlevel.AnyReader([path], default_typestore=store) as reader:
 
         def read(topic: str) -> Iterator[tuple[int, Any]]:
             chosen = [connection for connection in reader.connections if connection.topic == topic]

@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 import weakref
 from contextlib import suppress
-from importlib import import_module
 from typing import Annotated, Any, ClassVar, Literal
 
 from msgspec import Meta
 from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import Error, MissingExtraError, ShapeError, ValueRangeError, as_positive
+from dqcontrol.errors import Error, ShapeError, ValueRangeError, as_positive, from_extra
 from dqcontrol.plants.plant import Plant, RunningPlant, as_command, start_configuration
 from dqcontrol.robots.command_mode import CommandMode
 from dqcontrol.robots.robot import Robot
@@ -143,13 +142,10 @@ class RunningCoppelia(RunningPlant):
 
 
 def _connect(plant: CoppeliaPlant) -> Any:
-    try:
-        zmq = import_module("zmq")
-        remote_api = import_module("coppeliasim_zmqremoteapi_client")
-    except ImportError as error:
-        raise MissingExtraError(
-            f"plant: CoppeliaSim's client is not installed ({error}); pip install 'dqcontrol[coppeliasim]'"
-        ) from None
+    zmq, remote_api = (
+        from_extra(name, "coppeliasim", "plants in CoppeliaSim")
+        for name in ("zmq", "coppeliasim_zmqremoteapi_client")
+    )
     client = remote_api.RemoteAPIClient(plant.host, plant.port)
     for option in (zmq.RCVTIMEO, zmq.SNDTIMEO):
         client.socket.setsockopt(option, math.ceil(plant.timeout * 1000))

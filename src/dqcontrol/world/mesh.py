@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import importlib
 import sys
 import warnings
 from collections.abc import Sequence
@@ -17,7 +16,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.kernel_cache import module_folder, root as cache_root
-from dqcontrol.errors import FileFormatError, MissingExtraError, NoteWarning
+from dqcontrol.errors import FileFormatError, NoteWarning, from_extra
 from dqcontrol.files.input_file import version
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.geometry import Hull
@@ -92,12 +91,7 @@ def _kept_parts(file: Path, mesh: Any) -> tuple[list[Array], tuple[float, float]
 
 
 def _taken_apart(file: str, mesh: Any) -> list[Array]:
-    try:
-        coacd: Any = importlib.import_module("coacd")
-    except ImportError:
-        raise MissingExtraError(
-            f"mesh: {file} is not convex, and taking it apart needs coacd: pip install 'dqcontrol[mesh]'"
-        ) from None
+    coacd = from_extra("coacd", "mesh", f"meshes that are not convex, as {file},")
     print(f"dqcontrol: taking {Path(file).name} apart into convex parts …", file=sys.stderr, flush=True)
     coacd.set_log_level("error")
     parts = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), threshold=_THRESHOLD)

@@ -68,7 +68,7 @@ def foreign_text(world: World, suffix: str) -> str:
 
 
 def _read_mujoco(path: Path) -> dict[str, Any]:
-    mujoco = import_mujoco("mujoco: reads MJCF and URDF; it")
+    mujoco = import_mujoco("worlds in MJCF and URDF")
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         spec.compiler.fusestatic = False  # links keep their names

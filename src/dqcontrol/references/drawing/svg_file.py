@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import cmath
-import importlib
 import io
 import os
 import warnings
@@ -12,7 +11,7 @@ from typing import Any
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from dqcontrol.errors import FileFormatError, MissingExtraError, NoteWarning
+from dqcontrol.errors import FileFormatError, NoteWarning, from_extra
 from dqcontrol.files.input_file import read_whole
 from dqcontrol.references.drawing.drawing import PenStroke
 from dqcontrol.references.strokes import Arc, StraightStroke, Stroke
@@ -48,7 +47,7 @@ def load_svg(path: str | os.PathLike[str]) -> tuple[PenStroke, ...]:
         If svgelements is not installed.
     """
     content = _read(path)
-    svg = _svgelements()
+    svg = from_extra("svgelements", "paint", "SVG drawings")
     try:
         document = svg.SVG.parse(io.BytesIO(content), reify=True)
         elements = list(document.elements())
@@ -135,9 +134,8 @@ def _read(path: str | os.PathLike[str]) -> bytes:
         raise FileFormatError(f"{path}: no XML: {error}") from None
     if root.tag.rpartition("}")[2] != "svg":
         raise FileFormatError(f"{path}: expected <svg>, got <{root.tag.rpartition('}')[2]:.40}>")
-    nested = {
-        e.get("id") for e in root.iter() if any(map(_is_use, e.iter()))
-    }  # uses of uses can grow without end
+    # uses of uses can grow without end
+    nested = {e.get("id") for e in root.iter() if any(map(_is_use, e.iter()))}
     if any(_target(e) in nested for e in root.iter() if _is_use(e)):
         raise FileFormatError(f"{path}: a <use> of what holds a <use>; flatten the drawing")
     for parent in root.iter():
@@ -157,16 +155,6 @@ def _is_use(element: Any) -> bool:
 
 def _target(use: Any) -> str:
     return (use.get("href") or use.get("{http://www.w3.org/1999/xlink}href") or "").removeprefix("#")
-
-
-def _svgelements() -> Any:
-    try:
-        return importlib.import_module("svgelements")
-    except ImportError as error:
-        raise MissingExtraError(
-            f"svgelements: SVG drawings need it and it cannot be imported ({error}); "
-            "pip install 'dqcontrol[paint]'"
-        ) from None
 
 
 def _number(point: Any) -> complex:

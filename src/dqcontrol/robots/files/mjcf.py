@@ -127,7 +127,7 @@ class MjcfFile:
 
     def __init__(self, path: str | Path) -> None:
         self.path = path
-        self.mujoco: Any = import_mujoco(f"{path}: is read by mujoco, which")
+        self.mujoco: Any = import_mujoco(f"robots in MJCF, as {path},")
         if not Path(path).is_file():
             raise FileFormatError(f"{path}: cannot be read: No such file or directory")
         try:
@@ -253,9 +253,8 @@ class MjcfFile:
             if model.actuator_forcelimited[i] and model.actuator_forcerange[i, 1] > 0:
                 effort = min(effort, float(model.actuator_forcerange[i, 1]) * abs(gear))
             gain, bias = float(model.actuator_gainprm[i, 0]), model.actuator_biasprm[i]
-            simple = (
-                int(model.actuator_gaintype[i]) == 0 and int(model.actuator_dyntype[i]) == 0
-            )  # fixed, none
+            # fixed, none
+            simple = int(model.actuator_gaintype[i]) == 0 and int(model.actuator_dyntype[i]) == 0
             if not (model.actuator_ctrllimited[i] and simple and gear and gain > 0):
                 continue
             low, high = model.actuator_ctrlrange[i]
