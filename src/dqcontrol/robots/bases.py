@@ -110,6 +110,7 @@ class HolonomicBase:
     """
 
     kind: ClassVar[str] = "holonomic"
+    configuration_size: ClassVar[int] = 3  # x, y and φ
 
     speed: float = math.inf
     turn_rate: float = math.inf
@@ -122,11 +123,6 @@ class HolonomicBase:
             check_limit(name, getattr(self, name))
         if self.size is not None and (as_array("size", self.size, (3,)) <= 0).any():
             raise ValueRangeError(f"size: must be > 0, got {list(self.size)}")
-
-    @property
-    def configuration_size(self) -> int:
-        """Number of coordinates: x, y and φ."""
-        return 3
 
     def joints(self) -> SerialArm:
         """Return the base as an arm: two sliding joints, x and y, and a revolute one, φ."""
@@ -172,6 +168,7 @@ class DifferentialDrive:
     """
 
     kind: ClassVar[str] = "differential drive"
+    configuration_size: ClassVar[int] = 3
 
     wheel_radius: float
     half_track: float
@@ -187,11 +184,6 @@ class DifferentialDrive:
         _check_displacement(self.displacement)
         for name in ("rim_speed", "acceleration", "turn_acceleration"):
             check_limit(name, getattr(self, name))
-
-    @property
-    def configuration_size(self) -> int:
-        """Number of coordinates: x, y and φ."""
-        return 3
 
     @property
     def rim_lever(self) -> float:
@@ -458,6 +450,7 @@ class _SteeredBase:
     """What cars and tricycles share: x and y are of the middle of the axle that is not steered, inputs are v and ω."""
 
     kind: ClassVar[str]
+    configuration_size: ClassVar[int] = 3
     _most: ClassVar[float]  # rad; of the steering angle
 
     wheel_radius: float
@@ -482,11 +475,6 @@ class _SteeredBase:
         _check_displacement(self.displacement)
         for name in ("rim_speed", "steering_rate", "acceleration", "turn_acceleration"):
             check_limit(name, getattr(self, name))
-
-    @property
-    def configuration_size(self) -> int:
-        """Number of coordinates: x, y and φ."""
-        return 3
 
     @property
     def rim_lever(self) -> float:

@@ -30,6 +30,14 @@ from dqcontrol.robots.whole_body import Form, WholeBody
 LoadArm = Callable[[str | Path, str | None, str | None], SerialArm]
 LoadMobile = Callable[..., WholeBody]
 
+_Metres = Annotated[Positive, Meta(description="m")]
+_Speed = Annotated[Positive, Meta(description="m/s")]
+_Acceleration = Annotated[Positive, Meta(description="m/s²")]
+_Angle = Annotated[Positive, Meta(description="in the file's unit of angles")]
+_TurnRate = Annotated[Positive, Meta(description="per second, in the file's unit of angles")]
+_TurnAcceleration = Annotated[Positive, Meta(description="per second squared, in the file's unit of angles")]
+_SCALED = ("turn_rate", "turn_acceleration", "steering_rate", "steering_limit", "first_angle")  # in that unit
+
 
 class _WholeBodyPart(FilePart, tag_field="kind"):
     """Base of all parts of a whole body; ``kind`` tells them apart."""
@@ -39,57 +47,49 @@ class ChassisPart(FilePart):
     """As `Chassis`."""
 
     mass: Annotated[Positive, Meta(description="kg")]
-    radius: Annotated[Positive, Meta(description="m")]
-    height: Annotated[Positive, Meta(description="m")]
+    radius: _Metres
+    height: _Metres
     wheel_mass: Annotated[Positive, Meta(description="kg")]
     wheel_torque: Annotated[Positive, Meta(description="N·m")]
-    caster_distance: Annotated[Positive, Meta(description="m")]
+    caster_distance: _Metres
     centre_ahead: Length = 0.0
-    centre_height: Annotated[Positive, Meta(description="m")] | None = None
+    centre_height: _Metres | None = None
 
 
 class DrivePart(_WholeBodyPart, tag="differential-drive"):
     """As `DifferentialDrive`."""
 
-    wheel_radius: Annotated[Positive, Meta(description="m")]
-    half_track: Annotated[Positive, Meta(description="m")]
+    wheel_radius: _Metres
+    half_track: _Metres
     displacement: Length = 0.1
-    rim_speed: Annotated[Positive, Meta(description="m/s")] | None = None
-    acceleration: Annotated[Positive, Meta(description="m/s²")] | None = None
-    turn_acceleration: (
-        Annotated[Positive, Meta(description="per second squared, in the file's unit of angles")] | None
-    ) = None
+    rim_speed: _Speed | None = None
+    acceleration: _Acceleration | None = None
+    turn_acceleration: _TurnAcceleration | None = None
     chassis: ChassisPart | None = None
 
 
 class HolonomicPart(_WholeBodyPart, tag="holonomic-base"):
     """As `HolonomicBase`."""
 
-    speed: Annotated[Positive, Meta(description="m/s")] | None = None
-    turn_rate: Annotated[Positive, Meta(description="per second, in the file's unit of angles")] | None = None
-    acceleration: Annotated[Positive, Meta(description="m/s²")] | None = None
-    turn_acceleration: (
-        Annotated[Positive, Meta(description="per second squared, in the file's unit of angles")] | None
-    ) = None
+    speed: _Speed | None = None
+    turn_rate: _TurnRate | None = None
+    acceleration: _Acceleration | None = None
+    turn_acceleration: _TurnAcceleration | None = None
     size: Annotated[tuple[Positive, Positive, Positive], Meta(description="m")] | None = None
 
 
 class _SteeredPart(_WholeBodyPart):
     """What cars and tricycles share."""
 
-    wheel_radius: Annotated[Positive, Meta(description="m")]
-    half_track: Annotated[Positive, Meta(description="m")]
-    wheelbase: Annotated[Positive, Meta(description="m")]
-    steering_limit: Annotated[Positive, Meta(description="in the file's unit of angles")]
+    wheel_radius: _Metres
+    half_track: _Metres
+    wheelbase: _Metres
+    steering_limit: _Angle
     displacement: Length = 0.1
-    rim_speed: Annotated[Positive, Meta(description="m/s")] | None = None
-    steering_rate: (
-        Annotated[Positive, Meta(description="per second, in the file's unit of angles")] | None
-    ) = None
-    acceleration: Annotated[Positive, Meta(description="m/s²")] | None = None
-    turn_acceleration: (
-        Annotated[Positive, Meta(description="per second squared, in the file's unit of angles")] | None
-    ) = None
+    rim_speed: _Speed | None = None
+    steering_rate: _TurnRate | None = None
+    acceleration: _Acceleration | None = None
+    turn_acceleration: _TurnAcceleration | None = None
 
 
 class CarPart(_SteeredPart, tag="car-like"):
@@ -103,28 +103,26 @@ class TricyclePart(_SteeredPart, tag="steered-tricycle"):
 class _RollerPart(_WholeBodyPart):
     """What mecanum and omni bases share."""
 
-    wheel_radius: Annotated[Positive, Meta(description="m")]
-    rim_speed: Annotated[Positive, Meta(description="m/s")] | None = None
-    speed: Annotated[Positive, Meta(description="m/s")] | None = None
-    turn_rate: Annotated[Positive, Meta(description="per second, in the file's unit of angles")] | None = None
-    acceleration: Annotated[Positive, Meta(description="m/s²")] | None = None
-    turn_acceleration: (
-        Annotated[Positive, Meta(description="per second squared, in the file's unit of angles")] | None
-    ) = None
+    wheel_radius: _Metres
+    rim_speed: _Speed | None = None
+    speed: _Speed | None = None
+    turn_rate: _TurnRate | None = None
+    acceleration: _Acceleration | None = None
+    turn_acceleration: _TurnAcceleration | None = None
     size: Annotated[tuple[Positive, Positive, Positive], Meta(description="m")] | None = None
 
 
 class MecanumPart(_RollerPart, tag="mecanum-base", kw_only=True):
     """As `MecanumBase`."""
 
-    half_track: Annotated[Positive, Meta(description="m")]
-    half_wheelbase: Annotated[Positive, Meta(description="m")]
+    half_track: _Metres
+    half_wheelbase: _Metres
 
 
 class OmniPart(_RollerPart, tag="omni-base", kw_only=True):
     """As `OmniBase`."""
 
-    wheel_distance: Annotated[Positive, Meta(description="m")]
+    wheel_distance: _Metres
     wheel_count: Annotated[int, Meta(ge=3, le=12)] = 3
     first_angle: Annotated[float, Meta(description="in the file's unit of angles")] | None = None
 
@@ -144,9 +142,9 @@ class MobileRobotPart(_WholeBodyPart, tag="mobile-robot"):
     robot: Annotated[str, Meta(min_length=1)]
     tip_link: str | None = None
     drive: DriveKind | None = None
-    wheel_radius: Annotated[Positive, Meta(description="m")] | None = None
-    track: Annotated[Positive, Meta(description="m")] | None = None
-    steering_limit: Annotated[Positive, Meta(description="in the file's unit of angles")] | None = None
+    wheel_radius: _Metres | None = None
+    track: _Metres | None = None
+    steering_limit: _Angle | None = None
 
 
 class PosePart(FixedPose, tag_field="kind", tag="pose"):
@@ -211,32 +209,23 @@ def whole_body_from(path: str | Path, data: Any, load_arm: LoadArm, load_mobile:
         raise FileFormatError(f"{path}: {error}") from None
 
 
+_BASES: dict[type, Callable[..., Any]] = {
+    DrivePart: DifferentialDrive,
+    CarPart: CarLikeBase,
+    TricyclePart: SteeredTricycle,
+    HolonomicPart: HolonomicBase,
+    MecanumPart: MecanumBase,
+    OmniPart: OmniBase,
+}
+
+
 def _part(field: str, part: Any, folder: Path, unit: float, load_arm: LoadArm) -> Any:
-    if isinstance(part, DrivePart):
-        return DifferentialDrive(
-            part.wheel_radius,
-            part.half_track,
-            part.displacement,
-            part.rim_speed or math.inf,
-            part.acceleration or math.inf,
-            (part.turn_acceleration or math.inf) * unit,
-            _chassis(part.chassis),
-        )
-    if isinstance(part, _SteeredPart):
-        made = CarLikeBase if isinstance(part, CarPart) else SteeredTricycle
-        return made(
-            part.wheel_radius,
-            part.half_track,
-            part.wheelbase,
-            part.steering_limit * unit,
-            part.displacement,
-            part.rim_speed or math.inf,
-            (part.steering_rate or math.inf) * unit,
-            part.acceleration or math.inf,
-            (part.turn_acceleration or math.inf) * unit,
-        )
-    if isinstance(part, HolonomicPart | _RollerPart):
-        return _holonomic(part, unit)
+    if type(part) in _BASES:
+        given = _given(part)
+        given |= {name: unit * given[name] for name in _SCALED if name in given}
+        if "chassis" in given:
+            given["chassis"] = Chassis(**_given(given["chassis"]))
+        return _BASES[type(part)](**given)
     if isinstance(part, PosePart):
         at = fixed_pose(field, part, unit)
         return pose(at[:4], at[4:])
@@ -258,31 +247,6 @@ def _mobile(part: MobileRobotPart, folder: Path, unit: float, load_mobile: LoadM
     )
 
 
-def _holonomic(part: HolonomicPart | _RollerPart, unit: float) -> HolonomicBase:
-    given: dict[str, Any] = {
-        "speed": part.speed or math.inf,
-        "turn_rate": (part.turn_rate or math.inf) * unit,
-        "acceleration": part.acceleration or math.inf,
-        "turn_acceleration": (part.turn_acceleration or math.inf) * unit,
-        "size": part.size,
-    }
-    if isinstance(part, HolonomicPart):
-        return HolonomicBase(**given)
-    wheels: dict[str, Any] = given | {
-        "wheel_radius": part.wheel_radius,
-        "rim_speed": part.rim_speed or math.inf,
-    }
-    if isinstance(part, MecanumPart):
-        return MecanumBase(half_track=part.half_track, half_wheelbase=part.half_wheelbase, **wheels)
-    assert isinstance(part, OmniPart)
-    first = None if part.first_angle is None else part.first_angle * unit
-    return OmniBase(
-        wheel_distance=part.wheel_distance, wheel_count=part.wheel_count, first_angle=first, **wheels
-    )
-
-
-def _chassis(part: ChassisPart | None) -> Chassis | None:
-    if part is None:
-        return None
-    numbers = asdict(part)
-    return Chassis(**(numbers | {"centre_height": part.centre_height or 0.0}))
+def _given(part: Any) -> dict[str, Any]:
+    """Return what a part of a file says; what it leaves out is as the base has it."""
+    return {name: value for name, value in asdict(part).items() if value is not None}
