@@ -21,7 +21,7 @@ import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.errors import PlanError, ReachError
 from dqcontrol.planning import CertifiedEdges, branch_along
-from dqcontrol.planning.branches import SINGULAR, continued
+from dqcontrol.planning.followed_path import SINGULAR, continued
 
 POSES, RUNGS, STARTS = 100, 25, 300
 Body = dqc.world.Body

@@ -12,9 +12,9 @@ import numpy as np
 
 import dqcontrol as dqc
 from dqcontrol.plants import CompliantPlant
-from dqcontrol.plants.compliant.compliant_arm import assemble
 from dqcontrol.plants.compliant.controller_file import load_controllers
 from dqcontrol.plants.compliant.elastic_model import TICK, Actuation, elastic_model
+from dqcontrol.plants.compliant.running_compliant import assemble
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 
 ARMS = {

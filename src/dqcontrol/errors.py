@@ -263,19 +263,6 @@ def as_each(field: str, value: ArrayLike, size: int) -> NDArray[np.float64]:
     return np.full(size, array)
 
 
-def as_each_positive(
-    field: str, value: ArrayLike, size: int, *, zero_allowed: bool = False
-) -> NDArray[np.float64]:
-    """Return so many finite numbers above zero (or not below it), given one for all of them or one each."""
-    if type(value) is float:
-        return np.full(size, as_positive(field, value, zero_allowed=zero_allowed))
-    values = as_each(field, value, size)
-    least = values.min(initial=np.inf)
-    if least < 0 or (least == 0 and not zero_allowed):
-        raise ValueRangeError(f"{field}: must be {'≥' if zero_allowed else '>'} 0, got {least:g}")
-    return values
-
-
 def as_positive(field: str, value: float, *, zero_allowed: bool = False) -> float:
     """Return a finite number above zero (or not below it)."""
     # searches check thousands

@@ -9,7 +9,7 @@ import pytest
 from algebra_samples import cases, error, poses, random_poses
 
 from dqcontrol import algebra
-from dqcontrol.algebra import DualQuaternion, conversions, dual_quaternion, exponential, functions
+from dqcontrol.algebra import DualQuaternion, conversions, dual_quaternion, functions
 from dqcontrol.errors import ShapeError, ValueRangeError
 
 X, Y = (DualQuaternion(x) for x in random_poses(np.random.default_rng(40), 2))
@@ -238,7 +238,7 @@ def test_errors(use, kind, match):
         use()
 
 
-@pytest.mark.parametrize("module", [functions, exponential, conversions, dual_quaternion])
+@pytest.mark.parametrize("module", [functions, conversions, dual_quaternion])
 def test_examples_of_the_docstrings(module):
     result = doctest.testmod(module)
     assert result.attempted > 0

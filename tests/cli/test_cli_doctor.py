@@ -10,11 +10,11 @@ import numpy
 import pytest
 
 import dqcontrol
-from dqcontrol.cli import environment
+from dqcontrol.cli import doctor_command
 
 
 def found(what):
-    (finding,) = [one for one in environment.examine() if one.what == what]
+    (finding,) = [one for one in doctor_command.examine() if one.what == what]
     return finding
 
 
@@ -67,9 +67,9 @@ def test_a_missing_extra_is_named_with_its_cure(monkeypatch):
             raise metadata.PackageNotFoundError(name)
         return version(name)
 
-    monkeypatch.setattr(environment.metadata, "version", without_mujoco)
+    monkeypatch.setattr(doctor_command.metadata, "version", without_mujoco)
     finding = found("extra [physics]")
-    assert (finding.found, finding.verdict) == ("mujoco not installed", environment.MISSING)
+    assert (finding.found, finding.verdict) == ("mujoco not installed", doctor_command.MISSING)
     assert finding.cure == "pip install 'dqcontrol[physics]'"
 
 
@@ -77,10 +77,10 @@ def test_a_missing_extra_is_named_with_its_cure(monkeypatch):
 def test_a_package_that_is_too_old_is_a_problem(monkeypatch):
     version = metadata.version
     monkeypatch.setattr(
-        environment.metadata, "version", lambda name: "1.9" if name == "numpy" else version(name)
+        doctor_command.metadata, "version", lambda name: "1.9" if name == "numpy" else version(name)
     )
     finding = found("numpy")
-    assert (finding.found, finding.verdict) == ("1.9, not >=2.2", environment.PROBLEM)
+    assert (finding.found, finding.verdict) == ("1.9, not >=2.2", doctor_command.PROBLEM)
     assert finding.cure == "pip install 'numpy>=2.2'"
 
 
@@ -89,12 +89,12 @@ def test_a_back_end_that_is_none(monkeypatch):
     pytest.importorskip("mujoco")
     monkeypatch.setenv("MUJOCO_GL", "eggl")
     finding = found("OpenGL for pictures of physics")
-    assert finding.verdict == environment.MISSING
+    assert finding.verdict == doctor_command.MISSING
     assert "did you mean 'egl'" in finding.found
 
 
 def test_ros_2_that_is_not_there(monkeypatch):
     monkeypatch.setitem(sys.modules, "rclpy", None)
     finding = found("ROS 2")
-    assert finding.verdict == environment.MISSING
+    assert finding.verdict == doctor_command.MISSING
     assert "pip install 'dqcontrol[ros2]'" in finding.cure

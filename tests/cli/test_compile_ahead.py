@@ -8,19 +8,19 @@ from pathlib import Path
 import pytest
 
 import dqcontrol
-from dqcontrol.cli import environment
+from dqcontrol.cli import doctor_command
 from dqcontrol.experiments.prepared_experiment import prepare
 
 
-@pytest.mark.parametrize("case", environment.CASES)
+@pytest.mark.parametrize("case", doctor_command.CASES)
 def test_each_case_is_a_spec(case):
-    assert len(prepare(environment.case_spec(case)).cases) == 1
+    assert len(prepare(doctor_command.case_spec(case)).cases) == 1
 
 
 @pytest.mark.slow
 def test_a_second_time_finds_all_in_the_cache(tmp_path):
     program = (
-        "from dqcontrol.cli import environment as a; a.CASES = {'ideal joints': a.CASES['ideal joints']}; "
+        "from dqcontrol.cli import doctor_command as a; a.CASES = {'ideal joints': a.CASES['ideal joints']}; "
         "print(a.compile_ahead(), a.compile_ahead())"
     )
     done = subprocess.run(

@@ -7,9 +7,8 @@ import pytest
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled import kernel_cache
-from dqcontrol.compiled.bundle import Bundle
 from dqcontrol.compiled.compile import OK, READ, STATUS, WRITE, Kernel
-from dqcontrol.compiled.memory_layout import MemoryLayout
+from dqcontrol.compiled.memory_layout import Bundle, MemoryLayout
 
 
 class Inner(NamedTuple):

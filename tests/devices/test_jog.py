@@ -12,7 +12,7 @@ from dqcontrol.loop import Live
 from dqcontrol.loop.targets import Speeds
 from dqcontrol.recording import RecordStream, load_record
 from dqcontrol.references import load_points
-from dqcontrol.references.points_file import PointsWriter
+from dqcontrol.references.points import PointsWriter
 from dqcontrol.robots import most_dexterous
 from dqcontrol.supervisor import list_interventions
 

@@ -7,7 +7,7 @@ import dqcontrol as dqc
 from dqcontrol.algebra import translation
 from dqcontrol.figures.base_paths import silhouette
 from dqcontrol.figures.paths import desired_in_room, tip_paths
-from dqcontrol.films.scene_background import framing_of_arm
+from dqcontrol.films.film import framing_of_arm
 from dqcontrol.robots.files.description import drawn_reach
 
 Q = np.array([-0.1, -0.5, 0.1, -2.2, 0.1, 1.7, 0.8, 0.3, -0.7, -0.2, -2.1, -0.1, 1.5, 0.7])

@@ -91,7 +91,7 @@ def test_a_hull_is_drawn_by_its_triangles():
     model = mujoco.MjModel.from_xml_string("<mujoco/>")
     scene = mujoco.MjvScene(model, maxgeom=10)
     drawn = DrawnScene.__new__(DrawnScene)
-    drawn._add_shape(mujoco, scene, hull, np.array([1.0, 0, 0]), (1, 0, 0, 1))
+    drawn._add_shape(scene, hull, np.array([1.0, 0, 0]), (1, 0, 0, 1))
     assert scene.ngeom == 4
     found = set()
     for geom in scene.geoms[: scene.ngeom]:

@@ -7,8 +7,8 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.algebra import matrix_from_pose, translation
+from dqcontrol.films.film import framing_of_arm
 from dqcontrol.films.link_meshes import add_meshes, link_meshes
-from dqcontrol.films.scene_background import framing_of_arm
 from dqcontrol.plants.mujoco.mujoco_model import (
     RODS,
     compiled,

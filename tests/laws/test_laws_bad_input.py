@@ -34,7 +34,7 @@ LAWS = [Proportional, ProportionalFeedforward]
         (
             lambda: Schedule([0], [1, 2]),
             ShapeError,
-            r"^schedule: expected as many values as times.*got \(2,\) and \(1,\)$",
+            r"^schedule: expected as many values as times.*got 2 and 1$",
         ),
         (lambda: Schedule([0, 0], [1, 2]), ValueRangeError, r"^schedule.times: must increase, got \[0, 0\]$"),
         (lambda: Schedule([1, 0], [1, 2]), ValueRangeError, r"^schedule.times: must increase, got \[1, 0\]$"),
@@ -45,7 +45,7 @@ LAWS = [Proportional, ProportionalFeedforward]
             ShapeError,
             r"^schedule.times\[0\]: expected a number, got text 'a'$",
         ),
-        (lambda: Schedule([0, 1], [1, 0]), ValueRangeError, r"^gain: must be > 0, got 0$"),
+        (lambda: Schedule([0, 1], [1, 0]), ValueRangeError, r"^schedule.values\[1\]: must be > 0, got 0$"),
         (
             lambda: Schedule([0, 1e9], [1, 2]),
             ValueRangeError,

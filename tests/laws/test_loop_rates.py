@@ -22,8 +22,8 @@ from dqcontrol.laws import (
     Steps,
 )
 from dqcontrol.laws.inverses import inverse_parameters
+from dqcontrol.laws.law import LoopRates
 from dqcontrol.laws.linear_quadratic import pose_feedback
-from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol_theses.variants import Cascade, ClassicProportional, PublishedLinearization
 
 SEED = 20260732

@@ -10,7 +10,7 @@ from scipy.optimize import minimize
 import dqcontrol as dqc
 from dqcontrol import algebra, constraints, laws
 from dqcontrol.laws.growth import counted, curvature, drives_anywhere, growth_for, pose_error, square_bound
-from dqcontrol.laws.loop_rates import LoopRates
+from dqcontrol.laws.law import LoopRates
 from dqcontrol.loop import close_loop
 from dqcontrol.loop.targets import PoseTarget, Speeds
 from dqcontrol.robots.command_mode import Lag

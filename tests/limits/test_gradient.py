@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from dqcontrol.limits.gradient import repulsion
+from dqcontrol.limits.position_limit import repulsion
 
 
 def formula(q, lower, upper):

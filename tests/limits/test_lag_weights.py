@@ -5,7 +5,7 @@ import math
 import pytest
 from scipy.integrate import solve_ivp
 
-from dqcontrol.limits.lag_weights import lag_weights
+from dqcontrol.limits.compensation import lag_weights
 
 
 @pytest.mark.parametrize("lag", [0.004, 0.05])

@@ -115,7 +115,7 @@ def test_a_spec_chooses_and_the_report_lists(tmp_path):
     assert np.array_equal(
         loaded.readings["interventions"].values, run.record.readings["interventions"].values
     )
-    with pytest.raises(ValueRangeError, match=r"supervisor.acceleration: must be > 0, got -1"):
+    with pytest.raises(FileFormatError, match=r"supervisor.acceleration: expected a number > 0.0, got -1"):
         dqc.run(spec | {"supervisor": {"acceleration": -1.0}})
 
 

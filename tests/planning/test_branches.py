@@ -8,7 +8,7 @@ from planning_scenes import load
 import dqcontrol as dqc
 from dqcontrol.errors import NoteWarning, PlanError, ShapeError
 from dqcontrol.planning import CertifiedEdges, branch_along
-from dqcontrol.planning.branches import SINGULAR, continued, first_through
+from dqcontrol.planning.followed_path import SINGULAR, continued, first_through
 
 Q = np.array([0.3, -1.2, 1.4, -0.6, -1.4, 0.0])
 

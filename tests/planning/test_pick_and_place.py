@@ -14,6 +14,7 @@ from dqcontrol.experiments.spec import read_spec
 from dqcontrol.geometry import distance
 from dqcontrol.measures.held import plans_of_run
 from dqcontrol.planning import PlanTo
+from dqcontrol.planning.drive_and_plan import StepsInTurn
 from dqcontrol.references import Grip, Release, Sequence, SetPoint, Straight
 from dqcontrol.world import Body
 
@@ -138,7 +139,7 @@ def test_a_posture_is_chosen_from_which_the_steps_behind_go(monkeypatch):
     def none(_, __, ___, ____, error):
         raise error
 
-    monkeypatch.setattr("dqcontrol.planning.steps_in_turn.StepsInTurn._elsewhere", none)
+    monkeypatch.setattr(StepsInTurn, "_elsewhere", none)
     with pytest.raises(PlanError, match=r"reference: references\[1\]: stops at sample \d+ of 201: "):
         prepare(given)
 

@@ -244,7 +244,7 @@ def test_bad_controller_files_are_named(tmp_path, edit, words):
         ({"stiffness": [0.5, -1]}, ValueRangeError, r"plant.stiffness\[1\]: must be ≥ 0, got -1"),
         ({"gravity_factor": math.nan}, ValueRangeError, "plant.gravity_factor: must be finite"),
         ({"springs": [0.0] * 7}, ValueRangeError, r"plant.springs\[0\]: must be ≥ 0\.01, got 0"),
-        ({"duty": 2.0}, ValueRangeError, "plant.duty: must lie in -1 … 1"),
+        ({"duty": 2.0}, ValueRangeError, "plant.duty: must be ≤ 1, got 2"),
         ({"hand": 3}, ShapeError, "plant.hand: expected true or false or text, got a whole number"),
         ({"pushes": {"time": 1}}, ShapeError, "plant.pushes: expected a list, got a mapping"),
         ({"payload": 0.9}, ShapeError, "plant.payload: expected Payload or a list or nothing, got a number"),

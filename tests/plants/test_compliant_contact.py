@@ -12,7 +12,7 @@ from dqcontrol.loop.signals import Signal
 from dqcontrol.measures.metrics import RECOVERED, peak_contact, recovery_time
 from dqcontrol.plants import CompliantPlant, Push
 from dqcontrol.plants.compliant.controller_file import load_controllers
-from dqcontrol.plants.compliant.elastic_model import joint_inertia
+from dqcontrol.plants.mujoco.mujoco_model import mass_matrix
 from dqcontrol.world import Body, Motion
 
 mujoco: Any = pytest.importorskip("mujoco")
@@ -76,7 +76,7 @@ def test_an_impact_has_the_peak_of_a_mass_on_a_spring_and_keeps_the_momentum(acc
     stiffness, speed, n = 4000.0, 0.1, 7
     ball = pad(1e-3, velocity=tuple(-speed * OUT), stiffness=stiffness, damping=8.0)
     live = among("OFF", (0, 0, 0), ball=ball, accurate=accurate).start(IIWA, QI, 0.001, 0, 0)
-    inertia = joint_inertia(live.model, live.data)[:n, :n]
+    inertia = mass_matrix(live.model, live.data)[:n, :n]
     jacobian = IIWA.translation_jacobian(QI)
     mass = 1 / (OUT @ jacobian @ np.linalg.solve(inertia, jacobian.T) @ OUT)
     pressed = []

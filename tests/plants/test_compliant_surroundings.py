@@ -86,7 +86,7 @@ def test_a_base_shakes_as_much_whatever_the_period_and_the_controllers_do_not_kn
             r"^plant.exchange_period: must be a multiple of .* 0.001 s, got 0.0015",
         ),
         ({"dry_friction": [1, 2]}, r"^plant.dry_friction: expected one number or 7"),
-        ({"dry_friction": -1}, r"^plant.dry_friction: must lie in 0"),
+        ({"dry_friction": -1}, r"^plant.dry_friction: must be ≥ 0, got -1"),
         ({"base_shaking": -0.1}, r"^plant.base_shaking: must be ≥ 0, got -0.1"),
     ],
 )

@@ -223,7 +223,7 @@ BAD = [
     (
         lambda: band_limited(rms=(-1, 0, 0, 0, 0, 0), bandwidth=1),
         ValueRangeError,
-        "disturbance.rms: must be ≥ 0",
+        r"disturbance.rms\[0\]: must be ≥ 0",
     ),
     (
         lambda: band_limited(rms=SIX, bandwidth=1, seed=-1),

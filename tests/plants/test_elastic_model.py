@@ -10,9 +10,9 @@ from dqcontrol.plants.compliant.elastic_model import (
     TICK,
     Actuation,
     elastic_model,
-    joint_inertia,
     steps_per_tick,
 )
+from dqcontrol.plants.mujoco.mujoco_model import mass_matrix
 from dqcontrol.robots.files.load import load_robot
 from dqcontrol.robots.limits import Inertia
 from dqcontrol.robots.serial_arm import SerialArm
@@ -130,7 +130,7 @@ def test_links_have_the_inertia_matrix_of_the_rigid_arm_and_rotors_their_own():
     for q in np.random.default_rng(SEED).uniform(-1, 1, (5, 7)):
         data.qpos[:7], data.qpos[7:] = q, np.random.default_rng(SEED).uniform(-1, 1, 7)
         mujoco.mj_forward(model, data)
-        inertia = joint_inertia(model, data)
+        inertia = mass_matrix(model, data)
         upper = np.triu(pinocchio.crba(rigid, state, q))
         np.testing.assert_allclose(np.triu(inertia[:7, :7]), upper, atol=1e-10)
         np.testing.assert_allclose(inertia[7:, 7:], np.diag(actuation.rotor_inertia), atol=1e-10)
@@ -169,7 +169,7 @@ def test_accurate_steps_keep_the_energy_of_free_undamped_motion(name, springs, h
     data.qpos[:7] = Q0[name]
     data.qpos[7:] = Q0[name][actuation.elastic]
     mujoco.mj_forward(model, data)
-    steps = steps_per_tick(joint_inertia(model, data), robot, actuation, True)
+    steps = steps_per_tick(mass_matrix(model, data), robot, actuation, True)
     model.opt.timestep = TICK / steps
     before, peak, drift = data.energy.sum(), 0.0, 0.0
     for _ in range(1000):
@@ -187,7 +187,7 @@ def test_stiff_springs_get_shorter_steps_and_too_stiff_ones_are_refused():
     actuation = load_controllers(robot).actuation("default")
     data.qpos[:7] = Q0["meka-a2"]
     mujoco.mj_forward(model, data)
-    inertia = joint_inertia(model, data)
+    inertia = mass_matrix(model, data)
     fast = steps_per_tick(inertia, robot, actuation, False)
     stiff = replace(actuation, stiffness=16 * actuation.stiffness)
     assert steps_per_tick(inertia, robot, stiff, False) >= 3 * fast

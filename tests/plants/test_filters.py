@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from dqcontrol.plants.compliant.filters import MEMORY, butterworth, filtered, rest
+from dqcontrol.plants.compliant.joint_columns import MEMORY, butterworth, filtered, rest
 
 
 @pytest.mark.parametrize("cutoff", [1.0, 20.0, 80.0, 300.0])

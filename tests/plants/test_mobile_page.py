@@ -8,7 +8,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.plants import Gripper, MobilePlant, WheeledBase
-from dqcontrol.plants.mobile.running_mobile import SLIDES_FOR, SLIDING, TOPPLED
+from dqcontrol.plants.mobile.mobile_plant import SLIDES_FOR, SLIDING, TOPPLED
 
 pytest.importorskip("mujoco")
 

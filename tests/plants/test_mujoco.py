@@ -372,7 +372,7 @@ def test_a_flat_plate_is_allowed():
             r"plant.gravity_compensation: must be ≤ 1, got 1\.2",
         ),
         ({"gravity": (0, 0)}, ShapeError, "plant.gravity"),
-        ({"stiffness": [1.0, 0.0]}, ValueRangeError, "plant.stiffness: must be > 0"),
+        ({"stiffness": [1.0, 0.0]}, ValueRangeError, r"plant.stiffness\[1\]: must be > 0"),
         ({"armature": -0.1}, ValueRangeError, "plant.armature: must be ≥ 0, got -0.1"),
         ({"encoder_noise": math.nan}, ValueRangeError, "plant.encoder_noise: must be finite"),
     ],

@@ -11,9 +11,9 @@ from dqcontrol.errors import FallenError, ValueRangeError
 from dqcontrol.figures.paths import recorded_frames
 from dqcontrol.loop.record import has_failed
 from dqcontrol.plants import MobilePlant, WheeledBase
-from dqcontrol.plants.mobile.running_gear import running_gear
-from dqcontrol.plants.mobile.running_mobile import TOPPLED
+from dqcontrol.plants.mobile.mobile_plant import TOPPLED
 from dqcontrol.plants.mobile.standing import stance
+from dqcontrol.plants.mobile.wheeled_base import running_gear
 
 mujoco: Any = pytest.importorskip("mujoco")
 

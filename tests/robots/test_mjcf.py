@@ -7,7 +7,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.errors import FileFormatError, NoteWarning, UnknownNameError
 from dqcontrol.plants import MujocoPlant
-from dqcontrol.plants.mujoco.mujoco_servos import mass_matrix
+from dqcontrol.plants.mujoco.mujoco_model import mass_matrix
 from dqcontrol.robots import load_robot
 from dqcontrol.robots.files.mjcf import mjcf_servos
 

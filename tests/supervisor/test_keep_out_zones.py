@@ -11,8 +11,8 @@ from dqcontrol.errors import Error, ShapeError, ValueRangeError
 from dqcontrol.geometry import FloorMap
 from dqcontrol.supervisor import KeepOutZones, Supervisor
 from dqcontrol.supervisor.interventions import IMPOSSIBLE, KEEP_OUT
-from dqcontrol.supervisor.keep_out_step import clearance
 from dqcontrol.supervisor.supervisor_layout import END, FINISH, GO, RESET, STOP
+from dqcontrol.supervisor.supervisor_step import clearance
 from dqcontrol.world import Body, Solid
 
 T = 0.02

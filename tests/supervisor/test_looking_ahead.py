@@ -9,7 +9,6 @@ from dqcontrol.errors import ValueRangeError
 from dqcontrol.limits.braking import fastest_stoppable
 from dqcontrol.supervisor import KeepOutZones, LinkPoint, Supervisor, WorkspaceBox
 from dqcontrol.supervisor.interventions import REASONS
-from dqcontrol.supervisor.keep_out_step import _stays_clear
 from dqcontrol.supervisor.supervisor_geometry import _distance
 from dqcontrol.supervisor.supervisor_layout import (
     HAND_ACCELERATION_LIMIT,
@@ -18,6 +17,7 @@ from dqcontrol.supervisor.supervisor_layout import (
     state_layout,
     taken_apart,
 )
+from dqcontrol.supervisor.supervisor_step import _stays_clear
 from dqcontrol.world import Body
 
 T = 0.01

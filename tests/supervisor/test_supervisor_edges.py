@@ -546,26 +546,3 @@ def test_bounds_of_parameters_and_starts():
         q[5] = limits[5] + sign * 0.0101
         with pytest.raises(ValueRangeError, match="outside"):
             supervisor.start(q)
-
-
-def test_a_drive_behind_an_arm_keeps_the_direction_of_its_wish():
-    """Both inputs come within reach of the acceleration by one share, wherever the drive stands among the parts."""
-    robot = dqc.WholeBody([dqc.load_robot("youbot-arm"), dqc.DifferentialDrive(0.05, 0.15, rim_speed=0.8)])
-    q = np.append(np.mean([robot.limits.lower[:5], robot.limits.upper[:5]], axis=0), np.zeros(3))
-    prepared = Supervisor(acceleration=1.0, slow_below=0.0, hold_below=0.0, ramp=0.0).prepare(robot, 0.01)
-    state = prepared.start(q)
-    prepared.command(q, np.array([0, 0, 0, 0, 0, 0.4, 0.2]), state)
-    assert prepared.rate(state) == pytest.approx([0, 0, 0, 0, 0, 0.01, 0.005])
-
-
-def test_limits_alone_do_not_slow_near_a_singularity():
-    arm, q = dqc.load_robot("iiwa7"), np.array([0.3, 0.6, -0.2, 0.05, 0.4, 0.6, 0.1])
-    for supervisor, slows in (
-        (Supervisor(slow_below=0.1, hold_below=0.05, ramp=0.0), True),
-        (Supervisor(slow_below=0.1, hold_below=0.05).limits_alone(), False),
-    ):
-        prepared = supervisor.prepare(arm, 0.01)
-        state = prepared.start(q)
-        for _ in range(20):
-            prepared.command(prepared.position(state).copy(), np.array([0, 0, 0, -0.1, 0, 0, 0]), state)
-        assert (prepared.rate(state)[3] > -0.099) == slows

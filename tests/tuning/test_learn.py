@@ -16,7 +16,7 @@ from dqcontrol.experiments import check
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.loop.signals import Signal
 from dqcontrol.loop.simulate import simulate_prepared
-from dqcontrol.references.points_file import DUAL_QUATERNION
+from dqcontrol.references.points import DUAL_QUATERNION
 from dqcontrol.tuning import Convergence, learn_to
 from dqcontrol.tuning.learning.convergence import LoopShape, loop_shape
 from dqcontrol.tuning.learning.learnt_motion import TRACKED_POSE, hand_error, motion_of, shifted_poses

@@ -8,7 +8,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.laws.law import Law
 from dqcontrol.limits import CommandLimits
-from dqcontrol.loop.repeated_loop import RepeatedLoop
+from dqcontrol.loop.simulate import RepeatedLoop
 from dqcontrol.measures.metric_tables import NUMBERS, RunMeasure
 from dqcontrol.measures.metrics import evaluate
 

@@ -21,6 +21,7 @@ from dqcontrol.errors import (
 from dqcontrol.experiments.feasibility import path_demand
 from dqcontrol.experiments.gain_advice import advise_gains
 from dqcontrol.experiments.spec import read_spec
+from dqcontrol.loop.simulate import RepeatedLoop
 from dqcontrol.measures.metrics import AT_LIMIT
 from dqcontrol.measures.stability import gain_limits, stability_limit
 from dqcontrol.plants.linear_model import LinearModel
@@ -166,7 +167,7 @@ def test_a_joint_at_its_limit_is_named_as_the_cause(tuned):
 def test_a_library_that_is_missing_is_named_with_its_cure(monkeypatch):
     monkeypatch.setitem(sys.modules, "nlopt", None)
     with pytest.raises(
-        MissingExtraError, match=r"^nlopt: .* install it with: pip install 'dqcontrol\[data\]'$"
+        MissingExtraError, match=r"^nlopt: .* cannot be imported .*; pip install 'dqcontrol\[data\]'$"
     ):
         SimplexSearch(lambda point: (0.0, sum(point)), 2, 20, seed=0).run()
 
@@ -302,7 +303,7 @@ MISTAKES = {
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_mistake_is_one_clear_line_before_anything_runs_or_is_written(name, problem, monkeypatch, tmp_path):
     changes, kind, text = MISTAKES[name]
-    monkeypatch.setattr("dqcontrol.loop.repeated_loop.RepeatedLoop.run", lambda *_: pytest.fail("it ran"))
+    monkeypatch.setattr(RepeatedLoop, "run", lambda *_: pytest.fail("it ran"))
     with pytest.raises(kind) as caught:
         tune_to(problem | {"tune": problem["tune"] | changes}, tmp_path / "out", jobs=1)
     assert text in str(caught.value)

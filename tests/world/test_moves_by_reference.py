@@ -7,7 +7,7 @@ import dqcontrol as dqc
 from dqcontrol.algebra import translation
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.loop.constraint_signals import DISTANCE
-from dqcontrol.world.whereabouts import poses_of
+from dqcontrol.world.body import poses_of
 
 PLACE = [0.8, 0.5, 0.5]
 HOME = [0, -0.3, 0, -2.0, 0, 1.8, 0.7]

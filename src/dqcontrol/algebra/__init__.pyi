@@ -6,19 +6,27 @@ from .batch import (
 from .conversions import (
     as_unit_quaternion as as_unit_quaternion,
     axis_angle_from_rotation as axis_angle_from_rotation,
+    dqrobotics_from_pose as dqrobotics_from_pose,
     matrix_from_pose as matrix_from_pose,
     matrix_from_rotation as matrix_from_rotation,
+    mujoco_from_pose as mujoco_from_pose,
     pose as pose,
+    pose_from_dqrobotics as pose_from_dqrobotics,
     pose_from_matrix as pose_from_matrix,
+    pose_from_mujoco as pose_from_mujoco,
+    pose_from_se3 as pose_from_se3,
     rotation_from_axis_angle as rotation_from_axis_angle,
     rotation_from_matrix as rotation_from_matrix,
     rotation_from_rpy as rotation_from_rpy,
+    rotation_from_scipy as rotation_from_scipy,
     rotation_from_zyz as rotation_from_zyz,
     rpy_from_rotation as rpy_from_rotation,
+    scipy_from_rotation as scipy_from_rotation,
+    se3_from_pose as se3_from_pose,
     zyz_from_rotation as zyz_from_rotation,
 )
-from .dual_quaternion import DualQuaternion as DualQuaternion
-from .exponential import (
+from .dual_quaternion import (
+    DualQuaternion as DualQuaternion,
     exp_body as exp_body,
     exp_inertial as exp_inertial,
     exp_screw as exp_screw,
@@ -53,14 +61,4 @@ from .functions import (
     vec4 as vec4,
     vec6 as vec6,
     vec8 as vec8,
-)
-from .interchange import (
-    dqrobotics_from_pose as dqrobotics_from_pose,
-    mujoco_from_pose as mujoco_from_pose,
-    pose_from_dqrobotics as pose_from_dqrobotics,
-    pose_from_mujoco as pose_from_mujoco,
-    pose_from_se3 as pose_from_se3,
-    rotation_from_scipy as rotation_from_scipy,
-    scipy_from_rotation as scipy_from_rotation,
-    se3_from_pose as se3_from_pose,
 )

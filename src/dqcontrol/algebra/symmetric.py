@@ -16,9 +16,8 @@ def cholesky(gram, m):
         pivot = gram[j, j]
         for k in range(j):
             pivot -= gram[j, k] * gram[j, k]
-        if (
-            not pivot > 1e-14
-        ):  # m², of Jacobians in metres: rounding of a Gram matrix, 2⁻⁵² |G|, is little less
+        # m², of Jacobians in metres: rounding of a Gram matrix, 2⁻⁵² |G|, is little less
+        if not pivot > 1e-14:
             return False
         pivot = 1.0 / math.sqrt(pivot)
         gram[j, j] = pivot  # the reciprocal: every later use divides
@@ -94,3 +93,33 @@ def diagonalise(gram, m, vectors):
                     gram[p, k], gram[r, k] = c * apk - s * ark, s * apk + c * ark
                     vkp, vkr = vectors[k, p], vectors[k, r]
                     vectors[k, p], vectors[k, r] = c * vkp - s * vkr, s * vkp + c * vkr
+
+
+@inline
+def smallest_singular_value(jacobian, gram, vectors):
+    """Return the smallest singular value of J (6 × n).
+
+    Parameters
+    ----------
+    jacobian
+        Any Jacobian of six rows.
+    gram, vectors
+        Scratch, 6 × 6 each; a corner is used for n < 6.
+    """
+    n = jacobian.shape[1]
+    m = min(n, 6)
+    for i in range(m):
+        for j in range(i + 1):
+            value = 0.0
+            if n < 6:
+                for k in range(6):
+                    value += jacobian[k, i] * jacobian[k, j]
+            else:
+                for k in range(n):
+                    value += jacobian[i, k] * jacobian[j, k]
+            gram[i, j] = value
+    diagonalise(gram, m, vectors)
+    least = gram[0, 0]
+    for i in range(1, m):
+        least = min(least, gram[i, i])
+    return math.sqrt(max(least, 0.0))

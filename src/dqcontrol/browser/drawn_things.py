@@ -12,7 +12,7 @@ from dqcontrol.browser.run_view_model import Track
 from dqcontrol.constraints.constraint_view import NEAR
 from dqcontrol.figures.robot_bodies import Colour, Surface, ball, box, rod
 from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, InfiniteCylinder, Plane, Shape, Sphere
-from dqcontrol.world.whereabouts import poses_of
+from dqcontrol.world.body import poses_of
 
 _SOLID, _CLOSE, _ZONE, _WOOD = (140, 90, 165), (230, 64, 26), (64, 140, 90), (194, 153, 107)
 _OPACITY, _ZONE_OPACITY, _LINK_OPACITY = 0.6, 0.15, 0.4

@@ -54,7 +54,7 @@ def jog(
     from dqcontrol.loop.interrupts import first_interrupt
     from dqcontrol.loop.targets import Speeds
     from dqcontrol.recording.mcap import FOLDER
-    from dqcontrol.references.points_file import PointsWriter
+    from dqcontrol.references.points import PointsWriter
 
     keyboard = Keyboard()
     speeds = Speeds(as_positive("speed", speed), as_positive("angular_speed", angular_speed))

@@ -1,5 +1,6 @@
 from .admittance import (
     Admittance as Admittance,
+    AdmittanceStage as AdmittanceStage,
     Compliance as Compliance,
     DeflectionLimits as DeflectionLimits,
     ForceReference as ForceReference,
@@ -9,7 +10,6 @@ from .admittance import (
     SilentSensor as SilentSensor,
     WantedWrench as WantedWrench,
 )
-from .admittance_stage import AdmittanceStage as AdmittanceStage
 from .impedance import Impedance as Impedance, PreparedImpedance as PreparedImpedance
 from .limits import (
     ContactLimits as ContactLimits,
@@ -17,11 +17,12 @@ from .limits import (
     bears as bears,
     contact_limits as contact_limits,
 )
-from .tool import Tool as Tool, load_tool as load_tool
-from .tool_identification import (
+from .tool import (
     IdentifiedTool as IdentifiedTool,
+    Tool as Tool,
     gravity_condition as gravity_condition,
     identify_tool as identify_tool,
+    load_tool as load_tool,
     tare_tool as tare_tool,
     tool_orientations as tool_orientations,
 )

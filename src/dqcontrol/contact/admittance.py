@@ -1,4 +1,4 @@
-"""Admittance: how a compliant frame gives way to the wrench that is measured at the hand."""
+"""Admittance: how a compliant frame gives way to the wrench that is measured at the hand, in a loop or alone."""
 
 from __future__ import annotations
 
@@ -11,14 +11,88 @@ from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.compile import Kernel
-from dqcontrol.contact.admittance_stage import AdmittanceStage
-from dqcontrol.contact.admittance_step import admittance
-from dqcontrol.contact.contact_layout import BASE, HAND, MOST_GUARDS, REFERENCE, contact_parameters
+from dqcontrol.compiled.compile import OK, Kernel
+from dqcontrol.contact.admittance_step import admittance, felt_wrench
+from dqcontrol.contact.contact_layout import (
+    BASE,
+    HAND,
+    MOST_GUARDS,
+    REFERENCE,
+    ContactState,
+    contact_parameters,
+    contact_state,
+    contact_work,
+)
 from dqcontrol.contact.tool import Tool
-from dqcontrol.errors import ShapeError, ValueRangeError
+from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_positive
 from dqcontrol.named_fields import NamedFields, Three
-from dqcontrol.references.guarded import Guards
+from dqcontrol.references.sample import SAMPLE_SIZE
+from dqcontrol.references.sequence import Guards
+
+
+class AdmittanceStage:
+    """An admittance with its state.
+
+    Parameters
+    ----------
+    admittance
+        Its parameters.
+    period
+        T, s.
+
+    Attributes
+    ----------
+    state
+        See ``ContactState``.
+    """
+
+    state: ContactState
+
+    def __init__(self, admittance: Admittance, period: float) -> None:
+        self._step = admittance.kernel.compiled
+        self._parameters = admittance.parameters(as_positive("period", period))
+        self._state, self._work = np.zeros(contact_state.size()), np.zeros(contact_work.size())
+        self.state = contact_state(self._state)
+        self._k = 0
+
+    def felt(self, pose: Array, wrench: Array) -> Array:
+        """Return moment and force on the hand, shape (6,), along the axes of the base or its own, with nothing moved.
+
+        Parameters
+        ----------
+        pose, wrench
+            As for `step`; the tool's weight and bias, and what was tared, are taken off.
+        """
+        out = np.empty(6)
+        felt_wrench(pose, self._parameters, wrench, self.state.tare, out)
+        return out
+
+    def step(self, pose: Array, sample: Array, wrench: Array) -> Array:
+        """Return the sample (21,) that a law follows for one period.
+
+        Parameters
+        ----------
+        pose
+            Of the hand, measured, shape (8,).
+        sample
+            Desired, shape (21,): pose, twist, twist rate, time.
+        wrench
+            Force and torque at the sensor that tool and environment exert on the hand, its axes, shape (6,), N and N·m;
+            NaN where it says nothing.
+
+        Raises
+        ------
+        DivergedError
+            If the result is not finite.
+        """
+        self._work[:6] = wrench
+        out = self._work[6 : 6 + SAMPLE_SIZE]
+        status = self._step(pose, sample, self._k, self._parameters, self._state, self._work)
+        self._k += 1
+        if status != OK:
+            raise DivergedError("contact: the compliant frame is not finite")
+        return out.copy()
+
 
 AXES = {"reference": REFERENCE, "base": BASE, "hand": HAND}
 _TURN = 2.0  # rad: a deflection below half a turn keeps its logarithm smooth
@@ -27,8 +101,8 @@ _ROUNDING = 1e-6  # of a period: times are sums
 
 NO_GUARDS = Guards()
 NEEDS_CONTACT = "reference: 'until' and 'touch' need a force sensor, which 'contact' describes; give it"
-Stiffness = float | Literal["rigid"]
 NotNegative = Annotated[float, Meta(ge=0)]
+Stiffness = NotNegative | Literal["rigid"]
 _THREE = Meta(min_length=3, max_length=3)
 
 
@@ -63,10 +137,7 @@ class Compliance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             given = getattr(self, name)
             each = given if isinstance(given, list) else (given,) * 3
             for i, value in enumerate(each):
-                number = math.nan if isinstance(value, str) else float(value)
-                if number < 0 or math.isinf(number):
-                    raise ValueRangeError(f"contact.{field}.{name}: must be ≥ 0, got {number:g}")
-                rows[i, k] = number
+                rows[i, k] = math.nan if isinstance(value, str) else float(value)
         for i, axis in enumerate("xyz"):
             if np.isnan(rows[i, 2]):
                 rows[i] = 0.0
@@ -349,9 +420,8 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             )
         guarding = np.zeros((MOST_GUARDS, 12))
         for row, each in zip(guarding, moves, strict=False):
-            row[:2] = np.ceil(
-                np.array([each.begin, each.end]) / period - _ROUNDING
-            )  # first rows of it and after
+            # first rows of it and after
+            row[:2] = np.ceil(np.array([each.begin, each.end]) / period - _ROUNDING)
             row[2:4] = each.force, each.drop
             row[4:] = each.pose
         fit = np.zeros(2) if plane is None else np.round(np.array([plane.begin, plane.end]) / period)

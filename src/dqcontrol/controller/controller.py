@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from dqcontrol.constraints.prepared_constraints import PreparedConstraints
     from dqcontrol.laws.law import Law
     from dqcontrol.references import Reference
-    from dqcontrol.references.guarded import Guards
+    from dqcontrol.references.sequence import Guards
 
 _GROWTH = inverse_parameters.place("growth")  # its share follows
 

@@ -7,7 +7,7 @@ import numpy as np
 from dqcontrol.algebra import translation
 from dqcontrol.errors import Error
 from dqcontrol.loop.live import Live
-from dqcontrol.references.points_file import PointsWriter
+from dqcontrol.references.points import PointsWriter
 
 # Axis of the twist (linear, then angular) and direction: forward, left, up; turns by the right hand.
 MOVES = {

@@ -6,8 +6,7 @@ import math
 
 from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.compiled.compile import OK, READ2, STATUS, WRITE, WRITE2, inline, kernel
-from dqcontrol.geometry.distance_kernels import find_distance
-from dqcontrol.geometry.shape_rows import (
+from dqcontrol.geometry.convex_kernels import (
     ALONG,
     BOX,
     CENTER,
@@ -21,6 +20,7 @@ from dqcontrol.geometry.shape_rows import (
     ROTATION,
     ROUND,
 )
+from dqcontrol.geometry.distance_kernels import find_distance
 
 
 # frames of each sample in a row, each shape's frame and its numbers there, pairs of shapes, shifts, scratch, distances

@@ -36,8 +36,8 @@ from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.measures.run_numbers import run_numbers
 from dqcontrol.measures.task_range import inverse_of, lost_share
 from dqcontrol.measures.task_result import FOLLOWED, SETTLED, TaskResult, task_result
-from dqcontrol.planning.branches import continued
 from dqcontrol.planning.certified_edges import CertifiedEdges
+from dqcontrol.planning.followed_path import continued
 from dqcontrol.planning.standing_world import standing
 from dqcontrol.plants import Integrator
 from dqcontrol.plants.plant import command_mode

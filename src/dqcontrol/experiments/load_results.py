@@ -18,7 +18,7 @@ from dqcontrol.experiments.spec import RobotSpec, read_data, read_spec
 from dqcontrol.experiments.spec.reference_spec import Part
 from dqcontrol.experiments.spec.spec_files import use_copies
 from dqcontrol.experiments.study import ROWS, Study
-from dqcontrol.files.text_file import read_text
+from dqcontrol.files.input_file import read_text
 from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.loop import Record
 from dqcontrol.recording import load_record

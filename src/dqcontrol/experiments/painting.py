@@ -24,16 +24,15 @@ from dqcontrol.errors import (
     as_positive,
 )
 from dqcontrol.experiments.prepared_experiment import FULL_POSE
-from dqcontrol.files.text_file import read_text
+from dqcontrol.files.input_file import read_text
 from dqcontrol.laws import Law, LinearQuadraticDQ
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Record, simulate
-from dqcontrol.planning.branches import first_through
 from dqcontrol.planning.certified_edges import CertifiedEdges
+from dqcontrol.planning.followed_path import first_through
 from dqcontrol.plants import Plant, Servo
 from dqcontrol.references import Drawing, JerkLimited, Reference, Sequence as InSequence, StraightStroke
-from dqcontrol.references.drawing.drawing import PenStroke, box_of, scaled
-from dqcontrol.references.drawing.drawing_file import parse_drawing
+from dqcontrol.references.drawing.drawing import PenStroke, box_of, parse_drawing, scaled
 from dqcontrol.references.drawing.svg_file import load_svg
 from dqcontrol.references.planar import Plane, plane_axes
 from dqcontrol.references.sample import POSE

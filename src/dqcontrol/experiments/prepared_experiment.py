@@ -57,8 +57,8 @@ from dqcontrol.loop.simulate import step_count
 from dqcontrol.loop.trace import FARTHEST
 from dqcontrol.measures.run_numbers import DesiredMotion
 from dqcontrol.measures.stability import LoopGain, loop_gains
-from dqcontrol.planning.branches import first_through
 from dqcontrol.planning.certified_edges import CertifiedEdges
+from dqcontrol.planning.followed_path import first_through
 from dqcontrol.plants.plant import lagging_mode, running_plant
 from dqcontrol.references import Previewed, Reference
 from dqcontrol.references.gripping import GripperStep

@@ -26,7 +26,7 @@ from dqcontrol.measures.metrics import AT_LIMIT, UNSEEN, Metrics, joint_margins
 from dqcontrol.measures.run_numbers import DesiredMotion
 from dqcontrol.measures.task_result import TaskResult, further_results
 from dqcontrol.plants import MobilePlant, MujocoPlant, Plant
-from dqcontrol.plants.mobile.running_mobile import SLIDING
+from dqcontrol.plants.mobile.mobile_plant import SLIDING
 from dqcontrol.plants.mujoco.gripper import GRIP_FORCE, GRIPPER_OPENING
 from dqcontrol.plants.wrist import TOUCH_FORCE
 from dqcontrol.references.sample import POSE

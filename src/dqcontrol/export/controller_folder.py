@@ -21,8 +21,13 @@ from dqcontrol.contact.contact_layout import WRENCH
 from dqcontrol.controller.command_kernel import prepared_memory
 from dqcontrol.errors import Error
 from dqcontrol.experiments.results_folder import check_new, new_folder
-from dqcontrol.export.changeable import Changeable, changeable_parameters
-from dqcontrol.export.controller_parts import ControllerParts, controller_parts, stage_symbol
+from dqcontrol.export.controller_parts import (
+    Changeable,
+    ControllerParts,
+    changeable_parameters,
+    controller_parts,
+    stage_symbol,
+)
 from dqcontrol.export.expected_answers import c_number, vector_rows
 from dqcontrol.loop.target_motion import MOVING_SIZE
 from dqcontrol.supervisor import supervisor_layout as layout

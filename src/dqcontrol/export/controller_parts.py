@@ -1,29 +1,47 @@
-"""Parts of a spec that become a library: kernels under their names in C, and the numbers that they work on."""
+"""Parts of a spec that become a library: kernels under their names in C, and the numbers that they work on.
+
+Which of these may be changed while the controller exists is found by trying: each number of the law's and the
+supervisor's parameters is changed a little, and both are prepared again. Where what compiled code reads changes in
+proportion, C can do the same; where it does not (gains of Riccati equations, windows of smoothing), the number stays as
+it was exported.
+"""
 
 from __future__ import annotations
 
+import ast
 import hashlib
+import inspect
+import linecache
+import re
+import textwrap
 import warnings
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
+import llvmlite.binding as llvm
 import msgspec
 import numpy as np
+from msgspec import Meta, Struct
+from numba.core.errors import NumbaDebugInfoWarning, NumbaError
 from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import Kernel
 from dqcontrol.compiled.kernel_cache import source_hash
-from dqcontrol.compiled.object_code import TargetProcessor
+from dqcontrol.compiled.numba_choice import numba_used
+from dqcontrol.compiled.object_code import TargetProcessor, foreign_symbols, isolated_code, target_named
 from dqcontrol.controller import Controller
-from dqcontrol.controller.command_kernel import Plan, sent, step
+from dqcontrol.controller.command_kernel import Plan, prepared_memory, sent, step
 from dqcontrol.errors import Error, NoteWarning, ShapeError, ValueRangeError, unknown_name
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare
-from dqcontrol.export.own_code import own_law_kernel
 from dqcontrol.extensions import user_code
+from dqcontrol.extensions.user_code import function_at
 from dqcontrol.laws import Law, OwnLaw
+from dqcontrol.laws.law import LAW
+from dqcontrol.laws.own_law import finite_checked
 from dqcontrol.loop.replanning import refuse_replanning
 from dqcontrol.loop.target_motion import move_by_twist, move_to_pose
 from dqcontrol.loop.targets import SampledTarget, Target
@@ -34,6 +52,101 @@ from dqcontrol.robots import Robot
 from dqcontrol.robots.kinematics.kinematics_kernels import given, twist_kinematics
 from dqcontrol.supervisor import PreparedSupervisor, Supervisor, supervisor_layout as layout
 from dqcontrol.supervisor.supervisor_step import check_start, supervise
+
+_ADVICE = "write loops over plain numbers, and take 'scratch' for arrays of your own"
+
+
+class _OwnKernel(Kernel):
+    """A user's function without reference counts and without the guard that catches what it raises."""
+
+    def __init__(self, function: Callable[..., Any], *, as_in_python: bool = False) -> None:
+        inner = numba_used.jit(function, False, ours=not as_in_python, kept=False, located=as_in_python)
+        super().__init__(finite_checked(inner), LAW, strict=True, cached=False)
+        self.__name__, self._as_in_python = function.__name__, as_in_python
+
+    def bitcode(self, *, portable: bool = False) -> tuple[bytes, str]:
+        """Return LLVM's code; it has no vectors: its sums keep their order."""
+        with numba_used.scalar_code(), numba_used.quick_compilation():
+            dispatcher = numba_used.jit(
+                self.function, False, ours=not self._as_in_python, kept=False, located=self._as_in_python
+            )
+            dispatcher.compile(self.signature)
+            return numba_used.bitcode_of(dispatcher, self.signature)
+
+
+def own_law_kernel(law: OwnLaw) -> Kernel:
+    """Return the kernel of a user's law for C.
+
+    Raises
+    ------
+    Error
+        If it raises, or needs what only Python has; it says what, and which line.
+    """
+    function = function_at("function", law.function)
+    _check_raises_nothing(function)
+    native = target_named("native")
+    try:
+        kernel = _OwnKernel(function)
+        foreign = foreign_symbols(isolated_code(*kernel.bitcode(), "own", native))
+    except NumbaError:  # an array that is made needs reference counts
+        foreign = []
+    else:
+        if not foreign:
+            return kernel
+    with warnings.catch_warnings():
+        # of expressions that Numba makes into functions
+        warnings.simplefilter("ignore", NumbaDebugInfoWarning)
+        code, name = _OwnKernel(function, as_in_python=True).bitcode()
+    symbols = [
+        symbol
+        for symbol in foreign_symbols(isolated_code(code, name, "own", native))
+        if symbol != "_Py_NoneStruct"
+    ]
+    where, symbol = _line_of(code, symbols or foreign, function)
+    raise Error(f"law: {where} needs {symbol}, which only Python has: {_ADVICE}")
+
+
+def _check_raises_nothing(function: Callable[..., Any]) -> None:
+    """Raise an `Error` at a statement that raises: C would go on with what the law wrote before it."""
+    file = inspect.getsourcefile(function) or ""
+    lines, first = inspect.getsourcelines(function)
+    for node in ast.walk(ast.parse(textwrap.dedent("".join(lines)))):
+        if isinstance(node, ast.Raise | ast.Assert):
+            line = first + node.lineno - 1
+            raise Error(
+                f"law: {file}:{line}: '{linecache.getline(file, line).strip()}' raises, which C does not; "
+                "write NaN into 'out' there: the controller then says so, and its supervisor stops"
+            )
+
+
+def _line_of(code: bytes, symbols: list[str], function: Callable[..., Any]) -> tuple[str, str]:
+    """Return the line of a function that first needs one of these symbols, and which."""
+    file = inspect.getsourcefile(function) or ""
+    lines, first = inspect.getsourcelines(function)
+    text = str(llvm.parse_bitcode(code))
+    places = dict(re.findall(r"^(!\d+) = (?:distinct )?!DILocation\((.*)\)$", text, re.MULTILINE))
+    found: list[tuple[int, str]] = []
+    for symbol in symbols:
+        for place in re.findall(rf'@"?{re.escape(symbol)}"?\(.*!dbg (!\d+)', text):
+            line = _own_line(places, place, range(first, first + len(lines)))
+            if line:
+                found.append((line, symbol))
+    if not found:
+        return f"{file}:{first}: {function.__name__}", ", ".join(symbols) or "memory from Python"
+    line, symbol = min(found)
+    return f"{file}:{line}: '{linecache.getline(file, line).strip()}'", symbol
+
+
+def _own_line(places: dict[str, str], place: str, allowed: range) -> int:
+    """Return the line that a place belongs to, or what it was inlined into, within the user's function; 0 if none."""
+    while place:
+        about = places.get(place, "")
+        line = re.search(r"line: (\d+)", about)
+        if line and int(line[1]) in allowed:
+            return int(line[1])
+        outer = re.search(r"inlinedAt: (!\d+)", about)
+        place = outer[1] if outer else ""
+    return 0
 
 
 def stage_symbol(name: str) -> str:
@@ -295,3 +408,147 @@ def _chosen(setting: PreparedExperiment, law: str | None) -> Combination:
             f"law: '{law}' has several parameter sets, robots or plants; choose one of {several}"
         )
     return chosen[0]
+
+
+_MOST_GAIN = 1e6  # 1/s; at a period of 1 µs it is unstable already
+_TRIED = (1.0, 0.75, 0.5)  # times the value, which the structure allows where it allows the value
+_PROPORTIONAL = 1e-12  # rounding of a product of some factors
+_ROWS = {  # of a supervisor, as the spec and as its `Bounds` name them
+    "velocity": "velocity",
+    "acceleration": "acceleration",
+    "tracking_error": "tracking",
+}
+
+
+@dataclass(frozen=True)
+class ChangedNumber:
+    """A number that compiled code reads: offset + slope · value."""
+
+    index: int
+    offset: float
+    slope: float
+
+
+@dataclass(frozen=True)
+class Changeable:
+    """A parameter.
+
+    Attributes
+    ----------
+    name
+        As the spec has it.
+    value
+        As exported.
+    least, most
+        Bounds: of gains those of their keys; limits may only become tighter.
+    of_supervisor
+        Whether its numbers are the supervisor's, and so change only at rest.
+    places
+        What it changes.
+    """
+
+    name: str
+    value: float
+    least: float
+    most: float
+    of_supervisor: bool
+    places: list[ChangedNumber]
+
+
+def changeable_parameters(parts: ControllerParts) -> list[Changeable]:
+    """Return all parameters of a controller that may be changed."""
+    return [*_of_law(parts), *_of_supervisor(parts)]
+
+
+def _of_law(parts: ControllerParts) -> Iterator[Changeable]:
+    if not parts.takes_streams:  # its parameters depend on time
+        return
+    law, robot = parts.law_spec, parts.robot
+    sizes = [int(parts.plan_field(name)) for name in prepared_memory.sizes]
+    at = prepared_memory.place("parameters", *sizes)
+
+    def rows(changed: Struct) -> Array:
+        return np.ravel(changed.rows(robot, parts.case.scene.reference, parts.period))  # type: ignore[attr-defined]
+
+    yield from _fields("law", law, rows, at, parts.period)
+    if law.null_space is not None:
+        at = prepared_memory.place("preferring", *sizes)
+
+        def preferring(changed: Any) -> Array:
+            return changed.parameters(robot)
+
+        yield from _fields("law.null_space", law.null_space, preferring, at, parts.period)
+
+
+def _fields(
+    prefix: str, struct: Struct, numbers: Callable[[Any], Array], at: int, period: float
+) -> Iterator[Changeable]:
+    """Yield the numbers of a structure that stand alone in it and change what is prepared in proportion.
+
+    A gain k (1/s) may be so large that k T = 1, where errors on ideal joints are gone after a period.
+    """
+    hints = get_type_hints(type(struct), include_extras=True)
+    for field in struct.__struct_fields__:
+        value = getattr(struct, field)
+        if type(value) not in (float, int) or not value:
+            continue
+        places = _places(struct, field, float(value), numbers, at)
+        if places:
+            least, most = _bounds(hints[field])
+            if field == "gain":
+                most = max(min(most, 1.0 / period), float(value))
+            yield Changeable(f"{prefix}.{field}", float(value), least, most, False, places)
+
+
+def _places(
+    struct: Struct, field: str, value: float, numbers: Callable[[Any], Array], at: int
+) -> list[ChangedNumber]:
+    try:
+        tried = [numbers(msgspec.structs.replace(struct, **{field: share * value})) for share in _TRIED]
+    except Error:
+        return []
+    first, second, third = tried
+    if len({each.size for each in tried}) > 1:
+        return []
+    places = []
+    for i in np.flatnonzero((first != second) | (first != third)):
+        slope = (first[i] - second[i]) / (value * (_TRIED[0] - _TRIED[1]))
+        foreseen = first[i] + slope * value * (_TRIED[2] - _TRIED[0])
+        if not abs(foreseen - third[i]) <= _PROPORTIONAL * abs(first[i]):
+            return []
+        ratio = first[i] / value
+        is_ratio = abs(slope - ratio) <= _PROPORTIONAL * abs(ratio)
+        offset, slope = (0.0, ratio) if is_ratio else (first[i] - slope * value, slope)
+        places.append(ChangedNumber(at + int(i), float(offset), float(slope)))
+    return places
+
+
+def _bounds(hint: Any) -> tuple[float, float]:
+    """Return the bounds that a key of a spec has by its type."""
+    least, most = 0.0, _MOST_GAIN
+    for meta in _metas(hint):
+        least = max(least, meta.ge if meta.ge is not None else 0.0)
+        most = min(most, meta.le if meta.le is not None else most)
+    return float(least), float(most)
+
+
+def _metas(hint: Any) -> Iterator[Meta]:
+    yield from (meta for meta in getattr(hint, "__metadata__", ()) if isinstance(meta, Meta))
+    for part in get_args(hint):
+        yield from _metas(part)
+
+
+def _of_supervisor(parts: ControllerParts) -> Iterator[Changeable]:
+    """Yield the limits that each input has; they may become tighter than exported, and back."""
+    if parts.supervisor is None or len(parts.robot.drives):
+        return
+    spec, prepared = parts.supervisor
+    m = parts.robot.input_size
+    for field, row in _ROWS.items():
+        if field == "acceleration" and spec.jerk is not None:
+            continue  # the window of smoothing depends on it
+        for i, name in enumerate(parts.robot.input_names):
+            index = layout.bounds_layout.place(row, m, 0, 0, 0, 0) + i
+            value = float(prepared.memory[index])
+            places = [ChangedNumber(index, 0.0, 1.0)]
+            yield Changeable(f"supervisor.{field}.{name}", value, 1e-3 * value, value, True, places)

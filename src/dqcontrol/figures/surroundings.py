@@ -12,7 +12,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.constraints.constraint_view import Surroundings
 from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, InfiniteCylinder, Plane, Shape, Sphere
 from dqcontrol.loop.constraint_signals import DISTANCE
-from dqcontrol.world.whereabouts import poses_of
+from dqcontrol.world.body import poses_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

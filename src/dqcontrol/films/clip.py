@@ -18,12 +18,12 @@ from dqcontrol.constraints.constraint_view import ConstraintView
 from dqcontrol.constraints.constraints import Constraints
 from dqcontrol.errors import (
     FileFormatError,
-    MissingExtraError,
     ShapeError,
     ValueRangeError,
     as_array,
     as_count,
     as_positive,
+    from_extra,
     writing,
 )
 from dqcontrol.figures.paths import desired_in_room, tip_paths
@@ -74,25 +74,9 @@ def write_clip(frames: Iterable[Pixels], path: Path, rate: float) -> None:
     )
 
 
-def import_av() -> Any:
-    """Return PyAV.
-
-    Raises
-    ------
-    MissingExtraError
-        If it is not installed.
-    """
-    try:
-        return importlib.import_module("av")
-    except ImportError:
-        raise MissingExtraError(
-            "clip: .mp4 needs PyAV; pip install 'dqcontrol[video]', or choose .webp or .gif"
-        ) from None
-
-
 def _write_mp4(frames: Iterable[Pixels], path: Path, rate: float) -> None:
     """Write frames as H.264, which browsers and presentations play."""
-    av = import_av()
+    av = from_extra("av", "video", _MP4)
     with av.open(str(path), "w") as file:
         stream = file.add_stream(
             "libx264", rate=Fraction(rate).limit_denominator(1000), options={"crf": "20"}
@@ -121,6 +105,7 @@ if TYPE_CHECKING:
 
     Further = Sequence[tuple[Plant | None, Record]]
 
+_MP4 = "clips as .mp4, not those as .webp or .gif,"
 _MOST_FRAMES = 3000  # two minutes at 25 a second
 _PICTURES = 6  # of a strip
 _INK = (20, 20, 20)
@@ -199,7 +184,7 @@ def render_clip(
     if not _SLOWEST <= rate <= _FASTEST:
         raise ValueRangeError(f"rate: must lie in {_SLOWEST} … {_FASTEST} frames a second, got {rate:g}")
     if target.suffix.lower() == ".mp4":
-        import_av()  # before the work: it may be missing
+        from_extra("av", "video", _MP4)  # before the work: it may be missing
         if width % 2 or height % 2:
             raise ValueRangeError(f"width, height: must be even for .mp4, got {width} and {height}")
     moments = np.linspace(0.0, step * (count - 1), count)

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.constraints.constraint_view import NEAR, ConstraintView
 from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, InfiniteCylinder, Plane, Shape, Sphere
-from dqcontrol.world.whereabouts import poses_of
+from dqcontrol.robots.files.mujoco_package import import_mujoco
+from dqcontrol.world.body import poses_of
 
 if TYPE_CHECKING:
     from dqcontrol.arrays import Array
@@ -21,23 +22,38 @@ ACTUAL = (0.98, 0.25, 0.12, 1.0)
 _DASH = 0.045  # of the arm's length
 
 
-def add_desired(mujoco: Any, scene: Any, points: NDArray[np.float64], reach: float, pieces: int) -> None:
+def add_desired(scene: Any, points: NDArray[np.float64], reach: float, pieces: int) -> None:
     """Add the desired path, shape (N, 3), m: dashed and blue, for an arm of length ``reach``, m."""
-    _add(mujoco, scene, _thinned(points, pieces), 0.005 * reach, DESIRED, _DASH * reach)
+    _add_path(scene, _thinned(points, pieces), 0.005 * reach, DESIRED, _DASH * reach)
 
 
-def add_actual(mujoco: Any, scene: Any, points: NDArray[np.float64], reach: float, pieces: int) -> None:
+def add_actual(scene: Any, points: NDArray[np.float64], reach: float, pieces: int) -> None:
     """Add the end effector's path, shape (N, 3), m: red, for an arm of length ``reach``, m."""
-    _add(mujoco, scene, _thinned(points, pieces), 0.004 * reach, ACTUAL, 0.0)
+    _add_path(scene, _thinned(points, pieces), 0.004 * reach, ACTUAL, 0.0)
 
 
-def add_mark(mujoco: Any, scene: Any, place: NDArray[np.float64], reach: float, words: str) -> None:
+def add_mark(scene: Any, place: NDArray[np.float64], reach: float, words: str) -> None:
     """Add a ball at a place of a path, shape (3,), m, with words beside it."""
-    geom = scene.geoms[scene.ngeom]
-    kind, rgba = mujoco.mjtGeom.mjGEOM_SPHERE, np.array(DESIRED, dtype=np.float32)
-    mujoco.mjv_initGeom(geom, kind, np.full(3, 0.015 * reach), place, np.eye(3).ravel(), rgba)
-    geom.label = words
+    _add_geom(scene, "SPHERE", np.full(3, 0.015 * reach), place, np.eye(3), DESIRED).label = words
+
+
+def _add_geom(
+    scene: Any, kind: str, size: ArrayLike, middle: ArrayLike, turn: ArrayLike, rgba: tuple[float, ...]
+) -> Any:
+    """Add a geom of a kind of MuJoCo's, its half sizes in m and its axes the columns of ``turn``; return it."""
+    mujoco, geom = import_mujoco(), scene.geoms[scene.ngeom]
+    parts = (np.array(each, dtype=np.float64).ravel() for each in (size, middle, turn))
+    mujoco.mjv_initGeom(geom, getattr(mujoco.mjtGeom, f"mjGEOM_{kind}"), *parts, np.array(rgba, np.float32))
     scene.ngeom += 1
+    return geom
+
+
+def _connect(
+    scene: Any, start: Array, end: Array, radius: float, rgba: tuple[float, ...], kind: str = "CAPSULE"
+) -> None:
+    """Add a capsule, or another long geom, from one point to another, m."""
+    geom = _add_geom(scene, kind, np.zeros(3), np.zeros(3), np.eye(3), rgba)
+    import_mujoco().mjv_connector(geom, geom.type, radius, np.array(start), np.array(end))
 
 
 def _thinned(points: NDArray[np.float64], most: int) -> NDArray[np.float64]:
@@ -45,24 +61,13 @@ def _thinned(points: NDArray[np.float64], most: int) -> NDArray[np.float64]:
     return points[np.linspace(0, len(points) - 1, min(len(points), most)).astype(int)]
 
 
-def _add(
-    mujoco: Any,
-    scene: Any,
-    points: NDArray[np.float64],
-    radius: float,
-    colour: tuple[float, ...],
-    dash: float,
-) -> None:
+def _add_path(scene: Any, points: Array, radius: float, colour: tuple[float, ...], dash: float) -> None:
     """Add a path as a string of capsules; with a dash length, m, the second half of each is left out."""
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     middle = np.cumsum(steps) - 0.5 * steps
     drawn = steps > 0 if not dash else middle % dash < 0.45 * dash
-    kind, rgba, zero = mujoco.mjtGeom.mjGEOM_CAPSULE, np.array(colour, dtype=np.float32), np.zeros(9)
     for i in np.flatnonzero(drawn):
-        geom = scene.geoms[scene.ngeom]
-        mujoco.mjv_initGeom(geom, kind, zero[:3], zero[:3], zero, rgba)
-        mujoco.mjv_connector(geom, kind, radius, points[i], points[i + 1])
-        scene.ngeom += 1
+        _connect(scene, points[i], points[i + 1], radius, colour)
 
 
 COLOURS = (
@@ -74,7 +79,6 @@ COLOURS = (
 
 
 def add_ghost(
-    mujoco: Any,
     model: Any,
     data: Any,
     scene: Any,
@@ -86,8 +90,6 @@ def add_ghost(
 
     Parameters
     ----------
-    mujoco
-        The module.
     model, data
         Of what is added; kinematics are computed already.
     scene
@@ -99,7 +101,7 @@ def add_ghost(
     moved
         How far all shapes are moved, m: a little away from the viewer, so that they stay behind others in their place.
     """
-    first = scene.ngeom
+    mujoco, first = import_mujoco(), scene.ngeom
     moving = mujoco.mjtCatBit.mjCAT_DYNAMIC.value
     options = mujoco.MjvOption()
     options.geomgroup[4] = 0
@@ -134,92 +136,47 @@ class DrawnScene:
         drawn = [thing.shape for thing in kept.things] + [each for shapes, _ in self._free for each in shapes]
         self.most: int = 2 + sum(len(each.faces) if isinstance(each, Hull) else 1 for each in drawn)
 
-    def add(self, mujoco: Any, scene: Any, k: int) -> None:
+    def add(self, scene: Any, k: int) -> None:
         """Add what belongs to sample k."""
         nearest = self._kept.nearest(self._record.q[k], float(self._record.time[k]))
         near = nearest is not None and nearest.room < NEAR
         for i, thing in enumerate(self._kept.things):
             close = near and nearest is not None and nearest.thing == i
-            self._add_shape(
-                mujoco,
-                scene,
-                thing.shape,
-                self._shifts[i, k],
-                _CLOSE if close else _ZONE if thing.is_zone else _SOLID,
-            )
+            colour = _CLOSE if close else _ZONE if thing.is_zone else _SOLID
+            self._add_shape(scene, thing.shape, self._shifts[i, k], colour)
         for shapes, poses in self._free:
             for shape in shapes:
-                self._add_shape(mujoco, scene, shape.moved(poses[k]), np.zeros(3), _WOOD)
+                self._add_shape(scene, shape.moved(poses[k]), np.zeros(3), _WOOD)
         if near and nearest is not None and len(nearest.on_a):
             if nearest.link is not None:
-                self._add_shape(mujoco, scene, nearest.link, np.zeros(3), (*_CLOSE[:3], 0.35))
-            self._connect(mujoco, scene, nearest.on_a, nearest.on_b, _LINE * self._reach, (*_CLOSE[:3], 1.0))
+                self._add_shape(scene, nearest.link, np.zeros(3), (*_CLOSE[:3], 0.35))
+            _connect(scene, nearest.on_a, nearest.on_b, _LINE * self._reach, (*_CLOSE[:3], 1.0))
 
-    def _add_shape(
-        self, mujoco: Any, scene: Any, shape: Shape, shift: Array, rgba: tuple[float, ...]
-    ) -> None:
-        if isinstance(shape, Capsule):
-            self._connect(mujoco, scene, shape.start + shift, shape.end + shift, shape.radius, rgba)
-            return
-        if isinstance(shape, InfiniteCylinder):
-            along = 2 * self._reach * shape.direction
-            self._connect(
-                mujoco, scene, shape.point - along + shift, shape.point + along + shift, shape.radius, rgba
-            )
-            return
-        if isinstance(shape, Cylinder):
-            kind = mujoco.mjtGeom.mjGEOM_CYLINDER
-            self._connect(mujoco, scene, shape.start + shift, shape.end + shift, shape.radius, rgba, kind)
-            return
-        if isinstance(shape, Hull):
+    def _add_shape(self, scene: Any, shape: Shape, shift: Array, rgba: tuple[float, ...]) -> None:
+        if isinstance(shape, Capsule | Cylinder):
+            kind = "CAPSULE" if isinstance(shape, Capsule) else "CYLINDER"
+            _connect(scene, shape.start + shift, shape.end + shift, shape.radius, rgba, kind)
+        elif isinstance(shape, InfiniteCylinder):
+            along, point = 2 * self._reach * shape.direction, shape.point + shift
+            _connect(scene, point - along, point + along, shape.radius, rgba)
+        elif isinstance(shape, Hull):
             for corners in shape.corners[shape.faces] + shift:
-                self._triangle(mujoco, scene, corners, rgba)
-            return
-        turn, middle = np.eye(3), np.zeros(3)
-        if isinstance(shape, Sphere):
-            kind, size, middle = mujoco.mjtGeom.mjGEOM_SPHERE, np.full(3, shape.radius), shape.center
+                _add_triangle(scene, corners, rgba)
+        elif isinstance(shape, Sphere):
+            _add_geom(scene, "SPHERE", np.full(3, shape.radius), shape.center + shift, np.eye(3), rgba)
         elif isinstance(shape, Box):
-            kind, size = mujoco.mjtGeom.mjGEOM_BOX, shape.row[1:4]
-            middle, turn = shape.row[4:7], shape.row[7:].reshape(3, 3)
+            _add_geom(scene, "BOX", shape.row[1:4], shape.row[4:7] + shift, shape.row[7:], rgba)
         elif isinstance(shape, Plane) and not self._is_floor(shape):
-            kind, size = mujoco.mjtGeom.mjGEOM_BOX, np.array([self._reach, self._reach, _THIN])
-            middle, turn = (shape.offset - _THIN) * shape.normal, shape.axes
-        else:
-            return
-        colour = np.array(rgba, dtype=np.float32)
-        geom = scene.geoms[scene.ngeom]
-        mujoco.mjv_initGeom(
-            geom, kind, np.array(size), np.array(middle) + shift, np.ravel(turn).copy(), colour
-        )
-        scene.ngeom += 1
-
-    @staticmethod
-    def _triangle(mujoco: Any, scene: Any, corners: Array, rgba: tuple[float, ...]) -> None:
-        """Add a triangle, whose sides are the first two axes of its geom, of their lengths."""
-        sides = np.diff(corners[[0, 1, 0, 2]], axis=0)[::2]
-        axes = np.vstack([sides, np.cross(*sides)])
-        size = np.linalg.norm(axes, axis=1)
-        turn, colour = (axes / size[:, None]).T, np.array(rgba, dtype=np.float32)
-        kind = mujoco.mjtGeom.mjGEOM_TRIANGLE
-        mujoco.mjv_initGeom(scene.geoms[scene.ngeom], kind, size, corners[0], turn.ravel(), colour)
-        scene.ngeom += 1
+            middle = (shape.offset - _THIN) * shape.normal + shift
+            _add_geom(scene, "BOX", [self._reach, self._reach, _THIN], middle, shape.axes, rgba)
 
     def _is_floor(self, plane: Plane) -> bool:
         """Return whether a plane is as good as the floor that is drawn anyway."""
         return plane.normal[2] > 1 - 1e-6 and abs(plane.offset - self._floor) < 0.01
 
-    def _connect(
-        self,
-        mujoco: Any,
-        scene: Any,
-        start: Array,
-        end: Array,
-        radius: float,
-        rgba: tuple[float, ...],
-        kind: Any = None,
-    ) -> None:
-        geom, kind = scene.geoms[scene.ngeom], mujoco.mjtGeom.mjGEOM_CAPSULE if kind is None else kind
-        colour = np.array(rgba, dtype=np.float32)
-        mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), colour)
-        mujoco.mjv_connector(geom, kind, radius, np.array(start), np.array(end))
-        scene.ngeom += 1
+
+def _add_triangle(scene: Any, corners: Array, rgba: tuple[float, ...]) -> None:
+    sides = np.diff(corners[[0, 1, 0, 2]], axis=0)[::2]
+    axes = np.vstack([sides, np.cross(*sides)])
+    size = np.linalg.norm(axes, axis=1)
+    _add_geom(scene, "TRIANGLE", size, corners[0], (axes / size[:, None]).T, rgba)

@@ -14,9 +14,9 @@ from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, as_array
 from dqcontrol.films.drawn_scene import add_actual, add_desired, add_ghost
+from dqcontrol.films.film import add_scene_background, framing_of_arm
 from dqcontrol.films.link_meshes import add_meshes, link_meshes
 from dqcontrol.films.offscreen import check_picture_file, offscreen, render
-from dqcontrol.films.scene_background import add_scene_background, framing_of_arm
 from dqcontrol.plants.mujoco.mujoco_model import compiled, import_mujoco, skeleton, skeleton_positions
 
 if TYPE_CHECKING:
@@ -156,9 +156,9 @@ def _picture(
     mujoco.mjv_updateScene(model, data, options, nobody, camera, mujoco.mjtCatBit.mjCAT_ALL.value, scene)
     for k in range(ghosts):
         pose_arm(rows[k * (len(rows) - 1) // ghosts])
-        add_ghost(mujoco, model, data, scene, _GHOST)
-    add_desired(mujoco, scene, desired, reach, _PIECES)
+        add_ghost(model, data, scene, _GHOST)
+    add_desired(scene, desired, reach, _PIECES)
     for each in actual:
-        add_actual(mujoco, scene, each, reach, _PIECES)
+        add_actual(scene, each, reach, _PIECES)
     with offscreen(width, height):
         return render(model, scene, width, height)

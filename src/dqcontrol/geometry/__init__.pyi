@@ -8,6 +8,7 @@ from .shapes import (
     Box as Box,
     Capsule as Capsule,
     Cylinder as Cylinder,
+    Distance as Distance,
     HalfSpace as HalfSpace,
     Hull as Hull,
     InfiniteCylinder as InfiniteCylinder,
@@ -16,9 +17,6 @@ from .shapes import (
     Point as Point,
     Shape as Shape,
     Sphere as Sphere,
-)
-from .signed_distance import (
-    Distance as Distance,
     distance as distance,
     distance_jacobian as distance_jacobian,
     distance_rate as distance_rate,

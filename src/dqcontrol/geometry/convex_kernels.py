@@ -12,22 +12,23 @@ import math
 
 from dqcontrol.compiled.compile import inline, shared
 from dqcontrol.compiled.intrinsics import stack_array
-from dqcontrol.geometry.shape_rows import (
-    BOX,
-    CENTER,
-    CORNERS,
-    CYLINDER,
-    EXTENT,
-    FIRST,
-    FIRST_CORNER,
-    HULL,
-    KIND,
-    LAST,
-    NORMAL,
-    OFFSET,
-    RADIUS,
-    ROUND,
-)
+
+KIND = 0
+ROUND, PLANE, BOX, CYLINDER, HULL = 0.0, 1.0, 2.0, 3.0, 4.0
+# of round shapes, and of cylinders, whose core is the axis from end to end
+RADIUS, CORE, ALONG, FIRST, LAST = 1, 2, 5, 8, 9
+# of planes
+OFFSET, NORMAL = 1, 2
+# of boxes: half sizes, centre, and the rotation matrix, row by row
+HALF, CENTER, ROTATION = 1, 4, 7
+# of hulls, with centre and rotation as of boxes: where in the row their corners begin, in their own axes, how many
+# these are, and how far the farthest is from the centre
+FIRST_CORNER, CORNERS, EXTENT = 1, 2, 3
+SHAPE = 16  # without the corners of hulls
+
+DISTANCE, DIRECTION, ON_A, ON_B = 0, 1, 4, 7
+FOUND = 10
+
 
 _EXACT = 1e-10  # m
 _FLAT = 1e-13  # of a triangle's sides squared: below it three points are on one line
@@ -361,9 +362,8 @@ def _expand(a, b, ends, ra, rb, out):
         x, y, z, deep = faces[at + 3], faces[at + 4], faces[at + 5], faces[at + 6]
         new = corners * _POINT
         far = _put_support(a, b, ends, x, y, z, p, new)
-        if (
-            far < depth
-        ):  # whatever rounding does to the polytope, a shift by that along the normal separates them
+        # whatever rounding does to the polytope, a shift by that along the normal separates them
+        if far < depth:
             depth, nx, ny, nz = far, x, y, z
             px, py, pz = p[new + 3], p[new + 4], p[new + 5]
         if far - deep <= _EXACT or depth - deep <= _EXACT or count > _FACES - 8:

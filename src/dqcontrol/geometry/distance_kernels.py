@@ -15,8 +15,7 @@ from __future__ import annotations
 import math
 
 from dqcontrol.compiled.compile import READ, READ2, STATUS, WRITE, WRITE2, inline, kernel, shared
-from dqcontrol.geometry.convex_kernels import convex_distance, convex_plane
-from dqcontrol.geometry.shape_rows import (
+from dqcontrol.geometry.convex_kernels import (
     ALONG as ALONG,
     BOX,
     CENTER as CENTER,
@@ -42,6 +41,8 @@ from dqcontrol.geometry.shape_rows import (
     ROTATION as ROTATION,
     ROUND,
     SHAPE as SHAPE,
+    convex_distance,
+    convex_plane,
 )
 
 _TOUCHING = 1e-12  # m; nearer than this cores count as crossing, as their difference has no direction

@@ -5,7 +5,6 @@ from .decoupled import (
 )
 from .feedback_linearization import FeedbackLinearization as FeedbackLinearization
 from .feedforward import ProportionalFeedforward as ProportionalFeedforward
-from .gains import Schedule as Schedule
 from .h_infinity import (
     HInfinity as HInfinity,
     HInfinityTracking as HInfinityTracking,
@@ -18,12 +17,11 @@ from .inverses import (
     ManipulabilityInverse as ManipulabilityInverse,
 )
 from .joint_motion import JointMotion as JointMotion
-from .law import Law as Law
+from .law import Law as Law, LoopRates as LoopRates
 from .linear_quadratic import (
     LinearQuadraticDQ as LinearQuadraticDQ,
     LinearQuadraticR8 as LinearQuadraticR8,
 )
-from .loop_rates import LoopRates as LoopRates
 from .null_space import (
     AnyNullSpace as AnyNullSpace,
     BestHeading as BestHeading,
@@ -36,6 +34,6 @@ from .open_loop import OpenLoop as OpenLoop
 from .own_law import OwnLaw as OwnLaw
 from .plan_following import GuidedProportional as GuidedProportional
 from .pose_inverse import DampedPoseInverse as DampedPoseInverse
-from .pose_law import PoseLaw as PoseLaw
+from .pose_law import PoseLaw as PoseLaw, Schedule as Schedule
 from .proportional import Proportional as Proportional
 from .riccati import Steps as Steps

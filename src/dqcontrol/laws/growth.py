@@ -25,7 +25,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import apart, inline
 
 if TYPE_CHECKING:
-    from dqcontrol.laws.loop_rates import LoopRates
+    from dqcontrol.laws.law import LoopRates
     from dqcontrol.robots.robot import Robot
 
 NO_ERROR = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # of what is moved without feedback

@@ -20,15 +20,13 @@ from dqcontrol.algebra.dual_quaternion_kernels import (
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import Kernel, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.errors import ShapeError, as_positive, unknown_name
+from dqcontrol.errors import ShapeError
 from dqcontrol.laws.desired_twist import Feedforward, FeedforwardLaw, desired_twist, signed_state
-from dqcontrol.laws.gains import Gain, Positive, Schedule, gain_rows
 from dqcontrol.laws.hand_twist import solve_hand_twist, solve_left_twist, twist_at_end_effector, twist_work
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
-from dqcontrol.laws.law import LAW, Law
-from dqcontrol.laws.loop_rates import LoopRates
+from dqcontrol.laws.law import LAW, Law, LoopRates
 from dqcontrol.laws.pose_error import LEVER_CURVES, short_sign, shorten_lever
-from dqcontrol.laws.pose_law import checked_hysteresis
+from dqcontrol.laws.pose_law import Gain, Positive, Schedule, gain_rows
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
@@ -192,8 +190,6 @@ class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
     @property
     def kernel(self) -> Kernel:  # type: ignore[override]
         """The kernel of the form."""
-        if self.form not in _KERNELS:
-            raise unknown_name("form", str(self.form), _KERNELS)
         return _KERNELS[self.form]
 
     def parameter_rows(self, robot: Robot, times: np.ndarray) -> np.ndarray:
@@ -204,7 +200,7 @@ class HInfinity(Law, frozen=True, kw_only=True, tag="h-infinity"):
         )
         return h_infinity_parameters.pack(
             inverse=self.inverse.parameters(),
-            hysteresis=checked_hysteresis(self.hysteresis),
+            hysteresis=self.hysteresis,
             orientation=orientation,
             translation=translation_,
             tracking=float(self._tracks()),
@@ -258,5 +254,5 @@ def _gains(
     if (gain is None) == (gamma is None):
         raise ShapeError(f"{name}_gain: give either {name}_gain or {name}_gamma")
     if gamma is not None:
-        return np.array([product / as_positive(f"{name}_gamma", gamma)])
+        return np.array([product / gamma])
     return gain_rows(f"{name}_gain", gain, times)  # type: ignore[arg-type]

@@ -16,8 +16,7 @@ from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.laws.growth import pose_error
 from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
 from dqcontrol.laws.inverses import inverse_parameters
-from dqcontrol.laws.law import beside
-from dqcontrol.laws.loop_rates import LoopRates
+from dqcontrol.laws.law import LoopRates, beside
 from dqcontrol.laws.pose_law import PoseLaw
 from dqcontrol.robots.robot import Robot
 

@@ -11,7 +11,6 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import NOT_FINITE, OK, SINGULAR, inline, shared
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.errors import as_positive
 from dqcontrol.laws.growth import added_damping
 from dqcontrol.named_fields import CheckedFields
 
@@ -78,7 +77,7 @@ class DampedInverse(CheckedFields, frozen=True, tag="damped", tag_field="kind", 
 
     def parameters(self) -> InverseParameters:
         """Return kind and numbers as compiled code reads them."""
-        return InverseParameters(DAMPED, self.damping, 0.0, _length(self), 0.0)
+        return InverseParameters(DAMPED, self.damping, 0.0, self.characteristic_length, 0.0)
 
 
 class FilteredInverse(
@@ -121,8 +120,8 @@ class FilteredInverse(
             FILTERED,
             self.threshold,
             self.damping,
-            _length(self),
-            self.growth if self.growth is not None else 0.0,
+            self.characteristic_length,
+            self.growth or 0.0,
         )
 
 
@@ -147,16 +146,12 @@ class ManipulabilityInverse(
             BY_MANIPULABILITY,
             self.threshold,
             self.damping,
-            _length(self),
+            self.characteristic_length,
             0.0,
         )
 
 
 Inverse = DampedInverse | FilteredInverse | ManipulabilityInverse
-
-
-def _length(inverse: Inverse) -> float:
-    return as_positive("inverse.characteristic_length", inverse.characteristic_length)
 
 
 @inline

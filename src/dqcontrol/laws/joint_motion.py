@@ -13,9 +13,8 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import FileFormatError, ValueRangeError, suggest
-from dqcontrol.files.text_file import as_number, read_text
-from dqcontrol.laws.law import LAW, Law, check_steps
-from dqcontrol.laws.loop_rates import LoopRates
+from dqcontrol.files.input_file import as_number, read_text
+from dqcontrol.laws.law import LAW, Law, LoopRates, check_steps
 from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:

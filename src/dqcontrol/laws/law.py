@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import Kernel
@@ -19,7 +20,6 @@ from dqcontrol.constraints.constraints import Constraints
 from dqcontrol.contact.admittance import NO_GUARDS, Admittance
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
 from dqcontrol.laws.hand_twist import twist_work
-from dqcontrol.laws.loop_rates import LoopRates
 from dqcontrol.laws.null_space import AnyNullSpace
 from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.named_fields import NamedFields
@@ -31,6 +31,36 @@ if TYPE_CHECKING:
     from dqcontrol.controller.controller import Controller
     from dqcontrol.controller.task_levels import PreparedTasks
     from dqcontrol.references import Reference
+
+
+@dataclass(frozen=True)
+class LoopRates:
+    """Rates λ at which small errors decay, ė = −λe, with ideal joints and a short period.
+
+    Attributes
+    ----------
+    position, orientation
+        1/s, the largest modulus at each row of the law's parameters, shape (K,); complex where errors oscillate
+        even so; None where the law leaves that part free.
+    integral
+        k_I of both, 1/s²: ė = −λe − k_I ∫e dt.
+    lag
+        k_v of laws that command accelerations, 1/s: their velocities follow what λ asks for, u̇ = k_v (−λe − u), also
+        those in the null space. 0 for laws that command velocities.
+    """
+
+    position: NDArray[np.inexact] | None
+    orientation: NDArray[np.inexact] | None
+    integral: float = 0.0
+    lag: float = 0.0
+
+
+def largest_rates(gains: NDArray[np.float64]) -> NDArray[np.inexact]:
+    """Return the eigenvalue of largest modulus of each matrix, shape (K,); real where all are."""
+    values = np.linalg.eigvals(gains)
+    largest = np.take_along_axis(values, np.abs(values).argmax(axis=-1)[:, None], axis=-1)[:, 0]
+    return largest.real if (np.abs(largest.imag) <= 1e-9 * np.abs(largest)).all() else largest
+
 
 _MOST_STEPS = 10_000_000  # more are a slip in the unit of duration or period; an hour at 1 kHz is 3.6 million
 

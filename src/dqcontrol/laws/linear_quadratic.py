@@ -22,15 +22,13 @@ from dqcontrol.algebra.dual_quaternion_kernels import (
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import Kernel, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.errors import ShapeError, ValueRangeError, as_positive, unknown_name
+from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.laws import riccati
 from dqcontrol.laws.desired_twist import Feedforward, FeedforwardLaw, desired_twist, signed_state
 from dqcontrol.laws.hand_twist import solve_hand_twist, solve_left_twist, twist_at_end_effector, twist_work
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
-from dqcontrol.laws.law import LAW, Law, check_steps
-from dqcontrol.laws.loop_rates import LoopRates, largest_rates
+from dqcontrol.laws.law import LAW, Law, LoopRates, check_steps, largest_rates
 from dqcontrol.laws.pose_error import LEVER_CURVES, left_error, short_sign, shorten_lever, solve_left_error
-from dqcontrol.laws.pose_law import checked_hysteresis
 from dqcontrol.laws.riccati import Steps
 from dqcontrol.references.sample import POSE, TWIST
 
@@ -106,7 +104,7 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
     def horizon(self, reference: Reference | None) -> float:
         """Return t_f in s; infinite for a set-point or without a reference."""
         if self.horizon_time is not None:
-            return as_positive("horizon_time", self.horizon_time)
+            return self.horizon_time
         return reference.duration if reference is not None else math.inf
 
     def _weights(self, size: int) -> tuple[tuple[Array, Array], tuple[Array, Array], Array]:
@@ -141,7 +139,7 @@ class LinearQuadratic(Law, frozen=True, kw_only=True):
     def _packed(self, gains: Array, offsets: Array) -> Array:
         return self.feedback.pack(
             inverse=self.inverse.parameters(),
-            hysteresis=checked_hysteresis(self.hysteresis),
+            hysteresis=self.hysteresis,
             **self._own_parameters(gains, offsets),
         )
 
@@ -288,9 +286,8 @@ class LinearQuadraticR8(LinearQuadratic, frozen=True, kw_only=True, tag="linear-
 
 def moving_target(reference: Reference | None, times: Array) -> tuple[Array, Array]:
     """Return the drift A and the offset c of the error dynamics at the given times, which are changed."""
-    times[-1] -= (
-        1e-8  # a reference that ends at speed is at rest from its end on, but the horizon is before it
-    )
+    # a reference that ends at speed is at rest from its end on, but the horizon is before it
+    times[-1] -= 1e-8
     if reference is None:
         velocity = np.zeros((len(times), 8))
     else:
@@ -430,16 +427,12 @@ class LinearQuadraticDQ(
     @property
     def kernel(self) -> Kernel:  # type: ignore[override]
         """The kernel of the error."""
-        if self.error not in _DQ_KERNELS:
-            raise unknown_name("error", str(self.error), _DQ_KERNELS)
         return _DQ_KERNELS[self.error]
 
     def _size(self) -> int:
         return 6
 
     def _own_parameters(self, gains: Array, offsets: Array) -> dict[str, Any]:
-        if self.form not in ("log", "sin"):
-            raise unknown_name("form", str(self.form), ("log", "sin"))
         return {"gain": gains, "is_logarithm": float(self.form == "log"), "second_order": np.zeros(0)}
 
     def riccati_solution(self, weights, controls, final, times, end, reference):

@@ -13,10 +13,8 @@ from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.laws.growth import NO_ERROR
 from dqcontrol.laws.hand_twist import solve_hand_twist, twist_work
 from dqcontrol.laws.inverses import FilteredInverse, Inverse
-from dqcontrol.laws.law import LAW, Law
-from dqcontrol.laws.loop_rates import LoopRates
-from dqcontrol.laws.nearest_twist import hand_twist_of_rate
-from dqcontrol.laws.pose_error import short_sign
+from dqcontrol.laws.law import LAW, Law, LoopRates
+from dqcontrol.laws.pose_error import hand_twist_of_rate, short_sign
 
 if TYPE_CHECKING:
     from dqcontrol.robots import Robot

@@ -1,12 +1,7 @@
 """Parts of compiled laws, for laws of other packages: errors, twists of end effectors, their solutions."""
 
 from dqcontrol.laws.desired_twist import drive_table
-from dqcontrol.laws.growth import pose_error
-from dqcontrol.laws.hand_twist import solve_hand_twist, twist_at_end_effector, twist_work
-from dqcontrol.laws.integral import integral_work, solve_with_integral
-from dqcontrol.laws.inverses import inverse_parameters
-from dqcontrol.laws.linear_quadratic import moving_target
-from dqcontrol.laws.linearization import (
+from dqcontrol.laws.feedback_linearization import (
     linearization_parameters,
     linearization_state,
     linearization_work,
@@ -14,8 +9,18 @@ from dqcontrol.laws.linearization import (
     solve_rates,
     twist_of_inputs,
 )
-from dqcontrol.laws.nearest_twist import hand_twist_of_rate
-from dqcontrol.laws.pose_error import left_error, left_error_twist, short_sign, solve_left_error
+from dqcontrol.laws.growth import pose_error
+from dqcontrol.laws.hand_twist import solve_hand_twist, twist_at_end_effector, twist_work
+from dqcontrol.laws.integral import integral_work, solve_with_integral
+from dqcontrol.laws.inverses import inverse_parameters
+from dqcontrol.laws.linear_quadratic import moving_target
+from dqcontrol.laws.pose_error import (
+    hand_twist_of_rate,
+    left_error,
+    left_error_twist,
+    short_sign,
+    solve_left_error,
+)
 from dqcontrol.laws.pose_inverse import DAMPED_POSE, solve_pose_rows
 from dqcontrol.laws.pose_law import pose_parameters
 from dqcontrol.laws.riccati import at_times, riccati_slope

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from dqcontrol.compiled.compile import Kernel
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.extensions.registry import union_of
-from dqcontrol.limits import clamping as clamping, weighted_least_norm as weighted_least_norm
 from dqcontrol.limits.compensation import Compensation
 from dqcontrol.limits.position_limit import PositionLimit
 from dqcontrol.limits.velocity_limit import (
@@ -26,7 +25,7 @@ from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
     AnyPositionLimit: TypeAlias = PositionLimit
-else:  # ours are in the files that are imported above
+else:  # ours are in the file that is imported above
     AnyPositionLimit = union_of(PositionLimit, "dqcontrol.limits", loaded=True)
 
 

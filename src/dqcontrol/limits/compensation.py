@@ -14,14 +14,43 @@ from dqcontrol.compiled.compile import OK, Kernel, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.compiled.law_signature import call_law
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each_positive
-from dqcontrol.limits.lag_weights import lag_weights
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each
 from dqcontrol.limits.position_limit import POSITION_LIMIT
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.robots.kinematics.gravity import WORK, robot_gravity_torque
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
+
+
+def lag_weights(share: float, lag: float, period: float) -> tuple[float, float]:
+    """Return the weight of the older target, and what is left of the distance to it after a period, exp(−T/τ).
+
+    A target that is followed for the first share f of a period T, before the next one is for the rest, counts with
+    (exp(−(1 − f)T/τ) − exp(−T/τ))/(1 − exp(−T/τ)).
+
+    Parameters
+    ----------
+    share
+        f, above 0, up to 1: of the period, in which the older target holds.
+    lag
+        Time constant τ, s; 0: joints are where their newest target is.
+    period
+        Period T, s.
+
+    Examples
+    --------
+    >>> [round(each, 3) for each in lag_weights(0.5, 0.05, 0.01)]
+    [0.475, 0.819]
+    """
+    if not lag:
+        return 1.0 if share == 1 else 0.0, 0.0
+    decay = math.exp(-period / lag)
+    oldest = (
+        1.0 if share == 1 else (math.exp((share - 1) * period / lag) - decay) / -math.expm1(-period / lag)
+    )
+    return oldest, decay
+
 
 Each: TypeAlias = Annotated[float, Meta(ge=0)] | list[Annotated[float, Meta(ge=0)]]
 _MOST_LATE = 2000  # periods
@@ -259,7 +288,7 @@ class Compensation(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
         return self._each("delay", n), self._each("lag", n)
 
     def _each(self, field: str, n: int) -> Array:
-        return as_each_positive(f"limits.compensation.{field}", getattr(self, field), n, zero_allowed=True)
+        return as_each(f"limits.compensation.{field}", getattr(self, field), n)
 
     @staticmethod
     def _answer(delay: float, lag: float, period: float) -> tuple[float, float, float]:

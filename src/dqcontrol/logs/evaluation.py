@@ -21,7 +21,7 @@ from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.spec import RobotSpec, Spec, Start, as_spec, start_configuration
 from dqcontrol.experiments.spec.key_types import kinds_of, numbers_for_quantities
 from dqcontrol.experiments.spec.reference_spec import AnyReference, Part
-from dqcontrol.files.text_file import read_text
+from dqcontrol.files.input_file import read_text
 from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.logs.joint_log import JointLog, is_own, read_joint_log
 from dqcontrol.logs.joint_messages import holds_joint_states, is_recording, read_joint_states, read_poses

@@ -14,8 +14,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, suggest
-from dqcontrol.files.input_file import open_regular
-from dqcontrol.files.text_file import as_number, read_text
+from dqcontrol.files.input_file import as_number, open_regular, read_text
 from dqcontrol.logs.text_table import (
     ANGLES,
     DELIMITERS,

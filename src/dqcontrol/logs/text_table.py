@@ -15,7 +15,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, suggest
-from dqcontrol.files.text_file import as_number
+from dqcontrol.files.input_file import as_number
 
 TIME_NAMES = ("time", "timestamp", "t", "stamp", "%time", "__time")
 """Names of the column of time, in small letters."""

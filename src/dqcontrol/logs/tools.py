@@ -27,7 +27,7 @@ from dqcontrol.contact import (
     tare_tool,
     tool_orientations,
 )
-from dqcontrol.contact.tool_identification import WORST_CONDITION
+from dqcontrol.contact.tool import WORST_CONDITION
 from dqcontrol.errors import FileFormatError, ValueRangeError, as_array, as_positive
 from dqcontrol.experiments.results_folder import made_folder
 from dqcontrol.files.plain_data import yaml_text
@@ -35,7 +35,7 @@ from dqcontrol.files.whole_file import whole_file
 from dqcontrol.logs.joint_log import JointLog, read_joint_log
 from dqcontrol.logs.joint_messages import is_recording, read_wrenches
 from dqcontrol.logs.servos.excitation import write_joint_motion
-from dqcontrol.references.minimum_jerk import PEAK_SPEED, progress
+from dqcontrol.references.straight import PEAK_SPEED, progress
 from dqcontrol.robots import Robot, SerialArm, load_robot
 from dqcontrol.tables.tables import Cell, Column, Table
 
@@ -46,14 +46,10 @@ _YAWS = 24  # about the vertical at which each orientation is tried
 _ROOM = 0.02  # rad or m that stay free before the limits of joints
 _REST = 1.5  # s in each pose: half a second to settle, then a hundred readings at 100 Hz
 _SPEED = 0.5  # rad/s or m/s, no more than half of the robot's limits
-_STILL, _AROUND = (
-    2e-3,
-    0.2,
-)  # rad or m that no joint leaves for so many seconds: at rest, noise of encoders included
-_SETTLED, _SHORTEST = (
-    0.4,
-    0.3,
-)  # s that are left out behind a motion, for lags and filters; s that are enough to read
+# rad or m that no joint leaves for so many seconds: at rest, noise of encoders included
+_STILL, _AROUND = 2e-3, 0.2
+# s that are left out behind a motion, for lags and filters; s that are enough to read
+_SETTLED, _SHORTEST = 0.4, 0.3
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -12,7 +12,7 @@ from dqcontrol.algebra import DualQuaternion
 from dqcontrol.arrays import Array
 from dqcontrol.constraints.constraint_layout import report_of
 from dqcontrol.controller.controller import Controller
-from dqcontrol.errors import NoteWarning, PlanError, ValueRangeError
+from dqcontrol.errors import NoteWarning, PlanError, ValueRangeError, from_extra
 from dqcontrol.loop.constraint_signals import HELD_WINDOW, is_held
 from dqcontrol.loop.signals import Signal
 from dqcontrol.references import Reference
@@ -76,10 +76,8 @@ class Replanning:
         kept = law.constraints
         if reference is None or kept is None or (again is None and kept.given.escape != "plan"):
             return None
-        from dqcontrol.planning.extra import from_extra
-
         for library in ("ompl.geometric", "toppra"):  # now, not where the robot is held
-            from_extra(library, "plans while the robot moves")
+            from_extra(library, "plan", "plans while the robot moves")
         return cls(law, reference, lasts=lasts)
 
     def with_room(self, samples: Array) -> Array:

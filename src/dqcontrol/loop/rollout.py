@@ -9,9 +9,9 @@ import numpy as np
 
 from dqcontrol.algebra.dual_quaternion_kernels import conjugate_multiply
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.bundle import Bundle
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, kernel
 from dqcontrol.compiled.intrinsics import ADDRESS, caller
+from dqcontrol.compiled.memory_layout import Bundle
 from dqcontrol.contact.contact_layout import WRENCH
 from dqcontrol.controller.command_kernel import LAW_FAILED, PLAN, compute_command, note_sent, unpack
 from dqcontrol.plants.disturbance_step import DISTURBANCE, ROW

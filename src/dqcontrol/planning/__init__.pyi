@@ -1,9 +1,9 @@
-from .branches import branch_along as branch_along
 from .certified_edges import (
     CertifiedEdges as CertifiedEdges,
     EdgeCheck as EdgeCheck,
 )
 from .drive_and_plan import drive_and_plan as drive_and_plan
+from .followed_path import branch_along as branch_along
 from .plan import (
     ProvedWay as ProvedWay,
     WayCertificate as WayCertificate,

@@ -44,9 +44,32 @@ from dqcontrol.constraints.constraint_rows import (
 )
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
-from dqcontrol.planning.standing_base import driven_coordinates
 from dqcontrol.planning.standing_world import standing
+from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.robot import Robot
+
+# m or rad: how far a base that stands may be off its place, a tenth of what counts as rounding
+_STANDS = 1e-10
+
+
+def driven_coordinates(robot: Robot) -> NDArray[np.bool_]:
+    """Return which coordinates are x, y and φ of bases that cannot move sideways, shape (n,)."""
+    found = np.zeros(robot.configuration_size, dtype=bool)
+    for first in robot.drives[:, 0].astype(int):
+        found[first : first + 3] = True
+    return found
+
+
+def standing_at(robot: Robot, q: Array) -> Robot:
+    """Return a robot whose driven bases stay where a configuration (n,) has them; another robot as it is."""
+    driven, limits = driven_coordinates(robot), robot.limits
+    if not driven.any():
+        return robot
+    standing = copy(robot)
+    lower, upper = np.where(driven, q - _STANDS, limits.lower), np.where(driven, q + _STANDS, limits.upper)
+    standing.limits = Limits(lower, upper, limits.velocity, limits.effort)
+    return standing
+
 
 DEPTH = 40  # halvings: 10⁻¹² of an edge, more than `_FINEST` ever asks for
 _FINEST = 1e-4  # m or rad: of half an interval; what is not decided there is told as not certified

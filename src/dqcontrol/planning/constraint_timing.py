@@ -15,21 +15,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
-from dqcontrol.errors import Error
+from dqcontrol.errors import Error, from_extra
 from dqcontrol.laws.law import check_steps
 from dqcontrol.planning.base_path import BasePath
-from dqcontrol.planning.extra import from_extra
 from dqcontrol.planning.smooth_way import SmoothWay
 from dqcontrol.robots import Robot
 from dqcontrol.robots.kinematics.driving import RIM_LEVER
 
-_STEP = (
-    0.02  # rad or m between points of the grid: 1° of a joint, over which a distance changes nearly evenly
-)
+# rad or m between points of the grid: 1° of a joint, over which a distance changes nearly evenly
+_STEP = 0.02
 _LEAST_POINTS = 16  # of a part's grid
-_STEEP = (
-    0.2  # 22 %: speeds between two points are then 0.5 % above what the distance lets pass; ρ leaves 10 %
-)
+# 22 %: speeds between two points are then 0.5 % above what the distance lets pass; ρ leaves 10 %
+_STEEP = 0.2
 _ROUNDS = 8  # of making a grid finer
 _FINEST = 1e-4  # rad or m between its points
 _NARROW = 5e-3  # rad or m: the same where distances limit the speed, whose rates jump where other points are nearest
@@ -113,7 +110,7 @@ def _timed(
     approach: float,
 ) -> tuple[Array, Array]:
     """Return the grid of a part without corners, and the speed at its points."""
-    toppra = from_extra("toppra", "timings of plans")
+    toppra = from_extra("toppra", "plan", "timings of plans")
     grid, fastest = _grid_and_limit(part, kept, velocity, approach)
     turning = toppra.constraint.JointVelocityConstraint(velocity)
     braking = toppra.constraint.JointAccelerationConstraint(np.column_stack([-acceleration, acceleration]))

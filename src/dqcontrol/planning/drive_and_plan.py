@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+import warnings
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
+import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -14,17 +17,16 @@ from dqcontrol.algebra import DualQuaternion
 from dqcontrol.arrays import Array
 from dqcontrol.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
-from dqcontrol.errors import PlanError, UnreachableGoalError, as_array
+from dqcontrol.errors import NoteWarning, PlanError, UnreachableGoalError, as_array
 from dqcontrol.geometry import FloorMap
-from dqcontrol.planning.base_path import BasePath
-from dqcontrol.planning.certified_edges import CertifiedEdges
+from dqcontrol.planning.base_path import MARK, BasePath, SteeredPaths, narrow_passes, proved
+from dqcontrol.planning.certified_edges import CertifiedEdges, driven_coordinates
 from dqcontrol.planning.constraint_timing import WayTiming, constraint_timing, is_braked
-from dqcontrol.planning.narrow_passes import narrow_passes
 from dqcontrol.planning.plan import EFFORT, as_goal, as_law_keeps, checked_start, plan
 from dqcontrol.planning.plan_to import PlanTo, limits_of_ways, samples_of
 from dqcontrol.planning.smooth_way import SmoothWay
-from dqcontrol.planning.standing_base import driven_coordinates
-from dqcontrol.planning.steered_paths import MARK, SteeredPaths, proved
+from dqcontrol.planning.standing_world import standing
+from dqcontrol.references.drive_through import DriveThrough
 from dqcontrol.references.drive_to import (
     AROUND_TRIES,
     CLEARANCE,
@@ -36,11 +38,12 @@ from dqcontrol.references.drive_to import (
     goal_configurations,
     ways_around,
 )
+from dqcontrol.references.gripping import GripperStep, held_by_steps
 from dqcontrol.references.reference import NO_CORNERS
 from dqcontrol.references.ways_around import WaysAround, across, folded_posture
-from dqcontrol.robots import Robot
+from dqcontrol.robots import Robot, postures
 from dqcontrol.robots.kinematics.driving import TURNING_RADIUS
-from dqcontrol.world import floor_around, stands
+from dqcontrol.world import World, floor_around, stands
 
 _PLACES = 16  # where the base may stand, that are planned from: an arm's plan that fails takes about a second
 _NARROW_PLACES = 4  # of these, through passes that are narrow
@@ -360,3 +363,97 @@ def _reaching(robot: Robot, start: Array, goal: DualQuaternion) -> Array:
         return goal_configurations(robot, start, goal.vec8, AROUND_TRIES)
     except UnreachableGoalError as error:
         raise PlanError(f"goal: {error}", "unreachable") from None
+
+
+# A step from a configuration, (n,), in a world, with what is kept then.
+Step: TypeAlias = Callable[[Robot, Array, World | None, PreparedConstraints], PlannedWay]
+
+
+class _Gone(NamedTuple):
+    """Steps so far: their ways and the rests behind them, where they end and when, and what the gripper did."""
+
+    ways: tuple[PlannedWay, ...]
+    rests: tuple[float, ...]
+    q: Array
+    time: float
+    gripper: tuple[GripperStep, ...]
+
+
+class StepsInTurn:
+    """Plans steps from a start configuration, (n,), on; each lasts whole periods, the end of it at rest."""
+
+    def __init__(self, robot: Robot, kept: PreparedConstraints, world: World | None, start: Array) -> None:
+        self._robot, self._kept, self._world = robot, kept, world
+        self._gone = _Gone((), (), start, 0.0, ())
+
+    @property
+    def way(self) -> DriveThrough:
+        """All of them, as one; what is proved of its plans is told."""
+        for way in self._gone.ways:
+            if isinstance(way, PlanTo | DriveAndPlan):
+                warnings.warn(
+                    f"plan: {way.plan if isinstance(way, PlanTo) else way}", NoteWarning, stacklevel=2
+                )
+        return DriveThrough(self._gone.ways, self._gone.rests)
+
+    def go(self, steps: Sequence[Step]) -> None:
+        """Go on by steps, of which only the first may be a plan.
+
+        If it leads to a pose, from where the others do not go, to the nearest configuration there from which they do.
+
+        Raises
+        ------
+        PlanError
+            If there is no way.
+        """
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", NoteWarning)  # of plans that lead nowhere
+            first = self._then(self._gone, steps[0])
+            try:
+                self._gone = self._all(first, steps[1:])
+            except PlanError as error:
+                way = first.ways[-1]
+                if not isinstance(way, PlanTo) or not isinstance(way.plan.goal, DualQuaternion):
+                    raise
+                self._gone = self._elsewhere(way, way.plan.goal, steps[1:], error)
+
+    def _elsewhere(self, way: PlanTo, goal: DualQuaternion, steps: Sequence[Step], error: PlanError) -> _Gone:
+        """Return steps by another configuration at the goal of the first of them, or raise the error."""
+        old = way.plan
+        found = [each.q for each in postures(self._robot, goal.vec8, seed=old.certificate.seed)]
+        for q in sorted(found, key=lambda q: float(np.linalg.norm(q - self._gone.q))):
+            try:
+                self._all(self._gone._replace(q=q), steps)  # which is quick, and mostly says no
+                options = (old.certificate.seed, old.effort)
+                other = plan(self._robot, old.kept, self._gone.q, q, *options, clearance=old.clearance)
+                first = self._after(self._gone, PlanTo(other, way.speed_fraction, way.approach))
+                return self._all(first, steps)
+            except PlanError:
+                continue
+        raise error
+
+    def _all(self, gone: _Gone, steps: Sequence[Step]) -> _Gone:
+        for step in steps:
+            gone = self._then(gone, step)
+        return gone
+
+    def _then(self, gone: _Gone, step: Step) -> _Gone:
+        world, kept = self._world, self._kept
+        if kept.given.world is not None and gone.time > 0:
+            bodies = held_by_steps(kept.given.world.bodies, gone.gripper)
+            still = standing(msgspec.structs.replace(kept.given, world=World(bodies=bodies)), gone.time)
+            kept = PreparedConstraints(still, kept.robot, kept.period, kept.command_mode, kept.lag)
+            world = World(bodies={**bodies, **(still.world.bodies if still.world else {})})
+        return self._after(gone, step(self._robot, gone.q, world, kept))
+
+    def _after(self, gone: _Gone, way: PlannedWay) -> _Gone:
+        period = self._kept.period
+        whole = period * math.ceil(way.duration / period - 1e-9)
+        gripper = tuple(each.later(gone.time) for each in way.gripper_steps)
+        return _Gone(
+            (*gone.ways, way),
+            (*gone.rests, max(whole - way.duration, 0.0)),
+            way.configurations([way.duration])[0],
+            gone.time + whole,
+            (*gone.gripper, *gripper),
+        )

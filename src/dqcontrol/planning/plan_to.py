@@ -17,9 +17,9 @@ from dqcontrol.arrays import Array
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import NoteWarning, ShapeError, ValueRangeError, as_array, as_positive, unknown_name
 from dqcontrol.named_fields import NamedFields
+from dqcontrol.planning.certified_edges import driven_coordinates
 from dqcontrol.planning.constraint_timing import WayTiming, constraint_timing
 from dqcontrol.planning.plan import EFFORT, ProvedWay, plan, way_now
-from dqcontrol.planning.standing_base import driven_coordinates
 from dqcontrol.references.drive_to import PlannedWay
 from dqcontrol.references.reference import NO_CORNERS, Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE

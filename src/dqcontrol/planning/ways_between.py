@@ -9,9 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ValueRangeError
+from dqcontrol.errors import ValueRangeError, from_extra
 from dqcontrol.planning.certified_edges import CertifiedEdges
-from dqcontrol.planning.extra import from_extra
 from dqcontrol.robots.robot import base_coordinates
 
 WHAT = "ways around what blocks the straight one"
@@ -61,7 +60,7 @@ def search(edges: CertifiedEdges, start: Array, goals: Array, seed: int, effort:
     ValueRangeError
         If a joint that slides has no limits.
     """
-    ob = from_extra("ompl.base", WHAT)
+    ob = from_extra("ompl.base", "plan", WHAT)
     n, looked = len(start), 0
     a, b = np.empty(n), np.empty(n)
 
@@ -97,7 +96,7 @@ def connected(
     is_over: Callable[[], bool],
 ) -> Any:
     """Return OMPL's problem of states of a space as RRT-Connect, by motions that are clear, leaves it."""
-    ob, og, ou = (from_extra(f"ompl.{part}", WHAT) for part in ("base", "geometric", "util"))
+    ob, og, ou = (from_extra(f"ompl.{part}", "plan", WHAT) for part in ("base", "geometric", "util"))
     ou.setLogLevel(ou.LOG_NONE)
     ou.RNG.setSeed(seed + 1)  # 0 is none to it
 

@@ -1,6 +1,6 @@
 from .curve import Curve as Curve
 from .drawing import Drawing as Drawing
-from .drawing.drawing_file import (
+from .drawing.drawing import (
     DrawingFile as DrawingFile,
     load_drawing as load_drawing,
     parse_drawing as parse_drawing,
@@ -9,7 +9,6 @@ from .drive_through import DriveThrough as DriveThrough
 from .drive_to import DriveTo as DriveTo
 from .follow import Follow as Follow
 from .gripping import Grip as Grip, Release as Release
-from .guarded import Guarded as Guarded, OnTouchedPlane as OnTouchedPlane
 from .jerk_limited import JerkLimited as JerkLimited
 from .planar import (
     Circle as Circle,
@@ -17,8 +16,12 @@ from .planar import (
     Spiral as Spiral,
     Square as Square,
 )
-from .points import Points as Points
-from .points_file import load_points as load_points, position_path as position_path
+from .points import (
+    Points as Points,
+    ViaPoints as ViaPoints,
+    load_points as load_points,
+    position_path as position_path,
+)
 from .previewed import Previewed as Previewed
 from .random_goals import random_goals as random_goals
 from .reference import Reference as Reference
@@ -30,6 +33,8 @@ from .sample import (
     Sample as Sample,
 )
 from .sequence import (
+    Guarded as Guarded,
+    OnTouchedPlane as OnTouchedPlane,
     Repeat as Repeat,
     Sequence as Sequence,
 )
@@ -43,6 +48,5 @@ from .strokes import (
 from .timing import (
     CornerStops as CornerStops,
     StartRamp as StartRamp,
+    Transformed as Transformed,
 )
-from .transformed import Transformed as Transformed
-from .via_points import ViaPoints as ViaPoints

@@ -22,8 +22,7 @@ from dqcontrol.compiled.compile import OK, READ, STATUS, WRITE, inline, kernel, 
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.references.planar import PlanarReference
 from dqcontrol.references.reference import SNAP, Reference
-from dqcontrol.references.timing import Paced
-from dqcontrol.references.transformed import Transformed
+from dqcontrol.references.timing import Paced, Transformed
 
 # parameters, time (s), sample (21)
 COMPUTED = STATUS(READ, types.float64, WRITE)

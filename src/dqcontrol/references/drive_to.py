@@ -23,10 +23,10 @@ from dqcontrol.errors import (
 )
 from dqcontrol.geometry import FloorMap
 from dqcontrol.references.base_ways import Piece, arcs_and_lines, rolled, turns_and_lines
-from dqcontrol.references.minimum_jerk import PEAK_SPEED, progress
 from dqcontrol.references.reference import NO_CORNERS, Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE, as_pose
 from dqcontrol.references.set_point import SetPoint
+from dqcontrol.references.straight import PEAK_SPEED, progress
 from dqcontrol.references.ways_around import (
     WaysAround,
     across,
@@ -56,10 +56,8 @@ _Acceleration = (
 )
 ClearOf = Literal["all"] | list[str] | None  # bodies of the world
 _TURN_DRIVE_TURN = 3  # motions
-_TRIES, AROUND_TRIES = (
-    64,
-    256,
-)  # starts of the search for a goal configuration, and where there are obstacles
+# starts of the search for a goal configuration, and where there are obstacles
+_TRIES, AROUND_TRIES = 64, 256
 _ABOUT = 0.8  # m; how far from the goal those of the base are then
 CLEARANCE = 0.05  # m
 _LOOK = 0.1  # s; between the instants of a way that are looked at

@@ -17,7 +17,7 @@ from dqcontrol.references.reference import SNAP, Reference
 from dqcontrol.references.sample import POSE, TWIST, TWIST_RATE
 
 if TYPE_CHECKING:
-    from dqcontrol.references.guarded import Guards
+    from dqcontrol.references.sequence import Guards
 
 _STEP = 0.2  # of the lag, between the twists whose difference leads
 _LEAST_STEP = 1e-3  # s

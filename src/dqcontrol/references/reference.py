@@ -23,12 +23,11 @@ from dqcontrol.world import World
 if TYPE_CHECKING:
     from dqcontrol.constraints.prepared_constraints import PreparedConstraints
     from dqcontrol.references.gripping import GripperStep
-    from dqcontrol.references.guarded import Guards
+    from dqcontrol.references.sequence import Guards
     from dqcontrol.robots import Robot
 
-SMOOTH = (
-    1e-3  # a twist that jumps by less, compared with the largest, comes of rounded input and is no corner
-)
+# a twist that jumps by less, compared with the largest, comes of rounded input and is no corner
+SMOOTH = 1e-3
 SNAP = 1e-9  # s; a time this near to a corner is the corner: a multiple of the period seldom hits one exactly
 _BLOCK = 4096  # times sampled at once: all that is computed of them fits into the processor's cache
 
@@ -144,7 +143,7 @@ class Reference(ABC):
         ValueRangeError
             If it changes a reference with guarded moves and does not know how to change these.
         """
-        from dqcontrol.references.guarded import Guards  # which has references
+        from dqcontrol.references.sequence import Guards  # which has references
 
         inner = getattr(self, "reference", None)
         if isinstance(inner, Reference) and inner.guards.moves:

@@ -1,4 +1,4 @@
-"""The same path at another pace: smooth starts, and smooth stops at corners.
+"""The same path at another pace, with smooth starts and smooth stops at corners, or moved rigidly.
 
 The path is run through with the time σ(t) of the given reference: pose x(σ), twist σ̇ξ, rate σ̇²ξ̇ + σ̈ξ.
 The rate σ̇ goes between 0 and 1 along 10s³ − 15s⁴ + 6s⁵, so that acceleration is continuous and jerk bounded:
@@ -11,12 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.references.reference import NO_CORNERS, Reference
-from dqcontrol.references.sample import TWIST, TWIST_RATE
+from dqcontrol.references.rigid_motion import displaced
+from dqcontrol.references.sample import TWIST, TWIST_RATE, as_pose
 
 _HALVINGS = 60  # of an interval: to the last bit of a double
 
@@ -170,3 +171,44 @@ def _finite(reference: Reference) -> float:
     if not np.isfinite(reference.duration):
         raise ValueRangeError("reference: never ends, so it has no pace to change")
     return reference.duration
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Transformed(Reference):
+    """A reference seen after a constant displacement y: pose yx, twist Ad(y)ξ, twist rate Ad(y)ξ̇ [S17 4.9].
+
+    Parameters
+    ----------
+    reference
+        What to displace.
+    by
+        y, unit dual quaternion, `DualQuaternion` or shape (8,), inertial frame, m.
+
+    Raises
+    ------
+    ShapeError, ValueRangeError
+        If ``by`` is no unit dual quaternion.
+
+    Examples
+    --------
+    >>> from dqcontrol.references import SetPoint
+    >>> up = [1, 0, 0, 0, 0, 0, 0, 0.5]
+    >>> Transformed(SetPoint([1, 0, 0, 0, 0, 0.1, 0, 0]), by=up).at(0.0).pose.tolist()
+    [1.0, 0.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0.5]
+    """
+
+    reference: Reference
+    by: ArrayLike
+    duration: float = field(init=False)
+    corners: Array = field(init=False, repr=False)
+    _by: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        by = as_pose("by", self.by)
+        kept = {"duration": self.reference.duration, "corners": self.reference.corners}
+        for name, value in {"by": by, "_by": by, **kept}.items():
+            object.__setattr__(self, name, value)
+
+    def motion(self, times: Array) -> Array:
+        """Return samples (N, 21); see `Reference.motion`."""
+        return displaced(self._by, self.reference.motion(times))

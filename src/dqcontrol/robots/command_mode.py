@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from operator import add
-from typing import Literal, NamedTuple, TypeAlias, get_args
+from typing import Literal, NamedTuple, TypeAlias
 
 CommandMode: TypeAlias = Literal["integrated", "measured"]
-COMMAND_MODES = get_args(CommandMode)
 
 
 class Lag(NamedTuple):

@@ -46,8 +46,7 @@ from dqcontrol.ros2.recorder import Recorder
 from dqcontrol.ros2.servo_topics import ServoTopics
 from dqcontrol.ros2.tracked_hand import TrackedHand
 from dqcontrol.ros2.tuning import OVERRIDE, numbers_of, retune
-from dqcontrol.ros2.world_topics import WorldTopics
-from dqcontrol.ros2.wrench_input import WrenchInput
+from dqcontrol.ros2.world_topics import WorldTopics, WrenchInput
 
 AnyTarget = TypeVar("AnyTarget", bound=Target)
 
@@ -176,9 +175,8 @@ class Following:
         self._localisation = self._localised() if self._parts.base else None
         if self._joints:
             node.create_subscription(JointState, JOINT_STATES, self._guarded(self._hear_joints), NEWEST)
-        self._topic = (
-            node.resolve_topic_name(JOINT_STATES) if self._joints else ""
-        )  # of what a step is taken for
+        # of what a step is taken for
+        self._topic = node.resolve_topic_name(JOINT_STATES) if self._joints else ""
         if self._localisation and not self._joints:
             self._topic = self._localisation.topic
         if isinstance(self.target, PoseTarget):

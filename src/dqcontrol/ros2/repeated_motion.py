@@ -28,9 +28,9 @@ from dqcontrol.loop.interrupts import counted_interrupts
 from dqcontrol.loop.record import has_failed
 from dqcontrol.loop.signals import Signal
 from dqcontrol.recording import load_record
-from dqcontrol.references.minimum_jerk import PEAK_SPEED, progress
-from dqcontrol.references.points_file import DUAL_QUATERNION
+from dqcontrol.references.points import DUAL_QUATERNION
 from dqcontrol.references.sample import TIME
+from dqcontrol.references.straight import PEAK_SPEED, progress
 from dqcontrol.robots import Robot
 from dqcontrol.ros2.loading import load_simulated
 from dqcontrol.ros2.tracked_hand import TRACKED, read_tracked

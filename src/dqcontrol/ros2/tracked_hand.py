@@ -17,7 +17,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import Error
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.references import Points
-from dqcontrol.references.points_file import DUAL_QUATERNION
+from dqcontrol.references.points import DUAL_QUATERNION
 from dqcontrol.references.sample import POSE
 from dqcontrol.ros2.interfaces import SENT
 from dqcontrol.ros2.messages import NANOSECONDS, nanoseconds, pose_of, stamp_of

@@ -24,6 +24,7 @@ from dqcontrol.measures.stability import (
     with_lag,
     with_mean,
 )
+from dqcontrol.named_fields import check_fields
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.ros2 import haptic_topics
 from dqcontrol.ros2.loading import Loaded
@@ -165,6 +166,7 @@ def with_numbers(struct: T, prefix: str, numbers: Mapping[str, float]) -> T:
         data = msgspec.to_builtins(struct)
         for name, value in own.items():
             data = _replaced(data, name.split("."), value)
+        check_fields(type(struct), {key: data[key] for key in (name.partition(".")[0] for name in own)})
         return msgspec.convert(data, type(struct)) if own else struct
     except msgspec.ValidationError as error:
         raise ValueRangeError(f"{prefix}{next(iter(own))}: {error}") from None

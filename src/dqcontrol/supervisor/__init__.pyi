@@ -4,9 +4,9 @@ from .interventions import (
     list_interventions as list_interventions,
     stop_category as stop_category,
 )
-from .keep_out_zones import KeepOutZones as KeepOutZones
 from .prepared_supervisor import PreparedSupervisor as PreparedSupervisor
 from .supervisor import (
+    KeepOutZones as KeepOutZones,
     LinkPoint as LinkPoint,
     Supervisor as Supervisor,
     WorkspaceBox as WorkspaceBox,

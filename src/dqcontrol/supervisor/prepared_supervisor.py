@@ -12,8 +12,7 @@ from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.tree_robot import TreeRobot
 from dqcontrol.supervisor import supervisor_layout as layout
 from dqcontrol.supervisor.interventions import describe_stop, reasons, stop_category
-from dqcontrol.supervisor.keep_out_step import clearance
-from dqcontrol.supervisor.supervisor_step import check_start, supervise
+from dqcontrol.supervisor.supervisor_step import check_start, clearance, supervise
 
 START_TOLERANCE = 0.01  # rad or m: encoders of a robot at rest at its limit may read a little beyond
 _NOTHING: Array = np.zeros(0)

@@ -11,24 +11,139 @@ from msgspec import Meta
 
 from dqcontrol.arrays import Array
 from dqcontrol.contact.tool import Tool
-from dqcontrol.errors import ValueRangeError, as_array, as_each_positive, as_positive, unknown_name
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each, as_positive, unknown_name
+from dqcontrol.geometry import FloorMap
 from dqcontrol.named_fields import NamedFields
+from dqcontrol.references.ways_around import body_points
+from dqcontrol.robots import WholeBody
 from dqcontrol.robots.kinematics.driving import TURNING_RADIUS
 from dqcontrol.robots.robot import Robot, base_coordinates
 from dqcontrol.robots.tree_robot import TreeRobot
+from dqcontrol.robots.whole_body import Base
 from dqcontrol.supervisor import supervisor_layout as layout
-from dqcontrol.supervisor.keep_out_zones import KeepOutZones
 from dqcontrol.supervisor.prepared_supervisor import PreparedSupervisor
+from dqcontrol.supervisor.supervisor_layout import ZONE_COLUMNS
+from dqcontrol.world import Footprint, World, footprint
+
+
+class KeepOutZones(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What bodies of the world take of the floor, which the footprint of a mobile base keeps out of.
+
+    Parameters
+    ----------
+    clear_of
+        ``all`` bodies that stand still, but planes, or some by name.
+    world
+        Whose bodies these are; a spec gives its own.
+    footprint
+        Radius of a disc about the base's (x, y) that holds the base, m; that of its shapes if omitted.
+    margin
+        Kept beside, m, for what is not known: the base drives on at its speed while its measurement is late and its
+        motors lag, so at least its speed times both delays.
+
+    Examples
+    --------
+    A base that is told to drive on stops 5 cm and its radius before a column:
+
+    >>> import numpy as np, dqcontrol as dqc
+    >>> column = dqc.world.Body(cylinder=(0.2, 1.0), position=(1, 0, 0.5))
+    >>> zones = KeepOutZones(world=dqc.World(bodies={"column": column}), footprint=0.3)
+    >>> cart = dqc.WholeBody([dqc.DifferentialDrive(0.05, 0.15, rim_speed=0.5)])
+    >>> given = dqc.supervisor.Supervisor(keep_out=zones, slow_below=0.0, hold_below=0.0)
+    >>> supervisor, q = given.prepare(cart, period=0.02), np.zeros(3)
+    >>> state = supervisor.start(q)
+    >>> for _ in range(200):
+    ...     q = cart.integrate(q, supervisor.command(q, np.array([0.5, 0.0]), state), 0.02)
+    >>> float(q[0].round(2)), "keep-out zone" in supervisor.reasons(state)
+    (0.45, True)
+    """
+
+    spec_key: ClassVar[str] = "supervisor.keep_out"
+    clear_of: Literal["all"] | Annotated[list[str], Meta(min_length=1)] = "all"
+    world: World | None = None
+    footprint: Annotated[float, Meta(gt=0, description="m")] | None = None
+    margin: Annotated[float, Meta(ge=0, description="m")] = 0.05
+
+    @property
+    def footprints(self) -> dict[str, Footprint]:
+        """What each body takes of the floor, by name.
+
+        Raises
+        ------
+        Error
+            If there is no world, it has no such body, or that does not stand still.
+        """
+        field = "supervisor.keep_out.clear_of"
+        if self.world is None:
+            raise ShapeError(f"{field}: names bodies of the world, and there is none; give 'world'")
+        bodies = self.world.bodies
+        stand = [name for name, body in bodies.items() if body.role == "fixed" and body.plane is None]
+        for name in () if self.clear_of == "all" else self.clear_of:
+            if name not in bodies:
+                raise unknown_name(field, name, tuple(bodies))
+            if name not in stand:
+                raise ValueRangeError(
+                    f"{field}: '{name}' takes no place on the floor that is always the same"
+                )
+        chosen = stand if self.clear_of == "all" else self.clear_of
+        return {name: footprint(bodies[name]) for name in chosen}
+
+    def rows(self) -> Array:
+        """Return all as ``keep_out_step.clearance`` takes it, shape (N, 6)."""
+        found = [np.zeros((0, ZONE_COLUMNS))]
+        for each in self.footprints.values():
+            x, y, radius = each.discs.T
+            found.append(np.column_stack([x, y, x, y, radius, np.ones(len(x))]))
+            found.append(_edges(each.floor))
+        return np.vstack(found)
+
+    def footprint_of(self, robot: Robot) -> float:
+        """Return the radius of the footprint of a robot's base, m.
+
+        Raises
+        ------
+        ShapeError
+            If the robot does not stand on one mobile base.
+        ValueRangeError
+            If its base has no shapes, and no radius is given.
+        """
+        if not isinstance(robot, WholeBody) or not isinstance(robot.parts[0], Base) or len(robot.bases) > 1:
+            raise ShapeError(
+                f"supervisor.keep_out: is for robots whose first part is their only mobile base; {robot.name} is not"
+            )
+        if self.footprint is not None:
+            return self.footprint
+        body = body_points(robot, np.zeros(robot.configuration_size))
+        own = ~body.carried
+        if not own.any():
+            raise ValueRangeError(
+                f"supervisor.keep_out.footprint: the base of {robot.name} has no shapes; give the radius of a disc "
+                "about its x, y that holds it, m"
+            )
+        return float((np.linalg.norm(body.points[own, :2], axis=1) + body.radius[own]).max())
+
+
+def _edges(floor: FloorMap) -> Array:
+    """Return the edges of all polygons as rows of zones."""
+    found = []
+    for corners in floor.polygons:
+        rows = np.zeros((len(corners), ZONE_COLUMNS))
+        rows[:, :2], rows[:, 2:4] = corners, np.roll(corners, -1, axis=0)
+        rows[-1, -1] = 1.0
+        found.append(rows)
+    return np.vstack(found) if found else np.zeros((0, ZONE_COLUMNS))
+
 
 _LONGEST_WINDOW = 10_000  # samples
 _STALE_PERIODS = 1.5  # half a period of jitter is allowed
 _LONGEST_STEP = 0.05  # s between two steps, if that is more than what is stale
-_FROZEN_PERIODS = (
-    5  # at least, before joints that do not change count as frozen: commands take a while to arrive
-)
+# at least, before joints that do not change count as frozen: commands take a while to arrive
+_FROZEN_PERIODS = 5
 _LONGEST_RAMP = 60.0  # s
 _GRAVITY = 9.81  # m/s², along −z of the inertial frame
 _NEVER = 1e9  # as a bound of what is not to be watched
+
+PerInput = Annotated[float, Meta(gt=0)] | list[Annotated[float, Meta(gt=0)]]
 
 
 class LinkPoint(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -136,11 +251,11 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
     """
 
     spec_key: ClassVar[str] = "supervisor"
-    velocity: Annotated[float | list[float] | None, Meta(description="> 0, rad/s or m/s")] = None
-    acceleration: Annotated[float | list[float], Meta(description="> 0, rad/s² or m/s²")] = 10.0
-    jerk: Annotated[float | list[float] | None, Meta(description="> 0, rad/s³ or m/s³")] = None
+    velocity: Annotated[PerInput | None, Meta(description="rad/s or m/s")] = None
+    acceleration: Annotated[PerInput, Meta(description="rad/s² or m/s²")] = 10.0
+    jerk: Annotated[PerInput | None, Meta(description="rad/s³ or m/s³")] = None
     position_margin: Annotated[float, Meta(ge=0, description="rad or m")] = 0.0
-    tracking_error: Annotated[float | list[float], Meta(description="> 0, rad or m")] = 0.3
+    tracking_error: Annotated[PerInput, Meta(description="rad or m")] = 0.3
     stale_after: Annotated[float, Meta(gt=0, description="s")] | None = None
     slow_below: Annotated[float, Meta(ge=0, description="singular value")] = 0.04
     hold_below: Annotated[float, Meta(ge=0, description="singular value")] = 0.02
@@ -153,7 +268,7 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
     jump: Annotated[float, Meta(ge=0, description="rad or m")] = 0.05
     base_jump: Annotated[float, Meta(ge=0, description="m and rad")] = 0.2
     frozen_after: Annotated[float, Meta(gt=0, description="s")] = 0.1
-    effort: Annotated[float | list[float] | None, Meta(description="> 0, N·m or N")] = None
+    effort: Annotated[PerInput | None, Meta(description="N·m or N")] = None
     contact_force: Annotated[float, Meta(gt=0, description="N")] | None = None
     contact_torque: Annotated[float, Meta(gt=0, description="N·m")] | None = None
     payload: Tool | None = None
@@ -328,7 +443,7 @@ def _or_infinite(bound: float | None) -> float:
 
 
 def _each(field: str, value: float | list[float], m: int) -> Array:
-    return as_each_positive(f"supervisor.{field}", value, m)
+    return as_each(f"supervisor.{field}", value, m)
 
 
 def _box(workspace: WorkspaceBox) -> Array:

@@ -21,16 +21,15 @@ from dqcontrol.experiments.prepared_experiment import PreparedRobot, prepare_spe
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws import Law
 from dqcontrol.loop.record import Record
-from dqcontrol.loop.repeated_loop import RepeatedLoop, RolloutView, share_records
 from dqcontrol.loop.replanning import refuse_replanning
+from dqcontrol.loop.simulate import RepeatedLoop, RolloutView, share_records
 from dqcontrol.measures.metric_tables import NUMBERS, RunMeasure, of_all_runs
 from dqcontrol.measures.metrics import AT_LIMIT
 from dqcontrol.plants.plant import Plant, command_mode, lagging_mode
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots import TreeRobot
 from dqcontrol.robots.command_mode import CommandMode
-from dqcontrol.tuning.robustness import PlantFamily, Slack, StabilityJudge
-from dqcontrol.tuning.tune_spec import TuneProblem
+from dqcontrol.tuning.tune_spec import PlantFamily, Slack, StabilityJudge, TuneProblem
 
 _UNSTABLE, _DIVERGED = 1e3, 1e6  # violations, beside which those of numbers are small
 _NEARLY = 1e-3  # of a margin

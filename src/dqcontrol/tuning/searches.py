@@ -11,13 +11,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import MissingExtraError
+from dqcontrol.errors import from_extra
 from dqcontrol.experiments.sweep import quasi_random
 
 _MOST_SOBOL = 16  # points that cover the space before a simplex begins
@@ -69,7 +68,7 @@ class SimplexSearch:
 
     def __init__(self, rank: Callable[[Point], Rank], size: int, budget: int, seed: int) -> None:
         self._rank, self._size, self._budget, self._seed = rank, size, budget, seed
-        self._nlopt = _nlopt()
+        self._nlopt = from_extra("nlopt", "data", "searches")
         self.points: dict[Point, Rank] = {}
 
     def run(self) -> Point:
@@ -127,16 +126,6 @@ class SimplexSearch:
 def sobol_points(size: int, count: int, seed: int) -> list[Point]:
     """Return quasi-random points of the unit cube, scrambled by a seed."""
     return [tuple(map(float, point)) for point in quasi_random("sobol", size, seed, 0, count)]
-
-
-def _nlopt() -> Any:
-    try:
-        import nlopt
-    except ImportError:
-        raise MissingExtraError(
-            "nlopt: is needed for searches and not installed; install it with: pip install 'dqcontrol[data]'"
-        ) from None
-    return nlopt
 
 
 # Both objectives are interpolated over the points known (SciPy's thin-plate splines); of many candidates those are

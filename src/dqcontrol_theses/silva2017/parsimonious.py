@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
 import warnings
-from typing import Any
 
 import numpy as np
+from scipy.optimize import linprog
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import InterpretedWarning, MissingExtraError, ValueRangeError, as_positive
+from dqcontrol.errors import InterpretedWarning, ValueRangeError, as_positive
 from dqcontrol.laws import OwnLaw
 from dqcontrol.robots import Robot
 
@@ -41,8 +40,6 @@ def parsimonious_law(
 
     Raises
     ------
-    MissingExtraError
-        If scipy is not installed.
     ValueRangeError
         If a number does not fit.
 
@@ -58,12 +55,6 @@ def parsimonious_law(
     as_positive("gain", gain)
     if not 0 < weight < 1:
         raise ValueRangeError(f"weight: must be in (0, 1), got {weight:g}")
-    try:
-        solve: Any = importlib.import_module("scipy.optimize").linprog
-    except ImportError:
-        raise MissingExtraError(
-            "scipy: is needed for parsimonious control and not installed; pip install 'dqcontrol[data]'"
-        ) from None
     m = robot.input_size
     cost = np.r_[np.full(2 * m, 1 - weight), np.full(16, weight)]
     wheels = _wheel_rows(robot)
@@ -79,7 +70,7 @@ def parsimonious_law(
                 "A_ub": np.hstack([wheels[0], wheels[0], np.zeros((len(wheels[0]), 16))]),
                 "b_ub": wheels[1],
             }
-        found = solve(cost, A_eq=rows, b_eq=right, bounds=bounds, method="highs-ds", **rims)
+        found = linprog(cost, A_eq=rows, b_eq=right, bounds=bounds, method="highs-ds", **rims)
         out[:] = found.x[:m] - found.x[m : 2 * m]
 
     law = OwnLaw(function=parsimonious)

@@ -37,7 +37,7 @@ from dqcontrol.laws import Law
 from dqcontrol.loop.live import Live, Pace
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.targets import Speeds
-from dqcontrol.references.points_file import DUAL_QUATERNION
+from dqcontrol.references.points import DUAL_QUATERNION
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
 

@@ -27,8 +27,8 @@ from dqcontrol.extensions.registry import registered, union_of
 from dqcontrol.extensions.user_code import function_at, place_from
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.planning import PlanTo
+from dqcontrol.planning.drive_and_plan import StepsInTurn
 from dqcontrol.planning.followed_path import followed
-from dqcontrol.planning.steps_in_turn import StepsInTurn
 from dqcontrol.references.drive_to import PlannedWay
 from dqcontrol.references.sample import as_pose
 from dqcontrol.references.yaml_form import SpecStart, Yaml

@@ -14,11 +14,11 @@ from dqcontrol.algebra import matrix_from_rotation, rotation, rotation_from_matr
 from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError
-from dqcontrol.files.text_file import as_number, read_text
+from dqcontrol.files.input_file import as_number, read_text
 from dqcontrol.logs.joint_messages import is_recording, read_joint_states, read_poses
 from dqcontrol.logs.joint_table import DEGREES_NOTE, Angles, must_be_degrees
 from dqcontrol.logs.text_table import ANGLES, LENGTHS, find_columns, name_and_unit, table_rows, unit_scale
-from dqcontrol.references.points_file import POSITION, QUATERNION
+from dqcontrol.references.points import POSITION, QUATERNION
 from dqcontrol.robots import Robot, SerialArm
 from dqcontrol.robots.dh import shift
 from dqcontrol.robots.poses import positions

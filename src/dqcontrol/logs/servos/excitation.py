@@ -22,8 +22,8 @@ from dqcontrol.logs.servos.joint_fit import NORMAL_95, QUANTUM
 from dqcontrol.logs.servos.lag_response import BY_DELAY, BY_LAG, OUTPUT, TRANSIENT, held, lag_response
 from dqcontrol.logs.servos.servo_orders import MOST_DELAY
 from dqcontrol.measures.metric_tables import fitting_unit
-from dqcontrol.references.minimum_jerk import progress
-from dqcontrol.references.points_file import POSITION, QUATERNION
+from dqcontrol.references.points import POSITION, QUATERNION
+from dqcontrol.references.straight import progress
 from dqcontrol.robots import Robot, SerialArm, load_robot
 from dqcontrol.tables.tables import Cell, Column, Table
 

@@ -7,7 +7,7 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ, WRITE2, inline, kernel, types
 from dqcontrol.logs.servos.lag_response import PiecewiseLinear
-from dqcontrol.plants.servo.free_response import free_response
+from dqcontrol.plants.servo.servo_step import free_response
 
 OUTPUT, BY_BANDWIDTH, BY_DAMPING, BY_DELAY, POSITION_TRANSIENT, SPEED_TRANSIENT = range(6)
 """Columns of an answer: y, its slopes, what an initial position and an initial speed leave of it.

@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.bundle import Bundle
 from dqcontrol.compiled.compile import READ, WRITE, WRITE2, types
-from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.plants.compliant.filters import COEFFICIENTS, MEMORY
-from dqcontrol.plants.compliant.joint_columns import CONSTANTS, SHARED, STATE
+from dqcontrol.compiled.memory_layout import Bundle, MemoryLayout
+from dqcontrol.plants.compliant.joint_columns import COEFFICIENTS, CONSTANTS, MEMORY, SHARED, STATE
 from dqcontrol.robots.kinematics.gravity import WORK
 
 ARM_PLAN = types.Array(types.intp, 1, "C")

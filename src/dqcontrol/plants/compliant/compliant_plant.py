@@ -11,11 +11,9 @@ from msgspec.structs import replace
 
 from dqcontrol.arrays import Array
 from dqcontrol.contact import Impedance, PreparedImpedance
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each, unknown_name
-from dqcontrol.plants.compliant.compliant_arm import assemble
-from dqcontrol.plants.compliant.controller_file import SOFTEST, STIFFEST, Stiffness, load_controllers
+from dqcontrol.errors import ValueRangeError, as_each
+from dqcontrol.plants.compliant.controller_file import Stiffness, load_controllers
 from dqcontrol.plants.compliant.elastic_model import TICK
-from dqcontrol.plants.compliant.joint_columns import MODES
 from dqcontrol.plants.compliant.loads_and_faults import (
     EncoderLoss,
     Payload,
@@ -26,7 +24,7 @@ from dqcontrol.plants.compliant.loads_and_faults import (
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import ControllerSettings, EncoderErrors, Plant
 from dqcontrol.plants.servo.servo_file import encoders_and_mode, load_servo, say_what_is_left_out
-from dqcontrol.robots.command_mode import COMMAND_MODES, CommandMode
+from dqcontrol.robots.command_mode import CommandMode
 from dqcontrol.world import World
 
 if TYPE_CHECKING:
@@ -38,7 +36,12 @@ if TYPE_CHECKING:
 _STEP, _TICK = 5e-5, {False: 7e-6, True: 1.6e-5}
 Mode = Literal["OFF", "PWM", "TORQUE", "TORQUE_GC", "THETA", "THETA_GC", "THETA_MJ", "THETA_GC_MJ"]
 _BY_TORQUE = ("TORQUE", "TORQUE_GC")
+_AT_ONCE = ("THETA", "THETA_GC")  # those that follow a commanded angle at once
 Share = Annotated[float, Meta(ge=0, le=1, description="0 … 1")]
+_DryFriction = Annotated[float, Meta(ge=0, le=1e4)]
+_Speed = Annotated[float, Meta(ge=0, le=100)]
+_Torque = Annotated[float, Meta(ge=-1e4, le=1e4)]
+_Duty = Annotated[float, Meta(ge=-1, le=1)]
 
 
 class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
@@ -138,14 +141,14 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
     controllers: str | None = None
     encoder_resolution: Annotated[float, Meta(ge=0, le=1, description="rad")] | None = None
     encoder_noise: Annotated[float, Meta(ge=0, le=1, description="rad")] = 0.0
-    dry_friction: Annotated[float | list[float], Meta(description="N·m")] = 0.0
+    dry_friction: Annotated[_DryFriction | list[_DryFriction], Meta(description="N·m")] = 0.0
     exchange_period: Annotated[float, Meta(gt=0, le=1, description="s")] | None = None
     base_shaking: Annotated[float, Meta(ge=0, le=10, description="m/s²/√Hz")] = 0.0
-    slew_rate: Annotated[float | list[float] | None, Meta(description="rad/s")] = None
-    speed: Annotated[float | list[float], Meta(description="rad/s")] = 0.5
-    torque: Annotated[float | list[float], Meta(description="N·m")] = 0.0
+    slew_rate: Annotated[_Speed | list[_Speed] | None, Meta(description="rad/s")] = None
+    speed: Annotated[_Speed | list[_Speed], Meta(description="rad/s")] = 0.5
+    torque: Annotated[_Torque | list[_Torque], Meta(description="N·m")] = 0.0
     impedance: Impedance | None = None
-    duty: Annotated[float | list[float], Meta(description="−1 … 1")] = 0.0
+    duty: Annotated[_Duty | list[_Duty], Meta(description="−1 … 1")] = 0.0
     pushes: Annotated[list[Push], Meta(max_length=1000)] = []
     payload: Payload | list[Payload] | None = None
     payload_compensation: PayloadCompensation | None = None
@@ -175,35 +178,9 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         return super().complete(found | own, folder)
 
     def __post_init__(self) -> None:
-        if self.mode not in MODES:
-            raise unknown_name("plant.mode", str(self.mode), MODES)
-        if self.command_mode not in COMMAND_MODES:
-            raise unknown_name("plant.command_mode", str(self.command_mode), COMMAND_MODES)
-        _within("stiffness", self.stiffness, 0, 1)
-        _within("gravity_factor", self.gravity_factor, 0, 10)
-        _within("encoder_noise", self.encoder_noise, 0, 1)
-        _within("encoder_resolution", self.encoder_resolution, 0, 1)
-        _within("dry_friction", self.dry_friction, 0, 1e4)
-        _within("base_shaking", self.base_shaking, 0, 10)
-        _within("slew_rate", self.slew_rate, 0, 100)
-        _within("speed", self.speed, 0, 100)
-        _within("torque", self.torque, -1e4, 1e4)
-        _within("duty", self.duty, -1, 1)
-        as_array("plant.gravity", self.gravity, (3,))
-        _of_kind("impedance", self.impedance, Impedance, type(None))
-        if self.impedance is not None:
-            self._check_impedance(self.impedance)
-        _of_kind("hand", self.hand, bool, str)
-        _of_kind("payload_compensation", self.payload_compensation, PayloadCompensation, type(None))
-        _of_kind("wrist_fault", self.wrist_fault, WristFault, type(None))
-        _list_of("pushes", self.pushes, Push)
-        _list_of("encoder_losses", self.encoder_losses, EncoderLoss)
-        if not isinstance(self.payload, Payload | None):
-            _list_of("payload", self.payload, Payload)
-        if not isinstance(self.springs, str):
-            _within("springs", [k for k in self.springs if k is not None] or None, SOFTEST, STIFFEST)
-
-    def _check_impedance(self, impedance: Impedance) -> None:
+        impedance = self.impedance
+        if impedance is None:
+            return
         if self.mode not in _BY_TORQUE:
             raise ValueRangeError(
                 f"plant.impedance: asks for torques, so mode must be {' or '.join(_BY_TORQUE)}"
@@ -237,7 +214,7 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         Error
             If something does not fit the robot, or its motors cannot hold it at start.
         """
-        from dqcontrol.plants.compliant.running_compliant import RunningCompliant
+        from dqcontrol.plants.compliant.running_compliant import RunningCompliant, assemble
 
         return RunningCompliant(self, assemble(self, robot, start, period), seed)
 
@@ -285,37 +262,10 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
 
         So it is in some modes, and without stiffness. Modes of minimum jerk plan anew at each command: not linear.
         """
-        from dqcontrol.plants.compliant import compliant_linear
+        from dqcontrol.plants.compliant.running_compliant import linearised
 
-        return (
-            compliant_linear.linearised(self, robot, start, period)
-            if self.mode in compliant_linear.MODES
-            else None
-        )
+        return linearised(self, robot, start, period) if self.mode in _AT_ONCE else None
 
 
 def _largest(value: Any) -> Any:
     return max(value) if isinstance(value, list) else value
-
-
-def _of_kind(field: str, value: Any, *kinds: type) -> None:
-    if not isinstance(value, kinds):
-        names = " or ".join("None" if kind is type(None) else kind.__name__ for kind in kinds)
-        raise ShapeError(f"plant.{field}: expected {names}, got {value!r:.80}")
-
-
-def _list_of(field: str, value: Any, kind: type) -> None:
-    if not isinstance(value, list | tuple):
-        raise ShapeError(f"plant.{field}: expected a list of {kind.__name__}, got {value!r:.80}")
-    for i, part in enumerate(value):
-        _of_kind(f"{field}[{i}]", part, kind)
-
-
-def _within(field: str, value: Any, lower: float, upper: float) -> None:
-    if value is None:
-        return
-    array = as_array(f"plant.{field}", value)
-    if array.ndim > 1:
-        raise ShapeError(f"plant.{field}: expected one number or one a joint, got shape {array.shape}")
-    if ((array < lower) | (array > upper)).any():
-        raise ValueRangeError(f"plant.{field}: must lie in {lower:g} … {upper:g}, got {value}")

@@ -12,7 +12,7 @@ from dqcontrol.errors import MissingExtraError
 from dqcontrol.plants.compliant import joint_columns as column
 from dqcontrol.plants.compliant.arm_memory import ARM_PLAN, arm_memory, arm_plan, physics_arrays
 from dqcontrol.plants.compliant.elastic_model import TICK
-from dqcontrol.plants.compliant.filters import COEFFICIENTS, MEMORY, filtered, rest
+from dqcontrol.plants.compliant.joint_columns import COEFFICIENTS, MEMORY, filtered, rest
 from dqcontrol.plants.compliant.joint_controller import control, sense
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 

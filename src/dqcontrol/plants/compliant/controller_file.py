@@ -24,7 +24,7 @@ from dqcontrol.files.yaml_file import read_yaml
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.compliant import joint_columns as column
 from dqcontrol.plants.compliant.elastic_model import TICK, Actuation, Hand
-from dqcontrol.plants.compliant.filters import butterworth
+from dqcontrol.plants.compliant.joint_columns import butterworth
 from dqcontrol.robots.files.robot_file import JointInertia
 from dqcontrol.robots.robot import Robot
 

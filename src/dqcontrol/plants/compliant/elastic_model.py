@@ -190,15 +190,6 @@ def _add_hand(spec: Any, mujoco: Any, robot: Robot, hand: Hand | None) -> None:
         )
 
 
-def joint_inertia(model: Any, data: Any) -> Array:
-    """Return the inertia matrix at the configuration of ``data``, shape (nv, nv), kg m²."""
-    mujoco = import_mujoco()
-    inertia = np.zeros((model.nv, model.nv))
-    for row, unit in zip(inertia, np.eye(model.nv), strict=True):
-        mujoco.mj_mulM(model, data, row, unit)
-    return inertia
-
-
 def steps_per_tick(inertia: Array, robot: Robot, actuation: Actuation, accurate: bool) -> int:
     """Return how many time steps a tick of 1 ms needs for the springs.
 

@@ -11,7 +11,7 @@ import math
 from dqcontrol.compiled.compile import inline
 from dqcontrol.plants.compliant import joint_columns as column
 from dqcontrol.plants.compliant.elastic_model import TICK
-from dqcontrol.plants.compliant.filters import COEFFICIENTS, MEMORY, filtered
+from dqcontrol.plants.compliant.joint_columns import COEFFICIENTS, MEMORY, filtered
 from dqcontrol.robots.kinematics.gravity import gravity_torque
 
 LEAST_SPEED = 1e-3  # rad/s

@@ -1,29 +1,145 @@
-"""A compliant arm in motion: one control period at a time."""
+"""A compliant arm put together, in motion, one control period at a time, and as its loop sees it near its start."""
 
 from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from msgspec.structs import replace as changed
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import DivergedError, SafetyWarning, as_positive, unknown_name
+from dqcontrol.errors import DivergedError, SafetyWarning, ValueRangeError, as_each, as_positive, unknown_name
 from dqcontrol.plants.compliant import joint_columns as column
 from dqcontrol.plants.compliant.arm_memory import ArmMemory, ArmPlan, arm_memory, arm_plan, physics_arrays
 from dqcontrol.plants.compliant.compliant_step import advance, physics_step, settle
-from dqcontrol.plants.compliant.elastic_model import TICK
-from dqcontrol.plants.compliant.filters import MEMORY, butterworth
-from dqcontrol.plants.compliant.loads_and_faults import LiveWrist, loss_table, payload_table, push_table
+from dqcontrol.plants.compliant.controller_file import (
+    ControllerFile,
+    constants_table,
+    gravity_bodies,
+    load_controllers,
+    static_state,
+)
+from dqcontrol.plants.compliant.elastic_model import TICK, elastic_model, steps_per_tick
+from dqcontrol.plants.compliant.joint_columns import LOWER, MEMORY, UPPER, WITH_GRAVITY, butterworth
+from dqcontrol.plants.compliant.loads_and_faults import (
+    LiveWrist,
+    PayloadScale,
+    loss_table,
+    payload_table,
+    push_table,
+)
+from dqcontrol.plants.linear_model import LinearModel
+from dqcontrol.plants.mujoco.mujoco_model import import_mujoco, mass_matrix
 from dqcontrol.plants.mujoco.world_model import WorldContacts
-from dqcontrol.plants.plant import Channel, ControllerSettings, RunningPlant, as_command
+from dqcontrol.plants.plant import Channel, ControllerSettings, RunningPlant, as_command, start_within_limits
 from dqcontrol.robots.kinematics.gravity import WORK
+from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
-    from dqcontrol.plants.compliant.compliant_arm import Arm
     from dqcontrol.plants.compliant.compliant_plant import CompliantPlant
+    from dqcontrol.robots.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """An arm ready to move.
+
+    Attributes
+    ----------
+    robot, file
+        What it is made of.
+    model, data
+        MuJoCo's, at the start configuration.
+    constants, state
+        Of the joint controllers, columns of `joint_table`, one row a joint.
+    bodies
+        Table of the controllers' model of gravity, shape (n, 4).
+    rotors
+        Which coordinate of the model is each joint's motor, shape (n,).
+    scale
+        What weighs the payload; None if nothing does.
+    ticks, exchange, steps
+        Ticks of the joint controllers in a period, and from one exchange with the control loop to the next; steps of
+        the physics in a tick.
+    """
+
+    robot: Robot
+    file: ControllerFile
+    model: Any
+    data: Any
+    constants: Array
+    state: Array
+    bodies: Array
+    rotors: Array
+    scale: PayloadScale | None
+    ticks: int
+    exchange: int
+    steps: int
+
+
+def assemble(plant: CompliantPlant, robot: Robot, start: ArrayLike, period: float) -> Arm:
+    """Put the arm of a plant together, at rest at start (n,), rad, for control periods period, s.
+
+    Raises
+    ------
+    Error
+        If something does not fit the robot, or its motors cannot hold it at start.
+    """
+    mujoco = import_mujoco()
+    file = load_controllers(robot, plant.controllers)
+    start, ticks, n = start_within_limits(robot, start), _ticks("period", period), robot.configuration_size
+    exchange = 1 if plant.exchange_period is None else _ticks("plant.exchange_period", plant.exchange_period)
+    dry_friction = as_each("plant.dry_friction", plant.dry_friction, n)
+    actuation = replace(file.actuation(plant.springs), dry_friction=dry_friction)
+    elastic = actuation.elastic
+    hand = file.hand(plant.hand)
+    model = elastic_model(
+        robot, actuation, hand=hand, gravity=plant.gravity, accurate=plant.accurate, world=plant.world
+    )
+    data: Any = mujoco.MjData(model)
+    data.qpos[:n] = start
+    mujoco.mj_forward(model, data)
+    load = data.qfrc_bias[:n].copy()
+    own = n + int(elastic.sum())  # coordinates of links and rotors; those of the world come after
+    data.qpos[n:own] = (start + load / actuation.stiffness)[elastic]
+    inertia = mass_matrix(model, data)[:own, :own]
+    steps = steps_per_tick(inertia, robot, actuation, plant.accurate)
+    model.opt.timestep = TICK / steps
+    mujoco.mj_forward(model, data)
+    moved = np.diag(inertia)[:n] + np.where(elastic, actuation.rotor_inertia, 0.0)
+    constants = constants_table(plant, file, actuation, moved)
+    constants[:, LOWER] = np.maximum(constants[:, LOWER], robot.limits.lower)
+    constants[:, UPPER] = np.minimum(constants[:, UPPER], robot.limits.upper)
+    state = static_state(robot, constants, column.MODES[plant.mode], start, load, plant.gravity_factor)
+    rotors = np.arange(n, dtype=np.float64)
+    rotors[elastic] = n + np.arange(np.count_nonzero(elastic))
+    bodies, scale = gravity_bodies(robot, hand), None
+    if plant.payload_compensation is not None:
+        if plant.mode not in WITH_GRAVITY:
+            raise ValueRangeError(
+                f"plant.payload_compensation: needs a mode with a model of gravity, {', '.join(WITH_GRAVITY)}; "
+                f"got {plant.mode}"
+            )
+        exact = ticks * TICK
+        scale = PayloadScale(plant.payload_compensation, robot, hand, bodies, plant.gravity, exact)
+    return Arm(robot, file, model, data, constants, state, bodies, rotors, scale, ticks, exchange, steps)
+
+
+def _ticks(field: str, period: float) -> int:
+    """Return how many ticks of the joint controllers a period has."""
+    period = as_positive(field, period)
+    ticks = round(period / TICK)
+    if ticks < 1 or abs(ticks * TICK - period) > 1e-9 * period:
+        raise ValueRangeError(
+            f"{field}: must be a multiple of the joint controllers' {TICK:g} s, got {period:g} s "
+            f"({max(1, ticks) * TICK:g} would do)"
+        )
+    return ticks
 
 
 _HOLDS = "THETA_GC"
@@ -338,3 +454,80 @@ def _channels(joints: tuple[str, ...], weighed: bool) -> tuple[Channel, ...]:
         Channel("mode", (), ""),
         *([Channel("payload_estimate", (), "kg")] if weighed else []),
     )
+
+
+_HORIZON = 0.2  # s, in which what matters of a state is seen: more than a spring's or a filter's time
+_CHANGE = 1e-5  # rad, rad/s, N·m
+_REMEMBERED = [  # by each joint controller from one period to the next; the measured angle first
+    column.ANGLE,
+    column.TARGET,
+    column.ENCODER,
+    column.VELOCITY,
+    column.SENSED,
+    column.TORQUE_RATE,
+    *range(column.ANGLE_MEMORY, column.TORQUE_RATE_MEMORY + MEMORY),
+]
+_OF_THE_LOOP = {column.ANGLE: column.TOLD, column.TARGET: column.ASKED}  # the same where all ticks exchange
+_LEFT_OUT = [column.POSITION_I, column.TORQUE_I, column.ANGLE_RESOLUTION, column.TORQUE_RESOLUTION]
+_WITHOUT: dict[str, Any] = {
+    "pushes": [],
+    "payload": None,
+    "payload_compensation": None,
+    "world": None,
+    "encoder_losses": [],
+    "dry_friction": 0.0,
+    "base_shaking": 0.0,
+    "wrist_fault": None,
+}
+_LIMITS = [column.SLEW, column.MAX_TORQUE, column.MAX_CURRENT, column.UPPER]
+
+
+def linearised(plant: CompliantPlant, robot: Robot, start: Array, period: float) -> LinearModel | None:
+    """Return all joints together: what a period makes of small changes of state and commands about rest at start.
+
+    None if commands do not move the joints, as without stiffness, or if an exchange does not begin each period: then
+    one period is not like the next.
+
+    Left out: gravity, steps and noise of sensors, loads, dry friction, contacts, limits, and the joint controllers'
+    integrals, which bear their share of gravity at their limits.
+    """
+    still = changed(plant, gravity=(0.0, 0.0, 0.0), encoder_noise=0.0, **_WITHOUT)
+    arm = assemble(still, robot, start, period)
+    if arm.ticks % arm.exchange:
+        return None
+    at_once = arm.exchange == 1
+    remembered = _REMEMBERED if at_once else [*_OF_THE_LOOP.values(), *_REMEMBERED]
+    arm.constants[:, _LEFT_OUT] = 0.0
+    arm.constants[:, _LIMITS] = np.inf
+    arm.constants[:, column.LOWER] = -np.inf
+    arm.model.jnt_limited[:] = 0
+    n, mode = len(start), column.MODES[plant.mode]
+    rest = static_state(robot, arm.constants, mode, arm.data.qpos[:n].copy(), np.zeros(n), 1.0)
+    live = RunningCompliant(still, replace(arm, state=rest), 0)
+    state, qpos, qvel = arm_state = live.memory.state, live.data.qpos, live.data.qvel
+    rest = [part.copy() for part in arm_state]
+
+    def after_a_period(change: Array, command: Array) -> Array:
+        for part, before in zip(arm_state, rest, strict=True):
+            part[:] = before
+        known, angles, rates = np.split(change, [n * len(remembered), -len(qvel)])
+        state[:, remembered] += known.reshape(-1, n).T
+        if at_once:
+            state[:, list(_OF_THE_LOOP.values())] = state[:, list(_OF_THE_LOOP)]
+        qpos[:] += angles
+        qvel[:] += rates
+        live.step(command)
+        return np.concatenate([state[:, remembered].T.ravel(), qpos, qvel])
+
+    size = n * len(remembered) + len(qpos) + len(qvel)
+    zero_state, idle = np.zeros(size), np.zeros(n)
+    return LinearModel(
+        _slopes(lambda change: after_a_period(change, idle), size),
+        _slopes(lambda command: after_a_period(zero_state, command), n),
+    ).reduced(round(_HORIZON / period))
+
+
+def _slopes(function: Callable[[Array], Array], size: int) -> Array:
+    """Return the derivatives of a function at zero by central differences, a column each argument."""
+    steps = _CHANGE * np.eye(size)
+    return np.column_stack([(function(step) - function(-step)) / (2 * _CHANGE) for step in steps])

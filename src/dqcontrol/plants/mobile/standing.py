@@ -15,8 +15,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 
 if TYPE_CHECKING:
-    from dqcontrol.plants.mobile.running_gear import Foot, RunningGear
-    from dqcontrol.plants.mobile.wheeled_base import SolidBase
+    from dqcontrol.plants.mobile.wheeled_base import Foot, RunningGear, SolidBase
     from dqcontrol.robots.robot import Robot
 
 

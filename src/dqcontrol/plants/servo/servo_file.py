@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from dqcontrol.errors import FileFormatError, NoteWarning
-from dqcontrol.files.text_file import read_text
+from dqcontrol.files.input_file import read_text
 from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.plants.servo.servo_plant import Servo
 

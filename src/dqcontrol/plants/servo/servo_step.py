@@ -11,6 +11,27 @@ from dqcontrol.compiled.intrinsics import as_matrix, caller
 from dqcontrol.plants.plant import PLANT
 from dqcontrol.robots.kinematics.gravity import GRAVITY_FORCES, WORK
 
+
+@inline
+def free_response(h, bandwidth, damping):
+    """Return φ₁ and φ₂ of y(h) = φ₁ y + φ₂ y' for y'' + 2ζω y' + ω² y = 0; y'(h) = −ω² φ₂ y + (φ₁ − 2ζω φ₂) y'."""
+    if damping < 1.0:
+        rate = bandwidth * math.sqrt(1.0 - damping * damping)
+        decay = math.exp(-damping * bandwidth * h)
+        along = math.sin(rate * h) / rate if rate * h > 1e-9 else h
+        second = decay * along
+        first = decay * math.cos(rate * h) + damping * bandwidth * second
+        return first, second
+    rate = bandwidth * math.sqrt(damping * damping - 1.0)
+    if rate * h < 1e-6:
+        second = math.exp(-damping * bandwidth * h) * h
+        return math.exp(-damping * bandwidth * h) + damping * bandwidth * second, second
+    slow = math.exp(-(damping * bandwidth - rate) * h)
+    fast = math.exp(-(damping * bandwidth + rate) * h)
+    second = (slow - fast) / (2.0 * rate)
+    return 0.5 * (slow + fast) + damping * bandwidth * second, second
+
+
 # parameters: head, then a row of columns for each joint, bodies, and the table of the joints that carry them
 # SAGS_BY: address of `gravity_forces`, 0 without sag
 MEASURED_MODE, OLDEST_TARGET, SAGS_BY, GRAVITY = 0, 1, 2, 3

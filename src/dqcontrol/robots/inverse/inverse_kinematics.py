@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.robots.chain_robot import ChainRobot
 from dqcontrol.robots.inverse import inverse_kernels
-from dqcontrol.robots.kinematics.dexterity import Dexterity
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.poses import unit_poses
 
@@ -78,7 +78,7 @@ class Solution:
         return "\n".join(lines) + (f"\n\n… and {more} more" if more > 0 else "")
 
 
-class InverseKinematics(Dexterity):
+class InverseKinematics(ChainRobot):
     """The inverse of `fkm`."""
 
     limits: Limits

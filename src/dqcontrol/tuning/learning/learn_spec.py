@@ -14,8 +14,7 @@ from dqcontrol.experiments.spec.key_types import kinds_of, numbers_for_quantitie
 from dqcontrol.experiments.spec.reference_spec import Part
 from dqcontrol.experiments.spec.spec_files import complete_plants, locate_files
 from dqcontrol.files.yaml_file import convert
-from dqcontrol.tuning.robustness import Robustness, identified_file
-from dqcontrol.tuning.tune_spec import SpecWithBlock
+from dqcontrol.tuning.tune_spec import Robustness, SpecWithBlock, identified_file
 
 
 class Tracker(Part, frozen=True, kw_only=True):

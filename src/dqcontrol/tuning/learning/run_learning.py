@@ -30,6 +30,7 @@ from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop import Clock, Record
 from dqcontrol.loop.record import has_failed
 from dqcontrol.loop.simulate import simulate_prepared
+from dqcontrol.measures.metrics import low_passed
 from dqcontrol.measures.stability import GOOD_MARGIN, gain_margin
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import WRENCH_READINGS, Plant
@@ -45,11 +46,11 @@ from dqcontrol.tuning.learning.convergence import (
     loop_shape,
     widest,
 )
-from dqcontrol.tuning.learning.force_learning import STIFFNESSES, ForceLearning
 from dqcontrol.tuning.learning.learn_spec import LearnProblem, read_learn
 from dqcontrol.tuning.learning.learnt_motion import (
+    STIFFNESSES,
     TRACKED_POSE,
-    filtered,
+    ForceLearning,
     hand_error,
     increment,
     motion_of,
@@ -57,7 +58,7 @@ from dqcontrol.tuning.learning.learnt_motion import (
     weighted_norm,
     write_motion,
 )
-from dqcontrol.tuning.robustness import plant_family
+from dqcontrol.tuning.tune_spec import plant_family
 
 LEARNT, LEARNT_SPEC, HISTORY = "learnt.csv", "learnt.yaml", "learning.json"
 LearnProgress = Callable[[int, int], None]
@@ -69,10 +70,8 @@ _CLOSED = 1e-3, math.radians(0.5)  # m and rad, within which a motion ends where
 _JUMP = 0.02  # m/s, and rad/s, of a motion that begins at rest
 _GROWN, _GAIN = 1.1, 0.9  # of the best error: what is growth, and what is progress
 _NARROWER, _WEAKER = 0.6, 0.5  # after growth: the cut-off, and what is learnt of an error
-_AT_NOISE, _LEFT_NOISE = (
-    1.5,
-    3.0,
-)  # times the noise in the band: what is taken for noise, and what is not any more
+# times the noise in the band: what is taken for noise, and what is not any more
+_AT_NOISE, _LEFT_NOISE = 1.5, 3.0
 _MOST_FLAT = 2  # repeats without progress in a row: one may be noise
 _SAME = 1.001  # is no growth: what is not learnt stays as it is
 _MISSING = 2.5  # periods at the end that a robot's record may lack
@@ -691,7 +690,7 @@ class _Session:
 
     def _sizes(self, error: Array, cutoff: float) -> tuple[float, float]:
         """Return the error below the cut-off and what of it is noise, m; of forces, N."""
-        smooth = filtered(self.time, error, cutoff)
+        smooth = low_passed(self.time, error, cutoff)
         nyquist = 0.5 / self.problem.spec.period
         share = math.sqrt(cutoff / (nyquist - cutoff)) if cutoff < nyquist else 1.0
         if self.forces is not None:
