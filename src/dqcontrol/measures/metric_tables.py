@@ -11,7 +11,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK
 from dqcontrol.errors import unknown_name
 from dqcontrol.measures.metrics import Metrics
-from dqcontrol.measures.run_kernels import NUMBERS, REACHED, Judged, measure_kernel
+from dqcontrol.measures.run_kernels import NUMBERS, REACHED, TaskNumbers, measure_kernel
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots.chain_robot import ChainRobot
 from dqcontrol.robots.limits import Limits
@@ -283,7 +283,7 @@ class RunMeasure:
         skipped
             How many samples the settled numbers leave out.
         """
-        out = np.full(len(NUMBERS) + len(Judged._fields), math.nan)
+        out = np.full(len(NUMBERS) + len(TaskNumbers._fields), math.nan)
         status = measure_kernel(
             self._forward,
             np.ascontiguousarray(samples[:, TIME]),

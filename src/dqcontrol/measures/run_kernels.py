@@ -44,7 +44,7 @@ NUMBERS: tuple[str, ...] = (
 """Names of the numbers, in the order that `measure_kernel` writes them; as in `Metrics.flat`, but ``command_jerk``."""
 
 
-class Judged(NamedTuple):
+class TaskNumbers(NamedTuple):
     """What it writes behind `NUMBERS`: what the errors come to at the samples by which a task is judged.
 
     Attributes
@@ -203,7 +203,7 @@ def _limit_margin(q, lower, upper, reached):
 def measure_kernel(
     forward, time, samples, q, command, table, lower, upper, per_speed, skipped, judged, band, work, out
 ):
-    """Write all `NUMBERS` of a run and `Judged`; NaN where one does not exist.
+    """Write all `NUMBERS` of a run and `TaskNumbers`; NaN where one does not exist.
 
     ``work`` then ends with the lowest and highest of each joint.
     """

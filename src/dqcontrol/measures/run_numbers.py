@@ -17,7 +17,7 @@ from dqcontrol.compiled.compile import OK, READ2, STATUS, WRITE, inline, kernel
 from dqcontrol.errors import ShapeError
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.loop.record import Record, row_norms
-from dqcontrol.measures.run_kernels import GIVEN, NUMBERS, REACHED, Judged, measure_kernel
+from dqcontrol.measures.run_kernels import GIVEN, NUMBERS, REACHED, TaskNumbers, measure_kernel
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots.limits import Limits
 
@@ -172,7 +172,7 @@ class RunNumbers:
     skipped: int
     judged: int
     values: list[float]
-    task: Judged
+    task: TaskNumbers
     limit_joint: str
 
     def __getitem__(self, name: str) -> float:
@@ -213,7 +213,7 @@ def run_numbers(
     else:
         check_fit(record, limits)
         lower, upper, per_speed = limits.lower, limits.upper, 1.0 / limits.velocity
-    work, out = np.empty(REACHED + 2 * n), np.full(len(NUMBERS) + len(Judged._fields), math.nan)
+    work, out = np.empty(REACHED + 2 * n), np.full(len(NUMBERS) + len(TaskNumbers._fields), math.nan)
     measure_kernel(
         GIVEN, record.time, record.desired, record.q, record.command, record.pose, lower, upper, per_speed, skipped,
         judged, band, work, out,
@@ -227,7 +227,7 @@ def run_numbers(
         lowest, highest = work[REACHED : REACHED + n], work[REACHED + n :]
         joint = record.joint_names[int(np.minimum(lowest - lower, upper - highest).argmin())]
     return RunNumbers(
-        desired, skipped, judged, values[: len(NUMBERS)], Judged(*values[len(NUMBERS) :]), joint
+        desired, skipped, judged, values[: len(NUMBERS)], TaskNumbers(*values[len(NUMBERS) :]), joint
     )
 
 
