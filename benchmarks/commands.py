@@ -53,7 +53,8 @@ def ratios(short: bool) -> list[Ratio]:
         prepared = law.prepare(arm, circle, PERIOD)
         functions[name] = partial(prepared.command, Q, sample, prepared.initial_state(Q), out)
     # Theirs feeds back x − x_d, the classic error, and damps in another measure: without damping both are the same.
-    classic = variants.ClassicProportional(gain=GAIN, inverse=inverses["filtered"]).prepare(arm, None, PERIOD)
+    exact = laws.FilteredInverse(growth=0.0)
+    classic = variants.ClassicProportional(gain=GAIN, inverse=exact).prepare(arm, None, PERIOD)
     check(functions["pinv"](), classic.command(Q, sample, classic.initial_state(Q)))
     t = medians(functions, 1000, 3 if short else 15)
     found = [
