@@ -272,7 +272,7 @@ class PreparedExperiment:
     def with_drives_of(self, spec: Spec) -> PreparedExperiment:
         """Return the same for a spec that differs in its laws and plants alone, for runs that follow at once.
 
-        Its robots and what they follow stay; as of `prepare_spec` unchecked, plants are left to the runs.
+        Its robots and what they follow stay; plants are left to the runs, as of a spec that is not checked.
         """
         return _combined(spec.with_empty_hands, self.folder, self.scenes, checked=False)
 
