@@ -37,7 +37,7 @@ def started(monkeypatch, tmp_path):
 
 def test_new_kernels_start_one_process(started):
     kernels_beside.compile_beside()
-    assert started == [[sys.executable, "-m", "dqcontrol.cli.kernels_beside"]]
+    assert started == [[sys.executable, "-P", "-m", "dqcontrol.cli.kernels_beside"]]
 
 
 @pytest.mark.parametrize(
@@ -46,6 +46,7 @@ def test_new_kernels_start_one_process(started):
         (kernel_cache, "is_kept", lambda function: True),
         (kernel_cache, "root", lambda: None),
         (os, "cpu_count", lambda: 1),
+        (kernels_beside, "IS_PLAIN", True),
     ],
 )
 def test_nothing_starts_where_it_would_not_help(started, monkeypatch, owner, name, value):

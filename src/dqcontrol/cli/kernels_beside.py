@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 from dqcontrol.compiled import kernel_cache
+from dqcontrol.compiled.numba_choice import IS_PLAIN
 from dqcontrol.loop.record import pose_errors
 from dqcontrol.loop.rollout import rollout
 from dqcontrol.measures.run_kernels import measure_kernel
@@ -16,15 +17,17 @@ _IN_THEIR_ORDER = (solve, rollout, measure_kernel, pose_errors)  # half of what 
 
 
 def compile_beside() -> None:
-    """Start the second process where these kernels are new and there is a processor for it; nobody waits for it."""
+    """Start the second process where these kernels are new and kept, and a processor is left; nobody waits for it."""
     if (
-        kernel_cache.root() is None
+        IS_PLAIN  # kernels are kept by Numba's internals alone
+        or kernel_cache.root() is None
         or (os.cpu_count() or 1) < 2
         or kernel_cache.is_kept(measure_kernel.function)
     ):
         return
+    command = [sys.executable, "-P", "-m", __name__]  # -P: no module of the folder that it runs in
     nothing = subprocess.DEVNULL
-    subprocess.Popen([sys.executable, "-m", __name__], stdin=nothing, stdout=nothing, stderr=nothing)
+    subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing)
 
 
 if __name__ == "__main__":

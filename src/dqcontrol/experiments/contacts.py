@@ -147,12 +147,12 @@ class Contacts:
         """Return where a run went through something, the deepest first."""
         if not np.isfinite(record.q).all():
             return []
-        found = [
-            Contact(self._watched[i].words, depth, float(record.time[k]))
-            for i, depth, k in (
-                self._deepest(record) if self._watched and not self._has_room(record.q) else ()
-            )
-        ]
+        found: list[Contact] = []
+        if self._watched and not self._has_room(record.q):
+            found += [
+                Contact(self._watched[i].words, depth, float(record.time[k]))
+                for i, depth, k in self._deepest(record)
+            ]
         if (chassis := _chassis(self._robot)) is not None:
             inside = _inside(chassis, record.q, record.position)
             if inside[k := int(inside.argmax())] > _TOUCH:

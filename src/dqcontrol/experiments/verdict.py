@@ -539,12 +539,8 @@ class Judge:
             yield words
         if result.rests and not result.is_moving:
             yield from self._rests(record, metrics, result)
-        elif behind := _behind(record, result, self._desired_of(record)):
+        elif behind := _behind(record, result, DesiredMotion.of(record.desired, self.desired)):
             yield f"too late: {length_text(behind)} behind"
-
-    def _desired_of(self, record: Record) -> DesiredMotion:
-        known = self.desired
-        return known if known and known.is_of(record.desired) else DesiredMotion.of(record.desired)
 
     def _rests(self, record: Record, metrics: Metrics, result: TaskResult) -> Iterator[str]:
         """Yield why an end effector rests before its goal."""

@@ -388,7 +388,7 @@ def evaluate(
     --------
     >>> import numpy as np
     >>> from dqcontrol.measures.metrics import evaluate
-    >>> from dqcontrol.loop.record import Record, error_norms, pose_errors, row_norms
+    >>> from dqcontrol.loop.record import Record
     >>> time, q = np.linspace(0, 2, 5), np.zeros((5, 1))
     >>> pose = np.tile([1.0, 0, 0, 0, 0, 0, 0, 0], (5, 1))
     >>> record = Record(time, q, q, q + 3, pose, np.hstack([pose, np.zeros((5, 13))]), ("a",))
@@ -523,7 +523,7 @@ def _settling_band(record: Record, first: float, largest: float, tolerance: floa
         return tolerance
     if first < STEP_SHARE * largest:
         return math.nan
-    error = np.empty((1, 8))
+    error = np.empty((1, 8))  # as `Record.error` has it, to the last bit
     pose_errors(record.pose[:1], record.desired[:1], error)
     return SETTLED_FRACTION * float(error_norms(error)[0])
 

@@ -116,8 +116,10 @@ class DesiredMotion:
     rest: int | None
 
     @classmethod
-    def of(cls, desired: Array) -> DesiredMotion:
-        """Return that of samples (N, 21)."""
+    def of(cls, desired: Array, known: DesiredMotion | None = None) -> DesiredMotion:
+        """Return that of samples (N, 21): the known one if it is of the same poses."""
+        if known is not None and np.array_equal(known.poses, desired[:, POSE]):
+            return known
         times, poses = np.ascontiguousarray(desired[:, TIME]), np.ascontiguousarray(desired[:, POSE])
         out = np.empty(len(_Motion._fields))
         _measure_motion(desired, np.empty(7), out)
@@ -125,10 +127,6 @@ class DesiredMotion:
         # It has all but stopped at its last step: samples beyond its end rest whatever it did.
         rests = numbers.last_step <= _SLOW * numbers.largest_step + _SAME
         return cls(times, poses, numbers, _first_of_rest(poses) if rests else None)
-
-    def is_of(self, desired: Array) -> bool:
-        """Return whether it is that of these samples."""
-        return np.array_equal(self.poses, desired[:, POSE])
 
     @cached_property
     def positions(self) -> Array:
@@ -203,8 +201,7 @@ def run_numbers(
     ShapeError
         If the limits do not fit the record.
     """
-    if desired is None or not desired.is_of(record.desired):
-        desired = DesiredMotion.of(record.desired)
+    desired = DesiredMotion.of(record.desired, desired)
     count, n, m = len(record), record.q.shape[1], record.command.shape[1]
     skipped = min(int(record.time.searchsorted(record.time[0] + skip_initial * (1 - 1e-12))), count - 1)
     judged = skipped if desired.rest is None else desired.rest

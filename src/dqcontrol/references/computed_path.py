@@ -21,7 +21,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, STATUS, WRITE, inline, kernel, types
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.references.planar import PlanarReference
-from dqcontrol.references.reference import SNAP, Reference
+from dqcontrol.references.reference import SNAP, Reference, begun
 from dqcontrol.references.timing import Paced, Transformed
 
 # parameters, time (s), sample (21)
@@ -106,14 +106,7 @@ def path_parameters(reference: Reference) -> Array | None:
 @inline
 def _row_before(rows, time):
     """Return the last row that begins at or before a time."""
-    low, high = 0, rows.shape[0]
-    while low < high:
-        middle = (low + high) // 2
-        if rows[middle, 0] <= time:
-            low = middle + 1
-        else:
-            high = middle
-    return max(low - 1, 0)
+    return max(begun(rows[:, 0], time) - 1, 0)
 
 
 @inline

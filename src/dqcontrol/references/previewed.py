@@ -13,7 +13,7 @@ from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE2, inline_ieee, kernel
 from dqcontrol.errors import as_positive
-from dqcontrol.references.reference import SNAP, Reference
+from dqcontrol.references.reference import SNAP, Reference, begun
 from dqcontrol.references.sample import POSE, TWIST, TWIST_RATE
 
 if TYPE_CHECKING:
@@ -115,19 +115,6 @@ def _cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@inline_ieee
-def _begun(starts, time):
-    """Return how many of the starts, which increase, are not after a time."""
-    low, high = 0, starts.shape[0]
-    while low < high:
-        middle = (low + high) // 2
-        if starts[middle] <= time:
-            low = middle + 1
-        else:
-            high = middle
-    return low
-
-
 # share, delay, lag and step; times, starts, sums of their jumps; of `_Ahead` all but the samples; samples
 @kernel(STATUS(READ, READ, READ, READ2, READ2, READ2, READ2, READ2, WRITE2), strict=True)
 def lead(numbers, times, starts, jumped, position, present, moving, before, out):
@@ -142,9 +129,9 @@ def lead(numbers, times, starts, jumped, position, present, moving, before, out)
         if share != 0.0:
             ahead = times[k] + delay
             now, late, close = (
-                _begun(starts, ahead),
-                _begun(starts, ahead - lag),
-                _begun(starts, ahead - step),
+                begun(starts, ahead),
+                begun(starts, ahead - lag),
+                begun(starts, ahead - step),
             )
             for i in range(3):
                 for at, led in ((i, turning), (3 + i, speed)):

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.algebra import translation
 from dqcontrol.algebra.batch import UNIT_TOLERANCE, first_not_unit
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.compile import READ, WRITE, kernel, types
+from dqcontrol.compiled.compile import READ, WRITE, inline, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.files.long_array import long_array
 from dqcontrol.references.sample import SAMPLE_SIZE, TIME, TWIST, TWIST_RATE, Sample
@@ -32,20 +32,27 @@ SNAP = 1e-9  # s; a time this near to a corner is the corner: a multiple of the 
 _BLOCK = 4096  # times sampled at once: all that is computed of them fits into the processor's cache
 
 
+@inline
+def begun(starts, time):
+    """Return how many of the starts (N,), which increase, are not after a time."""
+    low, high = 0, starts.shape[0]
+    while low < high:
+        middle = (low + high) // 2
+        if starts[middle] <= time:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
 @kernel(types.void(READ, READ, types.float64, WRITE, types.Array(types.boolean, 1, "C")), strict=True)
 def _snap(times, corners, duration, inside, at_corner):
     """Put times into [0, duration] and onto the nearest corner, or the end, within `SNAP`; say which are there."""
     for i in range(times.shape[0]):
         time = min(max(times[i], 0.0), duration)
-        low, high = 0, corners.shape[0]  # to the number of corners before the time
-        while low < high:
-            middle = (low + high) // 2
-            if corners[middle] < time:
-                low = middle + 1
-            else:
-                high = middle
-        before = corners[low - 1] if low > 0 else -np.inf
-        after = corners[low] if low < corners.shape[0] else duration
+        passed = begun(corners, time)
+        before = corners[passed - 1] if passed > 0 else -np.inf
+        after = corners[passed] if passed < corners.shape[0] else duration
         nearest = before if time - before <= after - time else after
         at_corner[i] = abs(time - nearest) <= SNAP
         inside[i] = nearest if at_corner[i] else time

@@ -13,9 +13,7 @@ from .files.description import (
     JointRow as JointRow,
     describe as describe,
 )
-from .files.load import (
-    load_robot as load_robot,
-)
+from .files.load import load_robot as load_robot
 from .files.robot_file import (
     RobotFile as RobotFile,
     load_robot_file as load_robot_file,

@@ -89,7 +89,7 @@ class KeepOutZones(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
         return {name: footprint(bodies[name]) for name in chosen}
 
     def rows(self) -> Array:
-        """Return all as ``keep_out_step.clearance`` takes it, shape (N, 6)."""
+        """Return all as ``supervisor_step.clearance`` takes it, shape (N, 6)."""
         found = [np.zeros((0, ZONE_COLUMNS))]
         for each in self.footprints.values():
             x, y, radius = each.discs.T

@@ -46,7 +46,7 @@ from dqcontrol.supervisor.supervisor_layout import (
 
 _FAR = 1.1  # share of the singular value that slows: further away it is not computed
 # Whoever brakes longer than that goes no faster: 2 s at 1 ms. Each step takes the kinematics of all links; those of
-# a base alone, in `keep_out_step`, do not, and are ten times as many.
+# a base alone, in `supervisor_step`, do not, and are ten times as many.
 _BRAKING_STEPS = 2000
 _ROUNDING = 1e-9  # share of a limit
 _AT_SIDE = 1e-12  # m: who brakes to the side of the box is beyond it by rounding, some 1e-16 m a joint

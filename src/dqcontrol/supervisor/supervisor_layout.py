@@ -109,7 +109,7 @@ class Bounds(NamedTuple):
     points
         Rows of 4: row of a joint, and a point fixed to its link, m.
     zones
-        That a base keeps out of, see `keep_out_step.clearance`.
+        That a base keeps out of, see `supervisor_step.clearance`.
     """
 
     head: Annotated[Array, HEAD]

@@ -418,7 +418,7 @@ def _on_path(where: str, body: dict[str, Any], moves: dict[str, Any], folder: Pa
 
 
 def world_text(world: World, suffix: str) -> str:
-    """Return a world as a file of this suffix says it; see `world_formats.foreign_text`."""
+    """Return a world as a file of this suffix says it; see `foreign_text`."""
     if suffix not in (".yaml", ".yml"):
         return foreign_text(world, suffix)
     plain = {name: _said(body) for name, body in world.bodies.items()}
