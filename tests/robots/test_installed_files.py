@@ -182,6 +182,8 @@ def test_what_stands_by_a_planar_joint_stays_where_the_file_has_it(tmp_path):
         ({"drive": "found", "tips": "all"}, "drive: makes a base on wheels; leave out 'tips'"),
         ({"wheel_radius": 0.1}, "wheel_radius: is that of a drive; give drive='found'"),
         ({"tips": ["tool"], "tip_link": "tool"}, "tips: make a tree and 'tip_link' a chain"),
+        ({"tips": "panda_link8"}, "tips: expected 'all' or a list of links, got 'panda_link8'"),
+        ({"tips": []}, "tips: expected 'all' or a list of links, got \\[\\]"),
         ({"floating": True}, "floating: is the root of a tree; give 'tips'"),
     ],
 )

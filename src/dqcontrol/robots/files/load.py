@@ -308,6 +308,8 @@ def load_robot(
     if tips is not None:
         if tip_link is not None:
             raise ShapeError("tips: make a tree and 'tip_link' a chain; give one of them")
+        if not tips or (isinstance(tips, str) and tips != "all"):
+            raise ShapeError(f"tips: expected 'all' or a list of links, got {tips!r}")
         chosen = None if tips == "all" else tips
         tree = _links(source).tree(chosen, base_link, floating=floating)
         tree.tips, tree.origin = tuple(chosen or ()), (place, None, None)
