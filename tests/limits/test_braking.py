@@ -7,6 +7,8 @@ import pytest
 
 from dqcontrol.limits.braking import braked, braking_share, fastest_stoppable, largest_share, surely_stops
 
+SEED = 20261128
+
 
 def test_what_surely_stops_does():
     rng, sure = np.random.default_rng(20261122), 0
@@ -34,6 +36,20 @@ def test_it_is_sure_from_a_hundredth_of_the_room_on():
     needed = 0.5 * (0.5 + 2 * 2.0 * 0.01) / (2 * 2.0)
     assert surely_stops(1.0101 * needed, 0.5, 2.0, 0.01)
     assert not surely_stops(1.0099 * needed, 0.5, 2.0, 0.01)
+
+
+def test_the_fastest_rate_brakes_to_rest_just_at_the_end_of_the_room():
+    """Step by step in fractions: each period aT slower; from 1e-12 faster the way is longer than the room."""
+    rng = np.random.default_rng(SEED)
+    for _ in range(300):
+        room, acceleration, period = 10 ** rng.uniform([-4, -1, -3], [1, 2, -1])
+        rate = fastest_stoppable(room, acceleration, period)
+        step = Fraction(acceleration) * Fraction(period)
+        for share, is_within in ((1 - 1e-12, True), (1 + 1e-12, False)):
+            way, left = Fraction(0), Fraction(rate) * Fraction(share)
+            while left > 0:
+                way, left = way + left * Fraction(period), left - step
+            assert (way <= room) is is_within, (SEED, room, acceleration, period)
 
 
 @pytest.mark.parametrize(("ratio", "least", "most"), [(0.9e12, -1e-9, 1e-9), (1.1e12, 1e-7, 4e-6)])

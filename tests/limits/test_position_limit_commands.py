@@ -71,6 +71,24 @@ def test_blocked_columns_leave_the_least_squares_of_the_others(arm, kind, name):
 
 
 @pytest.mark.usefixtures("without_growth")
+@pytest.mark.parametrize("name", LAWS)
+def test_the_others_make_up_for_a_joint_that_reaches_its_limit_within_the_period(arm, name):
+    """Joint 4 is a third of its step from its limit: it goes there, and least squares of the others do the rest."""
+    q = Q0.copy()
+    for _ in range(20):  # the step depends on the configuration a little
+        law, sample, matrix, y = situation(arm, name, q)
+        wanted = np.linalg.pinv(matrix, 1e-9) @ y
+        q[3] = arm.limits.upper[3] - wanted[3] * T / 3
+    assert wanted[3] > 0.1, "or the joint would not reach it"
+    prepared = law.prepare(arm, None, T, CommandLimits(position=ModifiedClamping()))
+    u = prepared.command(q, sample, prepared.initial_state(q))
+    assert u[3] == pytest.approx(wanted[3] / 3, rel=1e-6)
+    left = y - matrix[:, 3] * u[3]
+    matrix[:, 3] = 0.0
+    np.testing.assert_allclose(np.delete(u, 3), np.delete(np.linalg.pinv(matrix, 1e-9) @ left, 3), atol=1e-8)
+
+
+@pytest.mark.usefixtures("without_growth")
 def test_a_joint_pushed_out_by_the_second_answer_is_blocked_too():
     """A planar arm of three joints whose middle joint is at its limit: without it the last one would cross."""
     inf = np.full(3, np.inf)
