@@ -88,6 +88,21 @@ def test_the_others_make_up_for_a_joint_that_reaches_its_limit_within_the_period
     np.testing.assert_allclose(np.delete(u, 3), np.delete(np.linalg.pinv(matrix, 1e-9) @ left, 3), atol=1e-8)
 
 
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_joint_beyond_its_limit_stays_or_returns_as_the_law_asks(side):
+    """A single joint, 0.1 rad beyond: clamping neither lets it go further nor drives it back by itself."""
+    one, inf = np.ones(1), np.full(1, np.inf)
+    arm = dqc.SerialArm.from_dh([0], [0], [1], [0], limits=Limits(-one, one, inf, inf))
+    law, q = PartialProportional(part="position", gain=0.5), np.array([side * 1.1])
+    limited, free = (
+        law.prepare(arm, None, T, each) for each in (CommandLimits(position=ModifiedClamping()), None)
+    )
+    further, back = (dqc.Sample(arm.fkm(q + side * step)) for step in (0.1, -0.3))
+    assert free.command(q, further, free.initial_state(q)) * side > 0.01
+    assert limited.command(q, further, limited.initial_state(q)) == 0
+    assert limited.command(q, back, limited.initial_state(q)) == free.command(q, back, free.initial_state(q))
+
+
 @pytest.mark.usefixtures("without_growth")
 def test_a_joint_pushed_out_by_the_second_answer_is_blocked_too():
     """A planar arm of three joints whose middle joint is at its limit: without it the last one would cross."""
