@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import io
 import time
 from abc import ABC, abstractmethod
@@ -13,7 +12,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.browser.layout import FIELD
 from dqcontrol.browser.loop_events import use_loop_events
 from dqcontrol.browser.own_origin import only_own_pages
-from dqcontrol.errors import MissingExtraError
+from dqcontrol.errors import from_extra
 
 HOST = "127.0.0.1"  # nobody else's machine: there is no password
 _TICK = 1 / 30  # s
@@ -28,12 +27,7 @@ def import_viser() -> Any:
     MissingExtraError
         If it is not installed.
     """
-    try:
-        return importlib.import_module("viser")
-    except ImportError as error:
-        raise MissingExtraError(
-            f"view: needs viser, which cannot be imported ({error}); pip install 'dqcontrol[view]'"
-        ) from None
+    return from_extra("viser", "view", "pages in a browser")
 
 
 def start_server(port: int, title: str = "dqcontrol") -> Any:

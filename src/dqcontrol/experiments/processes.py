@@ -13,7 +13,7 @@ from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from dqcontrol.errors import Error, MissingExtraError, ValueRangeError
+from dqcontrol.errors import Error, ValueRangeError, from_extra
 
 if TYPE_CHECKING:
     from distributed import Client  # pyright: ignore[reportMissingImports]
@@ -102,17 +102,14 @@ def connect(address: str) -> Client:
     Error
         If the address is malformed, nobody answers, or there are no workers.
     """
-    try:
-        from distributed import Client  # pyright: ignore[reportMissingImports]
-        from distributed.comm.addressing import parse_address, parse_host_port  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        raise MissingExtraError(
-            "distributed: is not installed, and --scheduler needs it; install it with: pip install 'dqcontrol[dask]'"
-        ) from None
+    distributed, addressing = (
+        from_extra(name, "dask", "schedulers") for name in ("distributed", "distributed.comm.addressing")
+    )
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # one line of ours is enough
     try:
-        parse_host_port(parse_address(address)[1])  # a client that never began complains later
-        client = Client(address, timeout=_PATIENCE, set_as_default=False)
+        # a client that never began complains later
+        addressing.parse_host_port(addressing.parse_address(address)[1])
+        client = distributed.Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, TimeoutError):
         raise Error(f"scheduler: nobody answers at '{address}'; start one with: dask scheduler") from None
     except (ValueError, KeyError, TypeError) as error:

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from dqcontrol.errors import FileFormatError, MissingExtraError, writing
+from dqcontrol.errors import FileFormatError, from_extra, writing
 from dqcontrol.measures.metric_tables import METRIC_COLUMNS, TEXTS
 
 Row = dict[str, float | int | str | None]
@@ -23,14 +23,8 @@ def import_pyarrow() -> ModuleType:
     MissingExtraError
         If it is not installed.
     """
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError:
-        raise MissingExtraError(
-            "pyarrow: is not installed, and tables of trials need it; install it with: pip install 'dqcontrol[data]'"
-        ) from None
-    return pyarrow
+    from_extra("pyarrow.parquet", "data", "tables of trials")
+    return from_extra("pyarrow", "data", "tables of trials")
 
 
 def write_rows(path: Path, rows: Sequence[Mapping[str, Any]], notes: Mapping[str, str]) -> None:

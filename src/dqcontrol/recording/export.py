@@ -28,11 +28,9 @@ column, ``'1'`` where there is none. All numbers keep all their digits.
 from __future__ import annotations
 
 import csv
-import importlib
 import io
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import msgspec
@@ -40,7 +38,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ExistsError, MissingExtraError, ShapeError, unknown_name, writing
+from dqcontrol.errors import ExistsError, ShapeError, from_extra, unknown_name, writing
 from dqcontrol.files.lerobot_dataset import ACTION, COMMAND, POSE, REFERENCE, STATE, Feature
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.loop.record import Record
@@ -174,7 +172,7 @@ def _csv(path: Path, record: Record, columns: Sequence[Signal], notes: Mapping[s
 
 
 def _parquet(path: Path, record: Record, columns: Sequence[Signal], notes: Mapping[str, str]) -> None:
-    pyarrow, parquet = _library("pyarrow", "pyarrow"), _library("pyarrow.parquet", "pyarrow")
+    pyarrow, parquet = (from_extra(name, "data", "Parquet files") for name in ("pyarrow", "pyarrow.parquet"))
     metadata = {f"dqcontrol.{name}": text for name, text in notes.items()}
     schema = pyarrow.schema([(name, pyarrow.float64()) for name in _headings(columns)], metadata=metadata)
     with open(path, "wb") as stream, parquet.ParquetWriter(stream, schema, compression="zstd") as writer:
@@ -189,11 +187,13 @@ def _blocks(columns: Sequence[Signal]) -> Iterator[NDArray[np.float64]]:
 
 
 def _mat(path: Path, record: Record, columns: Sequence[Signal], notes: Mapping[str, str]) -> None:
+    from scipy.io import savemat
+
     content: dict[str, Any] = {signal.name: signal.values for signal in columns}
     content["units"] = {signal.name: _cell([unit or "1" for unit in signal.units]) for signal in columns}
     content["joint_names"], content["input_names"] = _cell(record.joint_names), _cell(record.input_names)
     with open(path, "wb") as stream:
-        _library("scipy.io", "scipy").savemat(stream, content | dict(notes), do_compression=True)
+        savemat(stream, content | dict(notes), do_compression=True)
 
 
 def _headings(columns: Sequence[Signal]) -> list[str]:
@@ -207,15 +207,6 @@ def _headings(columns: Sequence[Signal]) -> list[str]:
 
 def _cell(texts: Sequence[str]) -> NDArray[np.object_]:
     return np.array(texts, dtype=object)[None, :]
-
-
-def _library(module: str, package: str) -> ModuleType:
-    try:
-        return importlib.import_module(module)
-    except ImportError:
-        raise MissingExtraError(
-            f"{package}: is not installed; install it with: pip install 'dqcontrol[data]'"
-        ) from None
 
 
 def _units(field: str, units: Sequence[str] | None, names: Sequence[str]) -> tuple[str, ...]:
