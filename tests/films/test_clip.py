@@ -7,7 +7,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.algebra import translation
-from dqcontrol.cli.clip_command import clip
+from dqcontrol.cli.result_commands import clip
 from dqcontrol.errors import ExistsError, FileFormatError, MissingExtraError, ShapeError, ValueRangeError
 from dqcontrol.films.clip import _film, _moments, render_clip, render_strip, render_whole
 from dqcontrol.films.film import with_rolling_wheels

@@ -178,7 +178,7 @@ def test_mobile_bases_are_refused():
 
 
 def test_the_command_prints_both_tables_and_writes_the_files(iiwa, tmp_path, capsys):
-    from dqcontrol.cli.calibrate_command import calibrate
+    from dqcontrol.cli.log_commands import calibrate
 
     calibrate(iiwa[3], robot="iiwa7", out=tmp_path / "out")
     printed = capsys.readouterr().out

@@ -101,7 +101,7 @@ def test_what_leaves_no_room_is_said(options, message):
 
 
 def test_the_command_prints_what_to_expect_and_writes_the_files(tmp_path, capsys):
-    from dqcontrol.cli.excite_command import excite
+    from dqcontrol.cli.log_commands import excite
 
     excite("iiwa7", start="0,0.6,0,1.6,0,0.6,0", duration=20, out=tmp_path / "out")
     printed = capsys.readouterr().out

@@ -354,7 +354,7 @@ def test_the_step_of_an_encoder_is_found(step):
 
 def test_the_command_line_prints_the_joints_and_writes_the_files(bench, tmp_path, monkeypatch, capsys):
     _, _, _, folder = bench
-    from dqcontrol.cli.identify_command import servos
+    from dqcontrol.cli.log_commands import servos
 
     monkeypatch.setattr("dqcontrol.logs.servos.identification.load_robot", lambda *_: arm_of(6))
     servos([folder / "log.csv"], robot="bench", out=tmp_path / "out")

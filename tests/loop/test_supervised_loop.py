@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol.cli.figures_command import figures
+from dqcontrol.cli.result_commands import figures
 from dqcontrol.errors import FileFormatError, ValueRangeError
 from dqcontrol.experiments import read_spec
 from dqcontrol.laws import ProportionalFeedforward

@@ -3,7 +3,7 @@
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol.cli.compare_command import compare
+from dqcontrol.cli.result_commands import compare
 from dqcontrol.experiments.run_comparison import unit_of_way
 from dqcontrol.reports import redrawn
 

@@ -14,7 +14,7 @@ pytest.importorskip("rclpy", reason="needs ROS 2: pip install 'dqcontrol[ros2]'"
 from nodes import PATIENCE, PATIENT
 
 from dqcontrol.browser import growing_recording
-from dqcontrol.cli.view_command import _follow, _take_news
+from dqcontrol.cli.result_commands import _follow, _take_news
 from dqcontrol.errors import Error
 from dqcontrol.experiments import load_run
 from dqcontrol.experiments.run import Run

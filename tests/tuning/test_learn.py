@@ -360,7 +360,7 @@ def test_a_robot_behind_a_runner_learns_as_a_simulated_one():
 
 
 def test_what_is_for_ros_is_refused_without_it(tmp_path):
-    from dqcontrol.cli.learn_command import learn
+    from dqcontrol.cli.experiment_commands import learn
 
     (tmp_path / "learn.yaml").write_text(yaml.safe_dump(spec()))
     with pytest.raises(Error, match=r"^--network: is for a robot behind topics; give --ros2 velocity"):

@@ -5,7 +5,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.algebra import matrix_from_pose
-from dqcontrol.cli.convert_command import convert
+from dqcontrol.cli.log_commands import convert
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.experiments.spec.world_file import foreign_text, world_text
 from dqcontrol.geometry import FloorMap, Sphere, distance, load_map, save_map

@@ -1,4 +1,4 @@
-"""The command line: one file a command, thin calls into the library, errors in one line."""
+"""The command line: thin calls into the library, errors in one line."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from typing import NoReturn
 
 import lazy_loader
 from cyclopts import App, CycloptsError, Group
-from cyclopts.exceptions import UnknownCommandError, UnusedCliTokensError
+from cyclopts.exceptions import CommandCollisionError, UnknownCommandError, UnusedCliTokensError
 
 import dqcontrol
 from dqcontrol.cli import screen
-from dqcontrol.cli.offered import add_offered
 from dqcontrol.extensions import POLICY, REFUSED
+from dqcontrol.extensions.offered import offered
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 USER_ERROR = 2
 INTERRUPTED = 130
-GROUPS = {  # of commands, as files of this folder, imported when called: `--help` stays quick
+GROUPS = {  # of commands, whose files are imported when they are called: `--help` stays quick
     "Start": {
         "new": "Write a first experiment: five questions make a file to run and to change.",
         "doctor": "Check the environment: versions, extras, cache, OpenGL, ROS 2, ports; and what to do.",
@@ -78,16 +78,44 @@ app: App = App(
     group_commands=Group("Options", sort_key=len(GROUPS) + 1),
     suppress_keyboard_interrupt=False,
 )
+_TOGETHER = {  # in one file; others have one of their own
+    "experiment_commands": ("check", "plan", "run", "sweep", "gains", "tune", "learn"),
+    "result_commands": ("compare", "view", "report", "figures", "clip"),
+    "log_commands": ("evaluate", "excite", "identify", "calibrate", "convert"),
+}
+_FILES = {name: file for file, names in _TOGETHER.items() for name in names}
 for _place, (_title, _commands) in enumerate(GROUPS.items()):
     _group = Group(_title, sort_key=_place)
     for _name, _help in _commands.items():
-        _function = f"dqcontrol.cli.{_name}_command:{_name if _name != 'list' else 'kinds'}"
-        app.command(_function, name=_name, help=_help, group=_group)
+        _file = _FILES.get(_name, f"{_name}_command")
+        app.command(
+            f"dqcontrol.cli.{_file}:{'kinds' if _name == 'list' else _name}",
+            name=_name,
+            help=_help,
+            group=_group,
+        )
 app.command(
     "dqcontrol.cli.install_completion_command:install_completion",
     name="--install-completion",
     help="Let the shell (bash, zsh, fish) complete commands and options.",
 )
+
+
+def add_offered(app: App, group: str, heading: Group | None = None) -> None:
+    """Add the functions of a group of entry points to a command line, each under its name and one heading of the help.
+
+    Raises
+    ------
+    FileFormatError
+        If one cannot be loaded, or has the name of another command.
+    """
+    for name, function in offered(group):
+        try:
+            app.command(function, name=name, group=heading)
+        except CommandCollisionError:
+            from dqcontrol.errors import FileFormatError  # only now: it loads NumPy
+
+            raise FileFormatError(f"entry point {group}: {name} is a command already; rename it") from None
 
 
 @cache

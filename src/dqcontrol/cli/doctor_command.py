@@ -9,12 +9,12 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import metadata
-from typing import Annotated, Any
+from typing import Any
 
-from cyclopts import Parameter
 from packaging.requirements import Requirement
 
-from dqcontrol.cli.screen import print_table
+from dqcontrol.cli.options import Switch
+from dqcontrol.cli.screen import FAILED, print_table
 
 _ARM: dict[str, Any] = {
     "name": "ahead",
@@ -194,13 +194,10 @@ def _loopback() -> Finding:
         return Finding("ports of this machine", f"127.0.0.1: {error}", PROBLEM, "allow servers on 127.0.0.1")
 
 
-UNFIT = 1
-
-
 def doctor(
     *,
-    all: Annotated[bool, Parameter(negative=())] = False,
-    compile: Annotated[bool, Parameter(negative=())] = False,
+    all: Switch = False,
+    compile: Switch = False,
 ) -> None:
     """Check versions, extras, the compiler's cache, OpenGL, ROS 2 and ports, and say what to do about problems.
 
@@ -236,4 +233,4 @@ def doctor(
         said if all else f"{said}; {len(findings)} things looked at, {optional} optional ones missing: --all"
     )
     if problems:
-        sys.exit(UNFIT)
+        sys.exit(FAILED)

@@ -70,8 +70,19 @@ Seconds = Annotated[float, SECONDS]
 BaseLink = Annotated[str | None, Parameter(help="Start of the chain in a URDF file.")]
 TipLink = Annotated[str | None, Parameter(help="End of the chain in a URDF file.")]
 Out = Annotated[Path | None, Parameter(name=["--out", "-o"])]
-Force = Annotated[bool, Parameter(negative=())]
+Switch = Annotated[bool, Parameter(negative=())]
+Force = Switch
+RosArguments = Annotated[str, Parameter(allow_leading_hyphen=True, help="After --: as after --ros-args.")]
+JointNames = Annotated[
+    str | None,
+    Parameter(help="Names of the robot's joints in the log, if it has others: a,b,c in the robot's order."),
+]
 Port = Annotated[int, Parameter(validator=validators.Number(gte=1024, lte=65535))]
+
+
+def names_in(text: str | None) -> list[str] | None:
+    """Return the names of a list with commas."""
+    return None if text is None else [name.strip() for name in text.split(",")]
 
 
 class LogArguments(TypedDict):
@@ -92,12 +103,7 @@ class LogOptions:
 
     base_link: BaseLink = None
     tip_link: TipLink = None
-    joints: Annotated[
-        str | None,
-        Parameter(
-            help="Names of the robot's joints in the log, if it has others: a,b,c in the robot's order."
-        ),
-    ] = None
+    joints: JointNames = None
     joint_topic: Annotated[str | None, Parameter(help="Topic of JointState with the measured positions.")] = (
         None
     )
@@ -115,7 +121,7 @@ class LogOptions:
         return {
             "base_link": self.base_link,
             "tip_link": self.tip_link,
-            "joints": [name.strip() for name in self.joints.split(",")] if self.joints is not None else None,
+            "joints": names_in(self.joints),
             "joint_topic": self.joint_topic,
             "command_topic": self.command_topic,
             "angles": self.angles,

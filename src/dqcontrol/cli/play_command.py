@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from dqcontrol.cli.options import BaseLink, Port, TipLink
+from dqcontrol.cli.screen import announce
 
 if TYPE_CHECKING:
     from dqcontrol.devices import Input
@@ -42,7 +43,6 @@ def play(
         Of this machine, where only its own users reach it; the next free one if it is taken.
     """
     from dqcontrol.browser.served_page import address, start_server, stop_server
-    from dqcontrol.cli.view_command import announce
     from dqcontrol.robots import robot_names
 
     server = start_server(port, "dqcontrol play")

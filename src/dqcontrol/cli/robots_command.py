@@ -36,13 +36,7 @@ def list_all(*, installed: bool = False) -> None:
 
 
 @robots.command
-def show(
-    source: str,
-    /,
-    *,
-    base_link: BaseLink = None,
-    tip_link: TipLink = None,
-) -> None:
+def show(source: str, /, *, base_link: BaseLink = None, tip_link: TipLink = None) -> None:
     """Show a robot's joints and limits.
 
     Parameters
@@ -243,28 +237,22 @@ def solve(
     top
         How many solutions to list at most.
     """
+    from dqcontrol.cli.robots_listing import joint_columns, joint_values
     from dqcontrol.experiments.spec import HandStart
     from dqcontrol.robots import load_robot
     from dqcontrol.tables.tables import Column, Table
 
     robot = load_robot(source, base_link, tip_link)
     found = HandStart(position=position, quaternion=quaternion, rpy=rpy).postures(robot)
-    turns = [kind == "revolute" for kind in robot.joint_types]
     columns = [
-        *(
-            Column(name, "°" if turn else "m", ".1f" if turn else ".4f")
-            for name, turn in zip(robot.joint_names, turns, strict=True)
-        ),
+        *joint_columns(robot),
         Column("room to limits", "°" if found[0].unit == "rad" else "m", ".3g"),
         Column("nearest limit"),
         Column("manipulability", "", ".3g"),
     ]
     rows = [
         [
-            *(
-                math.degrees(value) if turn else float(value)
-                for value, turn in zip(each.q, turns, strict=True)
-            ),
+            *joint_values(robot, each.q),
             math.degrees(each.margin) if each.unit == "rad" else each.margin,
             each.nearest,
             each.manipulability,

@@ -145,6 +145,20 @@ def _size(each: LinkShape) -> list[str]:
     return ["box", " × ".join(f"{1e3 * edge:.1f}" for edge in shape.size)]
 
 
+def joint_columns(robot: Robot) -> list[Column]:
+    """Return a column for each joint: its angle or way."""
+    return [
+        Column(name, "°", ".1f") if kind == "revolute" else Column(name, "m", ".4f")
+        for name, kind in zip(robot.joint_names, robot.joint_types, strict=True)
+    ]
+
+
+def joint_values(robot: Robot, q: Array) -> list[Cell]:
+    """Return a configuration (n,), rad or m, in the units of these columns."""
+    kinds = zip(q.tolist(), robot.joint_types, strict=True)
+    return [math.degrees(value) if kind == "revolute" else value for value, kind in kinds]
+
+
 _NUMBERS = (
     "wheel_radius",
     "half_track",

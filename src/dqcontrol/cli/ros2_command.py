@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 from cyclopts import App, Parameter, validators
 
-from dqcontrol.cli.offered import add_offered
-from dqcontrol.cli.options import Force, Out
+from dqcontrol.cli import add_offered
+from dqcontrol.cli.options import Force, Out, RosArguments
 
 ros2: App = App(name="ros2", help="Controllers and simulated robots as ROS 2 nodes.", help_format="plaintext")
 
@@ -36,7 +36,6 @@ class NodeOptions:
 
 
 _DEFAULTS = NodeOptions()
-RosArguments = Annotated[str, Parameter(allow_leading_hyphen=True, help="After --: as after --ros-args.")]
 
 
 @ros2.command

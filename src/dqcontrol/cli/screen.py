@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from dqcontrol.tables.tables import Table
 
 
@@ -30,6 +32,25 @@ def print_table(table: Table) -> None:
     console = Console(width=_ENDLESS) if wide else Console()
     for part in fitted(table, console.width, "--wide"):
         console.print(part)
+
+
+def print_found(*tables: Table, folder: Path | None = None, words: Iterable[str] = ()) -> None:
+    """Print where results are, their tables and what there is to say of them: at once, whatever is drawn after that."""
+    if folder is not None:
+        print(f"results: {folder}")
+    for table in tables:
+        print_table(table)
+    for line in words:
+        print(line)
+    sys.stdout.flush()
+
+
+def announce(command: str, url: str) -> None:
+    """Say where a page is, and open the browser there."""
+    import webbrowser
+
+    print(f"{command}: {url} (Ctrl+C ends)", flush=True)
+    webbrowser.open(url)
 
 
 @contextmanager

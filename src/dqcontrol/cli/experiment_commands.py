@@ -1,0 +1,365 @@
+"""Check, plan, run, tune and learn: what is done with an experiment's file."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from dqcontrol.cli.options import BaseLink, Force, Out, RosArguments, Seconds, Switch, TipLink
+from dqcontrol.cli.screen import FAILED, print_found, print_table, progress_bar
+
+if TYPE_CHECKING:
+    from dqcontrol.experiments import Study
+    from dqcontrol.experiments.run import Run
+    from dqcontrol.planning import PlanTo
+    from dqcontrol.tables import Table
+
+
+def check(spec: Path, /) -> None:
+    """Check an experiment without running it, and say how near its loops are to instability.
+
+    Ends with 1 if a loop is expected to be unstable, or a law fails at the start.
+
+    Parameters
+    ----------
+    spec
+        YAML file; its keys are described in docs/experiments.md.
+    """
+    from dqcontrol.experiments import check as checked
+
+    checks = checked(spec)
+    print_found(checks.table(), *([checks.contact] if checks.contact else ()), words=checks.remarks())
+    if checks.unstable or any(one.fails for one in checks):
+        sys.exit(FAILED)
+
+
+def plan(spec: Path, /) -> None:
+    """Plan the way of an experiment around what stands there, and say what is proved of it.
+
+    Parameters
+    ----------
+    spec
+        YAML file with a reference of kind plan-to; its keys are described in docs/planning.md.
+    """
+    from dqcontrol.errors import NoteWarning, ShapeError
+    from dqcontrol.experiments import prepare
+    from dqcontrol.planning.drive_and_plan import DriveAndPlan
+    from dqcontrol.planning.plan_to import PlanTo
+    from dqcontrol.references import DriveThrough
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NoteWarning)  # what it says is printed below
+        setting = prepare(spec)
+    for label, scene in setting.scenes.items():
+        whole = scene.reference
+        ways = whole.ways if isinstance(whole, DriveThrough) else [whole]
+        planned = [way for way in ways if isinstance(way, PlanTo | DriveAndPlan)]
+        if not planned:
+            kind = setting.spec.reference.__struct_config__.tag
+            raise ShapeError(
+                f"{spec}: reference: expected kind plan-to, got {kind}, which has nothing to plan"
+            )
+        for way in planned:
+            print_table(_points(way.arm if isinstance(way, DriveAndPlan) else way, label or scene.robot.name))
+            print(way)
+
+
+def _points(way: PlanTo, title: str) -> Table:
+    """Return the points of a way, one row each."""
+    from dqcontrol.cli.robots_listing import joint_columns, joint_values
+    from dqcontrol.tables import Table
+
+    rows = [joint_values(way.robot, q) for q in way.plan.configurations]
+    return Table(joint_columns(way.robot), rows, f"{title}: {len(rows)} points")
+
+
+@contextmanager
+def _resumable(folder: Path, kept: str) -> Iterator[None]:
+    """Say in an interruption what is kept of what was to go to a folder, if anything is."""
+    from dqcontrol.experiments.results_folder import working_folder
+
+    try:
+        yield
+    except KeyboardInterrupt:
+        words = f"; {kept}: rerun the same command to resume"
+        raise KeyboardInterrupt(words * working_folder(folder).exists()) from None
+
+
+def run(
+    spec: Path,
+    /,
+    *,
+    out: Out = None,
+    force: Force = False,
+    jobs: int | None = None,
+    figures: bool | None = None,
+    real_time: Switch = False,
+    compiled: Switch = False,
+    over: Literal["udp", "shared-memory"] | None = None,
+) -> None:
+    """Run an experiment and write its table, recordings and plots; rerun it to resume after an interruption.
+
+    The first line says what came of it, the second where the results are. Exit status: 0 if every run did what was
+    asked and kept what it was to keep; 1 if one did not; 2 if nothing ran, because something is wrong or out of reach.
+
+    Parameters
+    ----------
+    spec
+        YAML file; its keys are described in docs/experiments.md.
+    out
+        New folder for the results; default: results/NAME, NAME from the spec.
+    force
+        Replace an earlier folder of results, and discard an unfinished study of another spec or version.
+    jobs
+        Processes that work in parallel; default: as many as there are processors, if there is enough to do.
+    figures
+        Of several runs, also the figures of each one (a second each; later: dqcontrol report); --no-figures draws none.
+    real_time
+        One run at its control period, recorded while it moves; Ctrl-C stops softly if there is a supervisor.
+    compiled
+        In real time: law, supervisor and plant step in a thread of C, built now; Python only watches.
+    over
+        With --compiled: law and supervisor in a process, the plant in another one, which it reaches over this.
+    """
+    from dqcontrol.cli.kernels_beside import compile_beside
+    from dqcontrol.errors import DivergedError, ShapeError
+    from dqcontrol.experiments import read_spec, run_study_to
+
+    folder = out or Path("results") / read_spec(spec)[0].name
+    if compiled and not real_time:
+        raise ShapeError("compiled: only with --real-time; other runs are compiled anyway")
+    if over and not compiled:
+        raise ShapeError("over: only with --real-time --compiled")
+    if real_time:
+        _in_real_time(
+            spec, folder, {"over": over} if compiled else None, force=force, figures=figures is not False
+        )
+        return
+    compile_beside()
+
+    def show(study: Study) -> None:
+        print(study.headline)
+        print_found(study.table(), folder=folder, words=study.failures())
+
+    try:
+        with _resumable(folder, "finished trials are kept"), progress_bar() as progress:
+            study = run_study_to(
+                spec,
+                folder,
+                force=force,
+                jobs=jobs,
+                figures=figures,
+                progress=progress,
+                computed=show,
+                drawing=lambda done, total: progress(done, total, "reports"),
+            )
+    except DivergedError as error:  # in the first period: there is nothing to keep
+        print(error)
+        sys.exit(FAILED)
+    if not study.is_good:
+        sys.exit(FAILED)
+
+
+def _in_real_time(spec: Path, folder: Path, compiled: dict[str, Any] | None, **options: bool) -> None:
+    """Run in real time, in Python or with these further options ``compiled``."""
+    from dqcontrol.experiments import run_in_real_time, summary
+    from dqcontrol.export import run_compiled_in_real_time
+    from dqcontrol.figures import timing_table
+
+    def watch(time: float, reasons: tuple[str, ...]) -> None:
+        print(f"{time:8.3f} s: {', '.join(reasons) or 'follows the law'}", file=sys.stderr)
+
+    def show(done: Run) -> None:
+        print(done.verdict.words)
+        tables = [summary({done.label: done}), *([timing_table(done.timing)] if done.timing else ())]
+        print_found(*tables, folder=folder, words=[f"ended: {done.record.stopped}"])
+
+    run_it = run_in_real_time if compiled is None else run_compiled_in_real_time
+    if run_it(spec, folder, watch=watch, computed=show, **options, **(compiled or {})).verdict.failure:
+        sys.exit(FAILED)
+
+
+def sweep(
+    spec: Path,
+    /,
+    *,
+    out: Out = None,
+    force: Force = False,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    by: str = "error.integral",
+) -> None:
+    """Run a parameter study and list its best points; rerun it to resume after an interruption.
+
+    Parameters
+    ----------
+    spec
+        YAML file with the key sweep; see docs/sweeps.md.
+    out
+        New folder for the results; default: results/NAME, NAME from the spec.
+    force
+        Replace an earlier folder of results, and discard an unfinished study of another spec or version.
+    jobs
+        Processes that work in parallel; default: as many as there are processors, if there is enough to do.
+    scheduler
+        Address of a Dask scheduler, as tcp://127.0.0.1:8786, whose workers run the trials.
+    by
+        Number that says which points are best, as in runs.parquet.
+    """
+    from dqcontrol.cli.kernels_beside import compile_beside
+    from dqcontrol.experiments import run_sweep_to
+    from dqcontrol.experiments.sweep import read_sweep
+
+    folder = out or Path("results") / read_sweep(spec).name
+    compile_beside()
+    with _resumable(folder, "finished parts are kept"), progress_bar() as progress:
+        ranking = run_sweep_to(
+            spec, folder, force=force, jobs=jobs, scheduler=scheduler, by=by, progress=progress
+        )
+    print_found(ranking.table(), folder=folder)
+
+
+def gains(
+    robot: str,
+    /,
+    *,
+    period: Seconds,
+    delay: Seconds = 0.0,
+    lag: Seconds = 0.0,
+    base_link: BaseLink = None,
+    tip_link: TipLink = None,
+) -> None:
+    """Say which gains a period, a delay and a lag allow each law, what to expect of them, and why.
+
+    Times are in seconds, or with a unit: 8ms.
+
+    Parameters
+    ----------
+    robot
+        Name, .yaml or .urdf file of an arm.
+    period
+        Control period.
+    delay
+        From command to joint and back.
+    lag
+        Time constant with which joints follow their targets.
+    """
+    from dqcontrol.experiments.gain_advice import advise_gains
+
+    advice = advise_gains(robot, period, delay, lag, base_link=base_link, tip_link=tip_link)
+    kinds: dict[str, list[str]] = {}
+    for kind, parameters in advice.parameters.items():
+        written = ", ".join(f"{key}: {value:g}" for key, value in parameters.items())
+        kinds.setdefault(written, []).append(kind)
+    lines = [f"{written}   # {', '.join(laws)}" for written, laws in kinds.items()]
+    print_found(advice.table, words=[*lines, *advice.reasons])
+
+
+def tune(
+    spec: Path,
+    /,
+    *,
+    out: Out = None,
+    force: Force = False,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+) -> None:
+    """Find the best parameters of every law, under the same budget; rerun it to resume after an interruption.
+
+    Writes winners.json, and best.yaml, which dqcontrol run runs.
+
+    Parameters
+    ----------
+    spec
+        YAML file, perhaps with the key tune; see docs/tune.md.
+    out
+        New folder for the results; default: results/NAME-tuned, NAME from the spec.
+    force
+        Replace an earlier folder of results, and discard an unfinished search of another spec or version.
+    jobs
+        Processes that work in parallel; default: as many as there are processors, if there is enough to do.
+    scheduler
+        Address of a Dask scheduler, as tcp://127.0.0.1:8786, whose workers search.
+    """
+    from dqcontrol.cli.kernels_beside import compile_beside
+    from dqcontrol.tuning import tune_to
+    from dqcontrol.tuning.tune_spec import read_tune
+
+    folder = out or Path("results") / f"{read_tune(spec).spec.name}-tuned"
+    compile_beside()
+    with _resumable(folder, "what was evaluated is kept"), progress_bar() as progress:
+        tune_to(
+            spec,
+            folder,
+            force=force,
+            jobs=jobs,
+            scheduler=scheduler,
+            progress=lambda done, total: progress(done, total, "laws"),
+            computed=lambda found: print_found(found.table(), folder=folder, words=found.remarks()),
+        )
+
+
+def learn(
+    spec: Path,
+    /,
+    *ros_arguments: RosArguments,
+    repeats: int | None = None,
+    out: Out = None,
+    force: Force = False,
+    real_time: bool = False,
+    ros2: Literal["velocity", "position", "trajectory"] | None = None,
+    network: Switch = False,
+) -> None:
+    """Repeat a motion and learn from each repeat; writes learnt.csv, and learnt.yaml, which dqcontrol run runs.
+
+    Parameters
+    ----------
+    spec
+        YAML file of one run, perhaps with the key learn; see docs/learn.md.
+    repeats
+        Most repeats after the first run.
+    out
+        New folder for the results; default: results/NAME-learnt, NAME from the spec.
+    force
+        Replace an earlier folder of results.
+    real_time
+        Each run on the clock.
+    ros2
+        Repeat on the robot behind ROS 2 topics, with such commands; see docs/learn.md.
+    network
+        With --ros2: do not keep to the loopback.
+    """
+    from dqcontrol.errors import ValueRangeError
+    from dqcontrol.tuning import learn_to
+    from dqcontrol.tuning.learning.learn_spec import read_learn
+
+    folder = out or Path("results") / f"{read_learn(spec).spec.name}-learnt"
+    runner = None
+    if ros2 is not None:
+        from dqcontrol.ros2 import middleware
+
+        middleware.check_installed()
+        from dqcontrol.ros2.repeated_motion import RobotBehindTopics
+
+        repeated = folder.with_name(f"{folder.name}-repeats")
+        runner = RobotBehindTopics(repeated, ros2, network=network, ros_arguments=ros_arguments)
+    elif network or ros_arguments:
+        what = "--network" if network else ros_arguments[0]
+        raise ValueRangeError(
+            f"{what}: is for a robot behind topics; give --ros2 velocity, too, or leave it out"
+        )
+    with progress_bar() as progress:
+        learn_to(
+            spec,
+            folder,
+            repeats,
+            force=force,
+            real_time=real_time,
+            runner=runner,
+            progress=lambda done, total: progress(done, total, "repeats"),
+            computed=lambda found: print_found(found.table(), folder=folder, words=found.remarks()),
+        )
