@@ -124,8 +124,7 @@ def test_a_base_without_an_arm_follows_its_odometry_alone(pair, node, tmp_path):
 
 def transforms():
     """Return topic and type of transforms here: tf's, or ours."""
-    kind = messages.tf_message()
-    return (messages.TF, kind) if kind else (messages.OURS, TransformStamped)
+    return messages.transform_topic(messages.BASE_TRANSFORM)
 
 
 class Spoken:

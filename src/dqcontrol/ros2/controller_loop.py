@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped, TwistStamped
@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import Error, ValueRangeError
+from dqcontrol.errors import Error
 from dqcontrol.loop.control import Control, Phase, warm_up
 from dqcontrol.loop.targets import LeaderTarget, PoseTarget, Speeds, Target, TwistTarget
 from dqcontrol.references.sample import POSE
@@ -24,18 +24,18 @@ from dqcontrol.ros2.interfaces import (
     NEWEST,
     SENT,
     Commands,
-    Port,
     base_port,
     joint_port,
-    publishers_of,
+    several_publish,
 )
 from dqcontrol.ros2.loading import Indices, Loaded
 from dqcontrol.ros2.localisation import Localisation
-from dqcontrol.ros2.messages import NANOSECONDS, RefusedError, Stamps, by_name, nanoseconds, pose_of, twist_of
+from dqcontrol.ros2.messages import NANOSECONDS, Stamps, by_name, guarding, nanoseconds, pose_of, twist_of
 from dqcontrol.ros2.middleware import steady_timer
 from dqcontrol.ros2.parameters import (
     declare,
     declare_switch,
+    joint_names_read,
     number,
     numbers_said,
     on_change,
@@ -106,6 +106,7 @@ class Following:
     ) -> None:
         self.loaded, self._source, (self._interface, base_interface) = loaded, source, interfaces
         self._diagnostics, self._changed, self._ready = diagnostics, changed, ready
+        guarded = guarding(diagnostics.refuse)
         self.recorder: Recorder | None = None
         self._node, self.target = node, loaded.target(source)
         law, supervisor = loaded.prepared_law(source), loaded.prepared_supervisor(self._interface)
@@ -127,35 +128,23 @@ class Following:
         self.longest_period: float = 0.0
         self._enabled = -np.inf
         self._parts, self._measured = loaded.parts, loaded.case.scene.start.copy()
-        self._joints = self._names_in_messages()
+        self._joints = joint_names_read(node, self._parts.joint_names)
         frames = {"base": "odom" if self._parts.base else "base_link", "tool": "tool0"}
         self._base, self._tool = (
             read_once(node, f"{name}_frame", default, f"frame of the {name} in poses and twists")
             for name, default in frames.items()
         )
-        if self._parts.base:
-            words = "base_link", "frame of the mobile base, in its commands"
-            self._footprint = read_once(node, "footprint_frame", *words)
-            words = self._base, "frame of odometry; if poses are in another one, the transform is heard"
-            self._odometry_frame = read_once(node, "odometry_frame", *words)
         if source == "servo":
-            self._servo = ServoTopics(node, self, self._guarded)
+            self._servo = ServoTopics(node, self, guarded)
         self.tracked: TrackedHand | None = (
-            TrackedHand(node, tracker, self._base, self._guarded) if tracker else None
+            TrackedHand(node, tracker, self._base, guarded) if tracker else None
         )
-        self._felt = WrenchInput(node, self._parts, self._joints, self._tool, self._guarded)
+        self._felt = WrenchInput(node, self._parts, self._joints, self._tool, guarded)
         if (world := loaded.setting.spec.surroundings) is not None:
-            self._world = WorldTopics(node, self.control, world, self._base, self._guarded)
+            self._world = WorldTopics(node, self.control, world, self._base, guarded)
         self._haptics: HapticTopics | None = None
         if isinstance(self.target, LeaderTarget):
-            self._haptics = HapticTopics(
-                node,
-                loaded.law.contact,
-                self.control,
-                self.target,
-                self._base,
-                lambda name: number(node, name),
-            )
+            self._haptics = HapticTopics(node, loaded.law.contact, self.control, self.target, self._base)
             self._felt.pass_on = self._haptics.hear
         self._felt.listen(supervisor, self.control.law)
         own = numbers_of(loaded, source)
@@ -171,18 +160,35 @@ class Following:
             borne = stiffness_borne(loaded, loaded.law, said)
             diagnostics.tell(f"leader and arm bear {borne:.3g} N/m")
         on_change(node, self._retune, diagnostics.refuse)
-        self._commands = Commands(node, self._ports(base_interface))
-        self._localisation = self._localised() if self._parts.base else None
+        ports = [joint_port(loaded, self._interface, self._joints, self._effort)] if self._joints else []
+        self._localisation: Localisation | None = None
+        if self._parts.base:
+            words = "base_link", "frame of the mobile base, in its commands"
+            footprint = read_once(node, "footprint_frame", *words)
+            words = self._base, "frame of odometry; if poses are in another one, the transform is heard"
+            odometry_frame = read_once(node, "odometry_frame", *words)
+            ports.append(base_port(self._parts, base_interface, node, footprint))
+            self._localisation = Localisation(
+                node,
+                self._base,
+                odometry_frame,
+                float(loaded.case.scene.start[self._parts.place[2]]),
+                loaded.period,
+                guarded,
+                lambda: self.control.is_commanding,
+                self._hear_odometry,
+            )
+        self._commands = Commands(node, ports)
         if self._joints:
-            node.create_subscription(JointState, JOINT_STATES, self._guarded(self._hear_joints), NEWEST)
+            node.create_subscription(JointState, JOINT_STATES, guarded(self._hear_joints), NEWEST)
         # of what a step is taken for
         self._topic = node.resolve_topic_name(JOINT_STATES) if self._joints else ""
         if self._localisation and not self._joints:
             self._topic = self._localisation.topic
         if isinstance(self.target, PoseTarget):
-            node.create_subscription(PoseStamped, "~/pose", self._guarded(self.hear_pose), 1)
+            node.create_subscription(PoseStamped, "~/pose", guarded(self.hear_pose), 1)
         if source == "twist":
-            node.create_subscription(TwistStamped, "~/twist", self._guarded(self.hear_twist), 1)
+            node.create_subscription(TwistStamped, "~/twist", guarded(self.hear_twist), 1)
         node.create_subscription(Bool, "~/enable", self._hear_enable, NEWEST)
         self._heartbeat = node.create_publisher(Bool, "~/heartbeat", SENT)
         steady_timer(node, _HEARTBEAT, self._beat)
@@ -293,46 +299,6 @@ class Following:
                 f"from where the spec starts; start_tolerance is {allowed:g}"
             )
 
-    def _names_in_messages(self) -> list[str]:
-        own = self._parts.joint_names
-        names = read_once(
-            self._node, "joint_names", own, "names in messages, in the order of the robot's joints"
-        )
-        if len(names) != len(own):
-            raise ValueRangeError(f"joint_names: expected {len(own)} names, got {len(names)}")
-        return list(names)
-
-    def _ports(self, base_interface: str) -> list[Port]:
-        """Return where commands go."""
-        node, parts, ports = self._node, self._parts, []
-        if self._joints:
-            ports.append(
-                joint_port(
-                    parts,
-                    self._interface,
-                    self._joints,
-                    self.loaded.period,
-                    self.loaded.case.plant.joint_control(len(self._joints)),
-                    self._effort,
-                )
-            )
-        if parts.base:
-            ports.append(base_port(parts, base_interface, node, self._footprint))
-        return ports
-
-    def _localised(self) -> Localisation:
-        heading = float(self.loaded.case.scene.start[self._parts.place[2]])
-        return Localisation(
-            self._node,
-            self._base,
-            self._odometry_frame,
-            heading,
-            self.loaded.period,
-            self._guarded,
-            lambda: self.control.is_commanding,
-            self._hear_odometry,
-        )
-
     def _effort(self, measured: Array, position: Array, rate: Array) -> Array:
         """Return the torques of the impedance, N·m or N, shape (n,)."""
         assert self._impedance is not None
@@ -343,17 +309,6 @@ class Following:
         measured, parts = self.control.measured, self._parts
         position = parts.driven_positions(self.control.position)
         self._commands.send(position, parts.followed(measured, rate), measured)
-
-    def _guarded(self, hear: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return what hears a message, or refuses it."""
-
-        def heard(message: Any) -> None:
-            try:
-                hear(message)
-            except RefusedError as error:
-                self._diagnostics.refuse(error)
-
-        return heard
 
     def _hear_joints(self, message: JointState) -> None:
         joints = by_name("joint states", list(message.name), list(message.position), self._joints)
@@ -468,8 +423,8 @@ class Following:
         if rivals := self._commands.rivals:
             return f"{rivals}; a robot obeys one at a time"
         for topic in {self._topic, *([self._localisation.topic] if self._localisation else [])}:
-            if self._node.count_publishers(topic) > 1:
-                return f"several publish on {topic}: {', '.join(sorted(publishers_of(self._node, topic)))}"
+            if several := several_publish(self._node, topic):
+                return several
         patience = number(self._node, "enable_timeout")
         if patience and time.monotonic() - self._enabled > patience:
             return "not enabled"

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
-from typing import Any
 
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from rclpy.executors import SingleThreadedExecutor
@@ -15,7 +13,7 @@ from std_msgs.msg import Bool
 from dqcontrol.devices.teleoperation import Told
 from dqcontrol.loop.targets import Speeds
 from dqcontrol.ros2.interfaces import NEWEST
-from dqcontrol.ros2.messages import RefusedError, pose_of, twist_of
+from dqcontrol.ros2.messages import RefusedError, guarding, pose_of, twist_of
 
 
 class HandTopics:
@@ -44,7 +42,7 @@ class HandTopics:
             (TwistStamped, "~/twist", self._hear_twist),
             (Bool, "~/clutch", self._hear_clutch),
         ):
-            self._node.create_subscription(kind, topic, self._guarded(hear), NEWEST)
+            self._node.create_subscription(kind, topic, guarding(self._refuse)(hear), NEWEST)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
         self._thread = threading.Thread(target=self._executor.spin, name="hand topics", daemon=True)
@@ -60,15 +58,9 @@ class HandTopics:
         self._thread.join()
         self._node.destroy_node()
 
-    def _guarded(self, hear: Callable[[Any], None]) -> Callable[[Any], None]:
-        def call(message: Any) -> None:
-            try:
-                hear(message)
-            except RefusedError as error:
-                self._told = None
-                self._node.get_logger().warning(str(error), throttle_duration_sec=1.0)
-
-        return call
+    def _refuse(self, why: RefusedError) -> None:
+        self._told = None
+        self._node.get_logger().warning(str(why), throttle_duration_sec=1.0)
 
     def _hear_pose(self, message: PoseStamped) -> None:
         self._told = Told(time.monotonic(), self._clutch, pose=pose_of(message, self._frame))

@@ -22,7 +22,8 @@ from dqcontrol.loop.targets import LeaderTarget
 from dqcontrol.plants.servo import Servo
 from dqcontrol.ros2.interfaces import SENT
 from dqcontrol.ros2.loading import Loaded
-from dqcontrol.ros2.parameters import Number
+from dqcontrol.ros2.messages import write_parts
+from dqcontrol.ros2.parameters import Number, number
 
 NUMBERS = (
     Number("force_scale", 1.0, 1e-3, 1e3, "newtons at the leader for one at the end effector"),
@@ -55,8 +56,6 @@ class HapticTopics:
         Of the arm.
     frame
         Of the leader's poses, along whose axes the wrench is.
-    number
-        Returns the present value of a parameter.
 
     Raises
     ------
@@ -71,13 +70,12 @@ class HapticTopics:
         control: Control,
         target: LeaderTarget,
         frame: str,
-        number: Callable[[str], float],
     ) -> None:
         if contact is None:
             raise ValueRangeError(
                 "contact: with --follow haptics it says how the leader gives way, by mass and damping; give it"
             )
-        self._node, self._control, self._target, self._number = node, control, target, number
+        self._node, self._control, self._target = node, control, target
         self._sensor = msgspec.structs.replace(contact, axes="base").start(control.law.period)
         self._publisher = node.create_publisher(WrenchStamped, "~/wrench", SENT)
         self._message = WrenchStamped()
@@ -88,9 +86,8 @@ class HapticTopics:
         control = self._control
         felt = np.zeros(6)
         if control.phase is Phase.ACTIVE and self._target.is_led(control.time):
-            felt = self._number("force_scale") * self._sensor.felt(
-                control.robot.fkm(control.measured), wrench
-            )
+            felt = self._sensor.felt(control.robot.fkm(control.measured), wrench)
+            felt = number(self._node, "force_scale") * felt
         if control.is_commanding:
             self._publish(felt, stamp)
 
@@ -106,8 +103,8 @@ class HapticTopics:
             (told.torque, felt[:3], "torque_limit"),
             (told.force, felt[3:], "force_limit"),
         ):
-            share = min(1.0, self._number(limit) / max(float(np.linalg.norm(values)), 1e-12))
-            vector.x, vector.y, vector.z = (share * values).tolist()
+            share = min(1.0, number(self._node, limit) / max(float(np.linalg.norm(values)), 1e-12))
+            write_parts(vector, share * values)
         self._message.header.stamp = stamp
         self._publisher.publish(self._message)
 

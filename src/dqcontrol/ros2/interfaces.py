@@ -15,10 +15,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ValueRangeError
-from dqcontrol.plants.plant import ControllerSettings
 from dqcontrol.robots import DifferentialDrive, WholeBody
 from dqcontrol.robots.bases import RollerBase
-from dqcontrol.ros2.loading import RobotParts
+from dqcontrol.ros2.loading import Loaded, RobotParts
 
 JOINT_STATES, ODOMETRY = "/joint_states", "/odom"
 WRENCH = "/force_torque_sensor_broadcaster/wrench"
@@ -126,55 +125,43 @@ class Commands:
 
 
 def joint_port(
-    parts: RobotParts,
-    interface: str,
-    joints: Sequence[str],
-    period: float,
-    control: ControllerSettings,
-    effort: Callable[[Array, Array, Array], Array],
+    loaded: Loaded, interface: str, joints: Sequence[str], effort: Callable[[Array, Array, Array], Array]
 ) -> Port:
-    """Return where commands of joints go.
+    """Return where commands of joints go; a trajectory's point is to be reached in a control period.
 
     Parameters
     ----------
-    parts
-        The robot.
+    loaded
+        The spec.
     interface
         A key of `COMMANDS`.
     joints
         Names in messages, in the order of the robot's joints.
-    period
-        Time in which a trajectory's point is to be reached, s.
-    control
-        What ``humanoid`` commands tell the joint controllers beside; see `messages.humanoid_command`.
     effort
         What ``effort`` commands are, of measured joints, position command and rate, shape (n,) each.
     """
     topic, kind = COMMANDS[interface]
-    soon, own = Duration(seconds=period).to_msg(), parts.joint_inputs
+    soon, own = Duration(seconds=loaded.period).to_msg(), loaded.parts.joint_inputs
+    control = loaded.case.plant.joint_control(
+        len(joints)
+    )  # what humanoid commands tell joint controllers beside
+    beside = {"effort": control.stiffness, "velocities": control.slew_rate, "accelerations": control.asked}
+    told = {name: values.tolist() for name, values in beside.items() if values is not None}
 
     def message(position: Array, rate: Array, measured: Array) -> Any:
-        if interface == "effort":
-            return Float64MultiArray(data=effort(measured, position, rate).tolist())
+        if kind is Float64MultiArray:
+            asked = {"velocity": rate, "position": position}
+            data = effort(measured, position, rate) if interface == "effort" else asked[interface][own]
+            return Float64MultiArray(data=data.tolist())
+        point = JointTrajectoryPoint(positions=position[own].tolist())
+        whole = JointTrajectory(joint_names=list(joints), points=[point])  # without a stamp: from now on
         if interface == "humanoid":
-            beside = {
-                name: [] if values is None else values.tolist()
-                for name, values in (
-                    ("effort", control.stiffness),
-                    ("velocities", control.slew_rate),
-                    ("accelerations", control.asked),
-                )
-            }
-            told = JointTrajectory(joint_names=list(joints))
-            told.header.frame_id = control.mode
-            told.points = [JointTrajectoryPoint(positions=position[own].tolist(), **beside)]
-            return told
-        if interface != "trajectory":
-            return Float64MultiArray(data=(rate if interface == "velocity" else position)[own].tolist())
-        # without a stamp: from now on
-        point = JointTrajectoryPoint(positions=position[own].tolist(), velocities=rate[own].tolist())
-        point.time_from_start = soon
-        return JointTrajectory(joint_names=list(joints), points=[point])
+            whole.header.frame_id = control.mode
+            for name, values in told.items():
+                setattr(point, name, values)
+        else:
+            point.velocities, point.time_from_start = rate[own].tolist(), soon
+        return whole
 
     return Port(topic, kind, message)
 
@@ -237,3 +224,10 @@ def publishers_of(node: Node, topic: str) -> list[str]:
     """Return the full names of the nodes that publish on a topic, one for each of their publishers."""
     found = node.get_publishers_info_by_topic(topic)
     return [f"{one.node_namespace.rstrip('/')}/{one.node_name}" for one in found]
+
+
+def several_publish(node: Node, topic: str) -> str:
+    """Say who publish on a topic if they are several; empty if not."""
+    if node.count_publishers(topic) <= 1:
+        return ""
+    return f"several publish on {topic}: {', '.join(sorted(publishers_of(node, topic)))}"

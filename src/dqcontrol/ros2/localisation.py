@@ -12,16 +12,21 @@ from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
 from dqcontrol.arrays import Array
+from dqcontrol.plants.mobile.odometry import displaced
 from dqcontrol.ros2.diagnostics import PeriodMonitor
 from dqcontrol.ros2.interfaces import NEWEST, ODOMETRY
 from dqcontrol.ros2.messages import (
+    BASE_TRANSFORM,
     NANOSECONDS,
-    FrameCorrection,
+    TRANSFORMS,
+    Guard,
     RefusedError,
     Stamps,
     deviation_of,
     nanoseconds,
+    planar_pose,
     planar_pose_of,
+    transform_topic,
 )
 from dqcontrol.ros2.parameters import Number, number
 
@@ -39,6 +44,48 @@ def numbers_of_odometry(period: float, stale_after: float) -> tuple[Number, Numb
         Number("odometry_deviation", 0.5, 0.001, 10.0, "standard deviation from which it counts as none, m"),
         Number("correction_timeout", 1.0, 0.05, 60.0, "after which map → odom no longer counts, s"),
     )
+
+
+class FrameCorrection:
+    """Hears where a localisation sees the frame of odometry, as AMCL and SLAM tell it: map → odom.
+
+    Their stamps say until when a transform counts, so they may lie ahead: its age counts from its hearing.
+
+    Parameters
+    ----------
+    node
+        Whose topics.
+    parent, child
+        Frame that poses are to be in, and that of odometry.
+    guarded
+        Wraps what hears a message, and may refuse it.
+
+    Attributes
+    ----------
+    topic
+        After ROS's renaming.
+    pose
+        x, y (m) and φ (rad) of the child in the parent, shape (3,); NaN before the first.
+    """
+
+    def __init__(self, node: Node, parent: str, child: str, guarded: Guard) -> None:
+        self._frames, self._heard = (parent, child), -math.inf
+        self.pose: Array = np.full(3, np.nan)
+        topic, kind = transform_topic(BASE_TRANSFORM)
+        self.topic: str = node.resolve_topic_name(topic)
+        node.create_subscription(kind, self.topic, guarded(self._hear), TRANSFORMS)
+
+    @property
+    def age(self) -> float:
+        """Time since it was heard last, s; infinite before."""
+        return time.monotonic() - self._heard
+
+    def _hear(self, message: Any) -> None:
+        for each in getattr(message, "transforms", [message]):
+            if (each.header.frame_id, each.child_frame_id) == self._frames:
+                transform = each.transform
+                self.pose = planar_pose("transform", transform.translation, transform.rotation)
+                self._heard = time.monotonic()
 
 
 class Localisation:
@@ -77,7 +124,7 @@ class Localisation:
         odometry_frame: str,
         heading: float,
         period: float,
-        guarded: Callable[..., Callable[[Any], None]],
+        guarded: Guard,
         is_relied_on: Callable[[], bool],
         heard: Callable[[float, int], None],
     ) -> None:
@@ -111,7 +158,7 @@ class Localisation:
         pose, deviation = planar_pose_of(message, self._frame), deviation_of(message)
         most, stamp = number(self._node, "odometry_deviation"), at / NANOSECONDS
         if self._correction:  # what drifts is corrected, however far it has drifted
-            pose = self._correction.applied(pose)
+            pose = displaced(self._correction.pose, pose)
             if np.isnan(pose).any():
                 raise RefusedError(f"odometry: {self.silence}, which corrects it")
         elif deviation > most:

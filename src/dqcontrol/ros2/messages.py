@@ -1,11 +1,10 @@
-"""Meaning of messages, and why some are refused. They are read by their fields, so none of ROS is imported here."""
+"""Meaning of messages, and why some are refused. They are read by their fields."""
 
 from __future__ import annotations
 
-import importlib
 import math
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -18,10 +17,10 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, suggest
 from dqcontrol.plants.compliant import joint_columns as column
-from dqcontrol.plants.mobile.odometry import displaced
 from dqcontrol.plants.plant import ControllerSettings
 
 NANOSECONDS = 1_000_000_000
+TRANSFORMS = QoSProfile(depth=100)  # as tf2's own
 _MOST_TILT = math.radians(20.0)  # of a base that drives in a plane
 _MODES = tuple(column.MODES)
 _ASKED = {"PWM": ("duty", -1.0, 1.0)} | dict.fromkeys(("TORQUE", "TORQUE_GC"), ("torque", -1e4, 1e4))
@@ -33,6 +32,38 @@ class RefusedError(Error):
     """A message is not what it should be; it is left out."""
 
 
+Guard = Callable[[Callable[[Any], None]], Callable[[Any], None]]
+
+
+def guarding(refuse: Callable[[RefusedError], object]) -> Guard:
+    """Return what makes of a function that hears messages one that does not raise, but refuses."""
+
+    def guarded(hear: Callable[[Any], None]) -> Callable[[Any], None]:
+        def heard(message: Any) -> None:
+            try:
+                hear(message)
+            except RefusedError as error:
+                refuse(error)
+
+        return heard
+
+    return guarded
+
+
+def optional(package: str) -> Any:
+    """Return a package of messages that no wheel of the extra ``ros2`` has, if it is installed."""
+    try:
+        return import_module(package)
+    except ImportError:
+        return None
+
+
+def transform_topic(own: str) -> tuple[str, Any]:
+    """Return topic and type of transforms: those of tf2, or where that is not installed, one of ours with one each."""
+    tf = optional("tf2_msgs.msg")
+    return ("/tf", tf.TFMessage) if tf else (own, TransformStamped)
+
+
 def nanoseconds(stamp: Any) -> int:
     """Return a ``builtin_interfaces/Time`` in ns."""
     return stamp.sec * NANOSECONDS + stamp.nanosec
@@ -42,6 +73,23 @@ def stamp_of(time: int, stamp: Any) -> Any:
     """Write a time in ns into a ``builtin_interfaces/Time``, and return it."""
     stamp.sec, stamp.nanosec = divmod(time, NANOSECONDS)
     return stamp
+
+
+def parts_of(vector: Any) -> list[float]:
+    """Return the numbers of a ``geometry_msgs/Vector3`` or ``Point``, or of a ``Quaternion`` the imaginary ones."""
+    return [vector.x, vector.y, vector.z]
+
+
+def write_parts(vector: Any, values: Iterable[float]) -> None:
+    """Write these numbers."""
+    vector.x, vector.y, vector.z = map(float, values)
+
+
+def write_pose(message: Any, pose: Array) -> None:
+    """Write a unit dual quaternion (8,) into a ``geometry_msgs/Pose``."""
+    write_parts(message.position, algebra.translation(pose))
+    message.orientation.w = float(pose[0])
+    write_parts(message.orientation, pose[1:4])
 
 
 def numbers(what: str, values: Sequence[float], size: int) -> Array:
@@ -151,13 +199,18 @@ def pose_of(message: Any, frame: str) -> Array:
     """
     if message.header.frame_id != frame:
         raise RefusedError(f"pose: unknown frame '{message.header.frame_id}' (allowed: {frame})")
-    place, turn = message.pose.position, message.pose.orientation
-    p = numbers("pose.position", [place.x, place.y, place.z], 3)
-    r = numbers("pose.orientation", [turn.w, turn.x, turn.y, turn.z], 4)
-    norm = np.linalg.norm(r)
-    if abs(norm - 1) > _UNIT:
-        raise RefusedError(f"pose.orientation: expected a unit quaternion, got norm {norm:.3g}")
+    p = numbers("pose.position", parts_of(message.pose.position), 3)
+    r, norm = _rotation("pose.orientation", message.pose.orientation)
     return algebra.pose(r / norm, p)
+
+
+def _rotation(what: str, turn: Any) -> tuple[Array, float]:
+    """Return a ``geometry_msgs/Quaternion``, scalar first, and its norm, which is almost 1."""
+    r = numbers(what, [turn.w, *parts_of(turn)], 4)
+    norm = float(np.linalg.norm(r))
+    if abs(norm - 1) > _UNIT:
+        raise RefusedError(f"{what}: expected a unit quaternion, got norm {norm:.3g}")
+    return r, norm
 
 
 def twist_of(message: Any, frames: Sequence[str]) -> tuple[Array, Array, str]:
@@ -173,8 +226,8 @@ def twist_of(message: Any, frames: Sequence[str]) -> tuple[Array, Array, str]:
     frame = message.header.frame_id
     if frame not in frames:
         raise RefusedError(f"twist: unknown frame '{frame}' (allowed: {', '.join(frames)})")
-    v, w = message.twist.linear, message.twist.angular
-    return numbers("twist.linear", [v.x, v.y, v.z], 3), numbers("twist.angular", [w.x, w.y, w.z], 3), frame
+    linear, angular = (parts_of(each) for each in (message.twist.linear, message.twist.angular))
+    return numbers("twist.linear", linear, 3), numbers("twist.angular", angular, 3), frame
 
 
 def planar_pose_of(message: Any, frame: str) -> Array:
@@ -199,11 +252,8 @@ def planar_pose(what: str, place: Any, turn: Any) -> Array:
     RefusedError
         If the orientation is no unit quaternion or more than 20° off the plane, or a number is not finite.
     """
-    x, y, _ = numbers(f"{what}: position", [place.x, place.y, place.z], 3)
-    r = numbers(f"{what}: orientation", [turn.w, turn.x, turn.y, turn.z], 4)
-    norm = np.linalg.norm(r)
-    if abs(norm - 1) > _UNIT:
-        raise RefusedError(f"{what}: orientation: expected a unit quaternion, got norm {norm:.3g}")
+    x, y, _ = numbers(f"{what}: position", parts_of(place), 3)
+    r, norm = _rotation(f"{what}: orientation", turn)
     up = 1.0 - 2.0 * (r[1] ** 2 + r[2] ** 2) / norm**2
     if up < math.cos(_MOST_TILT):
         raise RefusedError(
@@ -241,12 +291,10 @@ def planar_twist_of(message: Any, *, sideways: bool) -> tuple[float, float, floa
     RefusedError
         If a number is not finite, or it asks for what the base cannot do.
     """
-    v, w = message.linear, message.angular
-    linear = numbers("cmd_vel: linear", [v.x, v.y, v.z], 3)
-    angular = numbers("cmd_vel: angular", [w.x, w.y, w.z], 3)
+    linear = numbers("cmd_vel: linear", parts_of(message.linear), 3)
+    angular = numbers("cmd_vel: angular", parts_of(message.angular), 3)
     asked = {"linear.y": linear[1] * (not sideways), "linear.z": linear[2], "angular.x": angular[0]}
-    asked["angular.y"] = angular[1]
-    for name, value in asked.items():
+    for name, value in (*asked.items(), ("angular.y", angular[1])):
         if value:
             raise RefusedError(f"cmd_vel: {name}: the base cannot move so; expected 0, got {value:g}")
     return float(linear[0]), float(linear[1]), float(angular[2])
@@ -279,10 +327,6 @@ class Stamps:
     def forget(self) -> None:
         """Let any time pass next."""
         self._last = -1
-
-
-# The wheels of the extra ``ros2`` have no ``tf2_msgs``, and messages cannot be built with them: there a plain
-# ``geometry_msgs/TransformStamped`` says the same.
 
 
 class OdometryDrift:
@@ -339,76 +383,18 @@ class OdometryDrift:
         self.covariance = old @ self.covariance @ old.T + (errors * variances) @ errors.T
 
 
-TF, OURS = "/tf", "/base_transform"
-_KEPT = QoSProfile(depth=100)  # as tf2's own
-
-
-def tf_message() -> Any:
-    """Return the type of the messages on `/tf`; None if it is not installed."""
-    try:
-        return importlib.import_module("tf2_msgs.msg").TFMessage
-    except ImportError:
-        return None
+BASE_TRANSFORM = "/base_transform"
 
 
 def transform_publisher(node: Node) -> Callable[[Odometry], None]:
     """Return what publishes the transform that an odometry says, with its stamp."""
-    kind = tf_message()
-    publisher = node.create_publisher(kind or TransformStamped, TF if kind else OURS, _KEPT)
+    topic, kind = transform_topic(BASE_TRANSFORM)
+    publisher = node.create_publisher(kind, topic, TRANSFORMS)
 
     def publish(odometry: Odometry) -> None:
         message = TransformStamped(header=odometry.header, child_frame_id=odometry.child_frame_id)
-        place, pose = message.transform.translation, odometry.pose.pose
-        place.x, place.y, place.z = pose.position.x, pose.position.y, pose.position.z
-        message.transform.rotation = pose.orientation
-        publisher.publish(kind(transforms=[message]) if kind else message)
+        write_parts(message.transform.translation, parts_of(odometry.pose.pose.position))
+        message.transform.rotation = odometry.pose.pose.orientation
+        publisher.publish(message if kind is TransformStamped else kind(transforms=[message]))
 
     return publish
-
-
-class FrameCorrection:
-    """Hears where a localisation sees the frame of odometry, as AMCL and SLAM tell it: map → odom.
-
-    Their stamps say until when a transform counts, so they may lie ahead: its age counts from its hearing.
-
-    Parameters
-    ----------
-    node
-        Whose topics.
-    parent, child
-        Frame that poses are to be in, and that of odometry.
-    guarded
-        Wraps what hears a message, and may refuse it.
-
-    Attributes
-    ----------
-    topic
-        After ROS's renaming.
-    pose
-        x, y (m) and φ (rad) of the child in the parent, shape (3,); NaN before the first.
-    """
-
-    def __init__(
-        self, node: Node, parent: str, child: str, guarded: Callable[..., Callable[[Any], None]]
-    ) -> None:
-        self._frames, self._heard = (parent, child), -math.inf
-        self.pose: Array = np.full(3, np.nan)
-        kind = tf_message()
-        self.topic: str = node.resolve_topic_name(TF if kind else OURS)
-        node.create_subscription(kind or TransformStamped, self.topic, guarded(self._hear), _KEPT)
-
-    @property
-    def age(self) -> float:
-        """Time since it was heard last, s; infinite before."""
-        return time.monotonic() - self._heard
-
-    def applied(self, pose: Array) -> Array:
-        """Return a pose (3,) in the frame of odometry as one in that of poses."""
-        return displaced(self.pose, pose)
-
-    def _hear(self, message: Any) -> None:
-        for each in getattr(message, "transforms", [message]):
-            if (each.header.frame_id, each.child_frame_id) == self._frames:
-                transform = each.transform
-                self.pose = planar_pose("transform", transform.translation, transform.rotation)
-                self._heard = time.monotonic()

@@ -79,6 +79,14 @@ def read_once(node: Node, name: str, value: Any, description: str) -> Any:
     return given
 
 
+def joint_names_read(node: Node, own: list[str]) -> list[str]:
+    """Return the names that messages have for joints with names of their own, as the parameter ``joint_names`` says."""
+    names = read_once(node, "joint_names", own, "names in messages, in the order of the robot's joints")
+    if len(names) != len(own):
+        raise ValueRangeError(f"joint_names: expected {len(own)} names, got {len(names)}")
+    return list(names)
+
+
 def refuse_unknown(node: Node, known: Iterable[str]) -> None:
     """Check that no other parameters were given at the start.
 

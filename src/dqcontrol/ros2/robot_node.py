@@ -29,19 +29,20 @@ from dqcontrol.ros2.interfaces import (
     SENT,
     WRENCH,
     check_wheels,
-    publishers_of,
+    several_publish,
 )
 from dqcontrol.ros2.loading import Loaded, RobotParts, silence
 from dqcontrol.ros2.messages import (
     NANOSECONDS,
     OdometryDrift,
-    RefusedError,
+    guarding,
     humanoid_command,
     numbers,
     planar_twist_of,
     stamp_of,
     trajectory_point,
     transform_publisher,
+    write_parts,
 )
 from dqcontrol.ros2.middleware import destroyed_on_failure, steady_timer
 from dqcontrol.ros2.parameters import Number, declare, number, on_change, refuse_unknown
@@ -340,27 +341,20 @@ class Obeyed:
         read: Callable[[Any], Array],
         refuse: Callable[[object], None],
     ) -> None:
-        self._node, self._read, self._refuse, self._heard = node, read, refuse, -np.inf
+        self._node, self._read, self._heard = node, read, -np.inf
         self.asked: Array | None = None
-        self.topic: str = node.create_subscription(kind, topic, self._hear, NEWEST).topic_name
+        self.topic: str = node.create_subscription(
+            kind, topic, guarding(refuse)(self._hear), NEWEST
+        ).topic_name
 
     def why_not(self, timeout: float) -> str:
         """Say why nothing that was asked counts, with commands counting for some time, s; empty if it does."""
         if time.monotonic() - self._heard > timeout:
             return _NO_COMMANDS
-        if self._node.count_publishers(self.topic) > 1:
-            return (
-                f"several publish on {self.topic}: {', '.join(sorted(publishers_of(self._node, self.topic)))}"
-            )
-        return ""
+        return several_publish(self._node, self.topic)
 
     def _hear(self, message: Any) -> None:
-        try:
-            asked = self._read(message)
-        except RefusedError as error:
-            self._refuse(error)
-            return
-        self.asked, self._heard = asked, time.monotonic()
+        self.asked, self._heard = self._read(message), time.monotonic()
 
 
 def odometry_publisher(
@@ -405,11 +399,8 @@ def wrench_publisher(node: Node, plant: RunningPlant) -> Callable[[int], None] |
         message = WrenchStamped()
         message.header.frame_id = "tool0"
         stamp_of(stamp, message.header.stamp)
-        for vector, values in (
-            (message.wrench.force, plant.wrench[:3]),
-            (message.wrench.torque, plant.wrench[3:]),
-        ):
-            vector.x, vector.y, vector.z = map(float, values)
+        write_parts(message.wrench.force, plant.wrench[:3])
+        write_parts(message.wrench.torque, plant.wrench[3:])
         publisher.publish(message)
 
     return publish

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -16,7 +13,7 @@ from std_srvs.srv import SetBool
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.loop.control import Phase
 from dqcontrol.loop.targets import JogTarget, PoseTarget, TwistTarget
-from dqcontrol.ros2.messages import RefusedError, numbers
+from dqcontrol.ros2.messages import Guard, RefusedError, numbers, optional
 from dqcontrol.ros2.middleware import steady_timer
 from dqcontrol.ros2.parameters import number, read_once
 
@@ -48,9 +45,7 @@ class ServoTopics:
         Wraps what hears a message, and may refuse it.
     """
 
-    def __init__(
-        self, node: Node, following: Following, guarded: Callable[..., Callable[[Any], None]]
-    ) -> None:
+    def __init__(self, node: Node, following: Following, guarded: Guard) -> None:
         self._node, self._following = node, following
         self.is_paused: bool = False
         self._chosen: str = ""
@@ -62,12 +57,12 @@ class ServoTopics:
         self._is_unitless = units == _UNITS[1]
         node.create_subscription(TwistStamped, "~/delta_twist_cmds", guarded(self.hear_twist), 1)
         node.create_subscription(PoseStamped, "~/pose_target_cmds", guarded(self.hear_pose), 1)
-        if control := _package("control_msgs.msg"):
+        if control := optional("control_msgs.msg"):
             node.create_subscription(control.JointJog, "~/delta_joint_cmds", guarded(self.hear_jog), 1)
         else:
             node.get_logger().warning("~/delta_joint_cmds: not offered, control_msgs is not installed")
         node.create_service(SetBool, "~/pause_servo", self._pause)
-        moveit, services = _package("moveit_msgs.msg"), _package("moveit_msgs.srv")
+        moveit, services = optional("moveit_msgs.msg"), optional("moveit_msgs.srv")
         if services:
             node.create_service(services.ServoCommandType, "~/switch_command_type", self._switch)
         self._status_type: Any = moveit.ServoStatus if moveit else Int8
@@ -140,11 +135,3 @@ class ServoTopics:
             self._status.publish(Int8(data=code))
         else:
             self._status.publish(self._status_type(code=code, message=control.reason or control.phase.value))
-
-
-def _package(name: str) -> ModuleType | None:
-    """Return a package of messages, if it is installed."""
-    try:
-        return import_module(name)
-    except ImportError:
-        return None

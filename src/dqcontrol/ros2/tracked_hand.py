@@ -5,14 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error
 from dqcontrol.files.whole_file import whole_file
@@ -20,7 +18,7 @@ from dqcontrol.references import Points
 from dqcontrol.references.points import DUAL_QUATERNION
 from dqcontrol.references.sample import POSE
 from dqcontrol.ros2.interfaces import SENT
-from dqcontrol.ros2.messages import NANOSECONDS, nanoseconds, pose_of, stamp_of
+from dqcontrol.ros2.messages import NANOSECONDS, Guard, nanoseconds, pose_of, stamp_of, write_pose
 
 TRACKED = "tracked.csv"
 _HEARD = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)  # none may be lost to a busy loop
@@ -43,9 +41,7 @@ class TrackedHand:
         Wraps what hears a message, and may refuse it.
     """
 
-    def __init__(
-        self, node: Node, topic: str, frame: str, guarded: Callable[..., Callable[[Any], None]]
-    ) -> None:
+    def __init__(self, node: Node, topic: str, frame: str, guarded: Guard) -> None:
         self.topic: str = node.resolve_topic_name(topic)
         self._frame = frame
         self._origin, self._heard = 0.0, -np.inf
@@ -115,9 +111,7 @@ def pose_publisher(node: Node, topic: str, frame: str) -> Callable[[int, Array],
     message.header.frame_id = frame
 
     def publish(stamp: int, pose: Array) -> None:
-        place, turn = message.pose.position, message.pose.orientation
-        place.x, place.y, place.z = algebra.translation(pose).tolist()
-        turn.w, turn.x, turn.y, turn.z = pose[:4].tolist()
+        write_pose(message.pose, pose)
         stamp_of(stamp, message.header.stamp)
         publisher.publish(message)
 

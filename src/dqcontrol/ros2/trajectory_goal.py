@@ -19,7 +19,7 @@ from dqcontrol.loop.interrupts import Interrupts
 from dqcontrol.ros2.interfaces import JOINT_STATES, NEWEST
 from dqcontrol.ros2.messages import RefusedError, by_name
 from dqcontrol.ros2.middleware import spin, steady_timer
-from dqcontrol.ros2.parameters import Number, declare, read_once, refuse_unknown
+from dqcontrol.ros2.parameters import Number, declare, joint_names_read, refuse_unknown
 
 ACTION = "/joint_trajectory_controller/follow_joint_trajectory"
 _PATIENCE = 5.0  # s: discovery takes one, and drivers of robots start slowly
@@ -70,12 +70,7 @@ class TrajectoryGoal(Node):
     def __init__(self, run: Run, *, name: str = "dqcontrol", action: str = ACTION) -> None:
         kind = _action_type()
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
-        own = list(run.robot.joint_names)
-        self._joints = list(
-            read_once(self, "joint_names", own, "names in messages, in the order of the robot's joints")
-        )
-        if len(self._joints) != len(own):
-            raise ValueRangeError(f"joint_names: expected {len(own)} names, got {len(self._joints)}")
+        self._joints = joint_names_read(self, list(run.robot.joint_names))
         declare(self, [Number("tolerance", 0.1, 0.001, 3.2, "of path and end, rad or m")])
         refuse_unknown(self, ["joint_names", "tolerance"])
         tolerance = self.get_parameter("tolerance").value

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import importlib
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import Point, Pose, TransformStamped, WrenchStamped
+from geometry_msgs.msg import Point, WrenchStamped
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 
@@ -21,7 +19,18 @@ from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, Plane, Shape, Spher
 from dqcontrol.loop.control import Control
 from dqcontrol.ros2.interfaces import NEWEST, WRENCH
 from dqcontrol.ros2.loading import RobotParts
-from dqcontrol.ros2.messages import TF, RefusedError, by_name, numbers, tf_message
+from dqcontrol.ros2.messages import (
+    TRANSFORMS,
+    Guard,
+    RefusedError,
+    by_name,
+    numbers,
+    optional,
+    parts_of,
+    transform_topic,
+    write_parts,
+    write_pose,
+)
 from dqcontrol.ros2.middleware import steady_timer
 from dqcontrol.supervisor import PreparedSupervisor
 from dqcontrol.world import Body, World
@@ -66,7 +75,7 @@ class WrenchInput:
         parts: RobotParts,
         joints: list[str],
         frame: str,
-        guarded: Callable[..., Callable[[Any], None]],
+        guarded: Guard,
     ) -> None:
         self._node, self._parts, self._joints = node, parts, joints
         self._frame, self._guarded = frame, guarded
@@ -129,8 +138,8 @@ class WrenchInput:
             raise RefusedError(
                 f"wrench: in frame '{message.header.frame_id}', but the payload is taken off in '{self._frame}'"
             )
-        f, t = message.wrench.force, message.wrench.torque
-        self._wrench = numbers("wrench", [f.x, f.y, f.z, t.x, t.y, t.z], 6)
+        parts = [*parts_of(message.wrench.force), *parts_of(message.wrench.torque)]
+        self._wrench = numbers("wrench", parts, 6)
         self._heard = time.monotonic()
         if self.pass_on is not None:
             self.pass_on(self._wrench, message.header.stamp)
@@ -141,7 +150,6 @@ _EVERY = 0.2  # s: between two messages with markers
 _HALF_WIDTH = 5.0  # m: of a plane's marker
 _THIN = 0.002  # m
 _COLOUR = (0.55, 0.35, 0.65, 0.7)
-_KEPT = QoSProfile(depth=100)  # as tf2's own
 
 
 class WorldTopics:
@@ -168,22 +176,14 @@ class WorldTopics:
         Where watched bodies are by the last transform, poses (8,); of those not heard yet as the world says.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        control: Control,
-        world: World,
-        frame: str,
-        guarded: Callable[..., Callable[[Any], None]],
-    ) -> None:
+    def __init__(self, node: Node, control: Control, world: World, frame: str, guarded: Guard) -> None:
         self._node, self._control, self._world, self._frame = node, control, world, frame
         watched = {name: body for name, body in world.bodies.items() if body.watch is not None}
         self.seen: dict[str, Array] = {name: body.pose for name, body in watched.items()}
         if watched:
-            kind = tf_message()
-            topic = TF if kind else BODIES
-            node.create_subscription(kind or TransformStamped, topic, guarded(self.hear), _KEPT)
-        self._messages = _marker_messages()
+            topic, kind = transform_topic(BODIES)
+            node.create_subscription(kind, topic, guarded(self.hear), TRANSFORMS)
+        self._messages = optional("visualization_msgs.msg")
         if self._messages is not None:
             self._publisher = node.create_publisher(self._messages.MarkerArray, MARKERS, 1)
             steady_timer(node, _EVERY, self._publish)
@@ -205,7 +205,7 @@ class WorldTopics:
                     f"transform of {name}: is in frame '{each.header.frame_id}', expected '{self._frame}'"
                 )
             at, turn = each.transform.translation, each.transform.rotation
-            numbers = np.array([turn.w, turn.x, turn.y, turn.z, at.x, at.y, at.z])
+            numbers = np.array([turn.w, *parts_of(turn), *parts_of(at)])
             size = float(np.linalg.norm(numbers[:4]))
             if not np.isfinite(numbers).all() or abs(size - 1) > 1e-3:
                 raise RefusedError(f"transform of {name}: is no pose, got {numbers.tolist()}")
@@ -230,10 +230,13 @@ def body_markers(messages: Any, name: str, body: Body, pose: Array) -> Iterator[
     """Yield the markers of a body at a pose (8,): one a shape, of a capsule three."""
     for shape in body.own_shapes:
         for kind, scale, place in _forms(messages.Marker, shape.moved(pose)):
-            marker = messages.Marker(ns=name, type=kind, action=messages.Marker.ADD, pose=_pose(place))
-            marker.scale.x, marker.scale.y, marker.scale.z = (float(each) for each in scale)
+            marker = messages.Marker(ns=name, type=kind, action=messages.Marker.ADD)
+            write_pose(marker.pose, place)
+            write_parts(marker.scale, scale)
             if isinstance(shape, Hull):
-                marker.points = [_point(corner) for corner in shape.points[shape.faces].reshape(-1, 3)]
+                marker.points = [
+                    Point(x=x, y=y, z=z) for x, y, z in shape.points[shape.faces].reshape(-1, 3).tolist()
+                ]
             marker.color.r, marker.color.g, marker.color.b, marker.color.a = _COLOUR
             yield marker
 
@@ -259,23 +262,3 @@ def _forms(marker: Any, shape: Shape) -> Iterator[tuple[int, Any, Array]]:
             yield marker.CYLINDER, [wide, wide, length], algebra.pose(turn, middle)
         for end in (shape.start, shape.end) if isinstance(shape, Capsule) else ():
             yield marker.SPHERE, [wide] * 3, algebra.pose(still, end)
-
-
-def _point(at: Array) -> Point:
-    return Point(x=float(at[0]), y=float(at[1]), z=float(at[2]))
-
-
-def _pose(pose: Array) -> Pose:
-    at, turn = algebra.translation(pose), algebra.rotation(pose)
-    found = Pose(position=_point(at))
-    orientation = found.orientation
-    orientation.w, orientation.x, orientation.y, orientation.z = (float(each) for each in turn)
-    return found
-
-
-def _marker_messages() -> Any:
-    """Return ROS's module of markers; None if it is not installed."""
-    try:
-        return importlib.import_module("visualization_msgs.msg")
-    except ImportError:
-        return None
