@@ -5,8 +5,7 @@ import threading
 
 import pytest
 
-from dqcontrol.browser.loop_events import LoopEvent
-from dqcontrol.browser.served_page import start_server, stop_server
+from dqcontrol.browser.served_page import LoopEvent, start_server, stop_server
 
 pytest.importorskip("viser", reason="the browser view needs viser: pip install 'dqcontrol[view]'")
 

@@ -12,8 +12,7 @@ import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.browser.play import SCENES, PlaySession
 from dqcontrol.browser.play.learnt import learn_in
-from dqcontrol.browser.play.recorded_rows import RecordedRows
-from dqcontrol.browser.play.session import law_data, law_from
+from dqcontrol.browser.play.session import RecordedRows, law_data, law_from
 from dqcontrol.errors import Error, ExistsError
 from dqcontrol.experiments.driven import driven_spec
 

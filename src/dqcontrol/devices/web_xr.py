@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol import algebra
-from dqcontrol.browser.own_origin import is_own_page
+from dqcontrol.browser.served_page import is_own_page
 from dqcontrol.devices.teleoperation import Told
 from dqcontrol.errors import Error, from_extra
 

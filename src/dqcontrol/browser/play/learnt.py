@@ -5,14 +5,14 @@ from __future__ import annotations
 import tempfile
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.browser.play.recorded_rows import RecordedRows
-from dqcontrol.browser.play.session import PlaySession
+from dqcontrol.browser.play.session import PlaySession, RecordedRows
 from dqcontrol.errors import Error
 from dqcontrol.loop import part_of
 
@@ -62,12 +62,8 @@ def _learn(session: PlaySession, repeats: int) -> None:
             session.tell(f"the end effector missed the path by {', '.join(said)} mm (RMS, repeat by repeat)")
             return record
 
-        try:
+        with session.trying(), suppress(_EndedError):
             learn(spec, repeats, runner=run)
-        except _EndedError:
-            pass
-        except Error as error:
-            session.tell(f"not done: {error}")
 
 
 def _repeat(session: PlaySession, spec: dict[str, Any], recorded: list[RecordedRows]) -> Record:

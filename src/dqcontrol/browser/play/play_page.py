@@ -16,13 +16,8 @@ from dqcontrol.browser.drawn_robot import DrawnRobot
 from dqcontrol.browser.layout import Extent, viewpoint
 from dqcontrol.browser.play.charts import Charts
 from dqcontrol.browser.play.end_effectors import LAW
-from dqcontrol.browser.play.law_tab import LawTab
-from dqcontrol.browser.play.record_tab import RecordTab
-from dqcontrol.browser.play.robot_tab import RobotTab
-from dqcontrol.browser.play.session import PlaySession
-from dqcontrol.browser.play.spring import STIFFNESS
-from dqcontrol.browser.play.target_tab import TargetTab, called
-from dqcontrol.browser.play.world_tab import WorldTab
+from dqcontrol.browser.play.session import STIFFNESS, PlaySession
+from dqcontrol.browser.play.tabs import LawTab, RecordTab, RobotTab, TargetTab, WorldTab, called
 from dqcontrol.browser.served_page import ServedPage
 from dqcontrol.figures.style import LIMIT
 from dqcontrol.robots import describe

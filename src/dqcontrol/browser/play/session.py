@@ -7,8 +7,8 @@ import threading
 import time
 import warnings
 from collections import deque
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -20,8 +20,6 @@ import numpy as np
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.browser.play.end_effectors import LAW, EndEffectors
-from dqcontrol.browser.play.recorded_rows import RecordedRows
-from dqcontrol.browser.play.spring import Pull, Spring
 from dqcontrol.constraints import Constraints
 from dqcontrol.constraints.constraint_view import ConstraintView, NearestPair
 from dqcontrol.errors import Error, ExistsError, NoteWarning, StabilityWarning, writing
@@ -38,7 +36,7 @@ from dqcontrol.loop.live import Live, Pace
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.targets import Speeds
 from dqcontrol.references.points import DUAL_QUATERNION
-from dqcontrol.references.sample import POSE
+from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME
 from dqcontrol.robots import Robot
 
 if TYPE_CHECKING:
@@ -46,6 +44,8 @@ if TYPE_CHECKING:
     from dqcontrol.experiments.check import LoopCheck
 
 SPEEDS = Speeds(linear=0.5, angular=2.0, acceleration=3.0)  # brisk for a hand that drags, m/s, rad/s, m/s²
+STIFFNESS = 200.0  # N/m of a spring between a link and the mouse
+_MOST_FORCE = 60.0  # N: half of what ISO/TS 15066 lets a robot press on a chest
 SHOWN = 10.0  # s of charts
 _CHARTED = 0.05  # s between points of charts
 _MOST_ROWS = 60_000  # of a recording: ten minutes at 100 Hz, 20 MB
@@ -82,6 +82,101 @@ class ChartPoint(NamedTuple):
     ghost_error: float
     force: float
     missed: int
+
+
+class Pull(NamedTuple):
+    """What a spring does to a link.
+
+    Attributes
+    ----------
+    point, force
+        Where it holds the link, m, and how it draws, N, shape (3,), inertial frame.
+    gave_way
+        How far that point is from where the link was taken, m.
+    """
+
+    point: Array
+    force: Array
+    gave_way: float
+
+
+class Spring:
+    """Holds a point of a link, and goes along with it.
+
+    Parameters
+    ----------
+    robot, q
+        Whose link, and where the robot is, shape (n,), rad or m.
+    row
+        Of `Robot.frames`: what the link moves with.
+    taken
+        Where it is taken, shape (3,), m, inertial frame.
+
+    Attributes
+    ----------
+    towards
+        Where it leads, shape (3,), m, inertial frame.
+    """
+
+    row: int
+    towards: Array
+
+    def __init__(self, robot: Robot, q: Array, row: int, taken: Array) -> None:
+        self.row, self.towards = row, taken
+        self._robot, self._taken = robot, taken
+        frame = algebra.conjugate(robot.frames(q)[row])
+        self._on_link = algebra.multiply(frame, algebra.pose([1, 0, 0, 0], taken))
+
+    def pull(self, q: Array) -> Pull:
+        """Return what it does to the robot at q, shape (n,)."""
+        point = algebra.translation(algebra.multiply(self._robot.frames(q)[self.row], self._on_link))
+        force = STIFFNESS * (self.towards - point)
+        force *= min(1.0, _MOST_FORCE / max(float(np.linalg.norm(force)), 1e-9))
+        return Pull(point, force, float(np.linalg.norm(point - self._taken)))
+
+
+class RecordedRows:
+    """A `SampleSink` in memory that stops taking rows when it is full.
+
+    Parameters
+    ----------
+    robot
+        Whose rows they are.
+    most
+        Rows at most; memory is taken as they come.
+    """
+
+    failure: str = ""
+
+    def __init__(self, robot: Robot, most: int) -> None:
+        self._robot, self._most = robot, most
+        self._rows: list[Array] = []
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether it takes no more."""
+        return len(self._rows) >= self._most
+
+    def take(
+        self, sample: Array, q: Array, measured: Array, command: Array, interventions: float = 0.0
+    ) -> None:
+        """Keep a row; see `SampleSink`."""
+        if not self.is_full:
+            self._rows.append(np.concatenate([sample, q, measured, command]))
+
+    def record(self) -> Record:
+        """Return what was kept."""
+        robot, n = self._robot, self._robot.configuration_size
+        ends = np.cumsum([SAMPLE_SIZE, n, n, robot.input_size])
+        rows = np.array(self._rows).reshape(-1, ends[-1])
+        desired, q, measured, command = (
+            np.ascontiguousarray(part) for part in np.split(rows, ends[:-1], axis=1)
+        )
+        names = robot.joint_names, robot.input_names
+        return Record(desired[:, TIME].copy(), q, measured, command, robot.fkm(q), desired, *names)
 
 
 class PlaySession:
@@ -227,12 +322,18 @@ class PlaySession:
 
     def begin(self, spec: dict[str, Any]) -> bool:
         """Begin anew, at rest, from a spec; say why not if that cannot be."""
-        try:
+        with self.trying():
             self._take(spec)
+            return True
+        return False
+
+    @contextmanager
+    def trying(self) -> Iterator[None]:
+        """Say why it cannot be done, if so."""
+        try:
+            yield
         except Error as error:
             self.tell(f"not done: {error}")
-            return False
-        return True
 
     def _here(self) -> list[float]:
         """Return where the robot is, within its limits."""
@@ -302,23 +403,16 @@ class PlaySession:
     def set_law(self, law: Law) -> bool:
         """Go on with another law, without a stop; it keeps what the present one keeps, unless it says so itself."""
         present = self.live.law
-        kept = {
-            key: getattr(law, key) or getattr(present, key)
-            for key in ("constraints", "null_space", "contact")
-        }
-        with self.lock:
-            try:
-                self.live.set_law(msgspec.structs.replace(law, **kept))
-            except Error as error:
-                self.tell(f"not done: {error}")
-                return False
-            said = {
-                key for key in _BESIDE if self.spec.get(key) is not None
-            }  # beside the law: not in it, too
+        kept = {key: getattr(law, key) or getattr(present, key) for key in _BESIDE}
+        with self.lock, self.trying():
+            self.live.set_law(msgspec.structs.replace(law, **kept))
+            # beside the law: not in it, too
+            said = {key for key in _BESIDE if self.spec.get(key) is not None}
             data = {key: value for key, value in law_data(law).items() if key not in said}
             self.spec = {**self.spec, "law": data}
             self._disturbed()
-        return True
+            return True
+        return False
 
     def set_contact(self, contact: Admittance) -> bool:
         """Go on with other numbers of the contact, its compliant frame where it is; not if that were unstable."""
@@ -326,32 +420,25 @@ class PlaySession:
         variant = replace(case.variant, law=msgspec.structs.replace(case.variant.law, contact=contact))
         setting = replace(self.setting, cases=(replace(case, variant=variant, prepared=None),))
         law = {key: value for key, value in self.spec["law"].items() if key != "contact"}
-        try:
+        with self.trying():
             check_contact(setting.spec, setting.cases[0])
             with self.lock:
                 self.live.set_law(msgspec.structs.replace(self.live.law, contact=contact))
                 self.spec = {**self.spec, "law": law, "contact": msgspec.to_builtins(contact)}
                 self.setting = setting
                 self._disturbed()
-        except Error as error:
-            self.tell(f"not done: {error}")
-            return False
-        return True
+            return True
+        return False
 
     def set_ghost(self, data: dict[str, Any] | None) -> bool:
         """Let a second robot run another law, as a spec says it, under the same target; None: no second one."""
-        before = self._ghost_law
-        try:
-            law = self._ghost_law = law_from(data) if data else None
-            ghost = (
-                self._made_ghost(self._prepared({**self.spec, "start": self._here()}), law) if law else None
-            )
-        except Error as error:
-            self._ghost_law = before
-            self.tell(f"not done: {error}")
-            return False
-        del ghost
-        return self.change(reference=self.spec["reference"])
+        with self.trying():
+            law = law_from(data) if data else None
+            if law:  # or say why not, before anything changes
+                self._made_ghost(self._prepared({**self.spec, "start": self._here()}), law)
+            self._ghost_law = law
+            return self.change(reference=self.spec["reference"])
+        return False
 
     def tell(self, words: str) -> None:
         """Note what happened."""
