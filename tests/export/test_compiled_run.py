@@ -18,7 +18,7 @@ from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.experiments import load_run
 from dqcontrol.export import compiled_run, export_controller, loop_hosts, run_compiled_in_real_time
 from dqcontrol.export.controller_parts import controller_parts
-from dqcontrol.export.loop_hosts import LoopRows
+from dqcontrol.export.loop_hosts import row_type
 from dqcontrol.supervisor.interventions import EMERGENCY
 
 SHORT = SPEC | {
@@ -133,13 +133,12 @@ def robot(hosts, request):
 
 def watched_file(path, rows):
     """Return a file for a loop whose watcher has a heartbeat, and what the loop writes to it."""
-    columns = LoopRows.columns(7, 7)
+    kind = row_type(7, 7)
     with path.open("wb") as file:
-        file.truncate(8 * (WORDS + rows * columns))
+        file.truncate(8 * WORDS + rows * kind.itemsize)
     watch = np.memmap(path, dtype=np.int64, mode="r+", shape=WORDS)
     watch[HEARTBEAT] = 1
-    noted = np.memmap(path, dtype=np.float64, mode="r+", offset=8 * WORDS).reshape(-1, columns)
-    return watch, LoopRows(noted, 7, 7)
+    return watch, np.memmap(path, dtype=kind, mode="r+", offset=8 * WORDS).view(np.recarray)
 
 
 def await_end(process):
@@ -225,7 +224,7 @@ def test_there_is_room_for_the_longest_braking():
 )
 def test_every_stop_says_why(statuses, supervised, said):
     parts = controller_parts(SHORT if supervised else SHORT | {"supervisor": False})
-    rows = LoopRows(np.zeros((3, LoopRows.columns(7, 7))), 7, 7)
+    rows = np.zeros(3, row_type(7, 7)).view(np.recarray)
     rows.time[:], rows.status[:] = [0, 0.01, 0.02], statuses
     rows.interventions[1:] = EMERGENCY if supervised else 0
     assert compiled_run._why(parts, rows) == said

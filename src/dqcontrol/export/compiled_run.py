@@ -16,7 +16,7 @@ from dqcontrol.experiments.real_time import StreamedRun
 from dqcontrol.experiments.results_folder import told_first
 from dqcontrol.experiments.run import Run, as_run
 from dqcontrol.export.controller_parts import ControllerParts, controller_parts
-from dqcontrol.export.loop_hosts import END, STOP, LoopHost, LoopRows, Over, ProcessHost, ThreadHost
+from dqcontrol.export.loop_hosts import END, STOP, LoopHost, Over, ProcessHost, ThreadHost
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.loop import Record, Timing
 from dqcontrol.loop.interrupts import first_interrupt
@@ -129,7 +129,7 @@ def _watched(host: LoopHost, recording: SampleSink, watch: Watch | None) -> None
     def look(told: Watch | None) -> None:
         nonlocal seen, code
         new = host.rows[seen : host.written]
-        for k in range(len(new.numbers)):
+        for k in range(len(new)):
             sample = new.sample[k].copy()
             sample[TIME] = new.time[k]
             recording.take(sample, new.q[k], new.measured[k], new.command[k], new.interventions[k])
@@ -166,7 +166,7 @@ def _keep_last_seconds(parts: ControllerParts, streamed: StreamedRun, host: Loop
         streamed.keep(replace(_record(parts, rows), stopped=why))
 
 
-def _record(parts: ControllerParts, rows: LoopRows) -> Record:
+def _record(parts: ControllerParts, rows: Any) -> Record:
     """Return what the thread noted as the record of a run."""
     desired = rows.sample.copy()
     desired[:, TIME] = rows.time
@@ -187,7 +187,7 @@ def _record(parts: ControllerParts, rows: LoopRows) -> Record:
     )
 
 
-def _why(parts: ControllerParts, rows: LoopRows) -> str:
+def _why(parts: ControllerParts, rows: Any) -> str:
     """Say why a loop ended: because its reference was over, or what halted it."""
     over = parts.samples[-1, TIME] - 0.5 * parts.period
     if rows.status[-1] == _ENDED and rows.sample[-1, TIME] >= over:

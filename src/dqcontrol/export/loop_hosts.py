@@ -10,14 +10,12 @@ import subprocess
 import tempfile
 import time
 import warnings
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.arrays import Array
 from dqcontrol.compiled.object_code import target_named
 from dqcontrol.errors import Error, MissingExtraError, NoteWarning
 from dqcontrol.export.controller_folder import write_controller
@@ -39,71 +37,11 @@ _OBJECTS = ("dqc_plant.c", "dqc_code.o", "dqc_numbers.o", "dqc_plant_code.o", "d
 _FAST = Path("/dev/shm")  # files that no disk is waited for
 
 
-@dataclass(frozen=True)
-class LoopRows:
-    """What a loop noted, one row a step, as ``dqc_row`` of ``dqc_loop.h`` has it."""
-
-    numbers: Array
-    coordinates: int
-    inputs: int
-
-    @staticmethod
-    def columns(coordinates: int, inputs: int) -> int:
-        """Return how many numbers a row has."""
-        return 5 + SAMPLE_SIZE + 2 * coordinates + inputs + 2
-
-    def __getitem__(self, rows: slice) -> LoopRows:
-        return LoopRows(self.numbers[rows], self.coordinates, self.inputs)
-
-    def __getattr__(self, name: str) -> Array:
-        n, m = self.coordinates, self.inputs
-        sizes = {"time": 1, "begin": 1, "computation": 1, "idle": 1, "late": 1, "sample": SAMPLE_SIZE}
-        sizes |= {"q": n, "measured": n, "command": m, "interventions": 1, "status": 1}
-        if name not in sizes:
-            raise AttributeError(name)
-        first = sum(list(sizes.values())[: list(sizes).index(name)])
-        part = self.numbers[:, first : first + sizes[name]]
-        return part[:, 0] if sizes[name] == 1 else part
-
-
-class LoopHost(Protocol):
-    """A loop in C, and what it noted.
-
-    Attributes
-    ----------
-    rows
-        Room for all steps.
-    """
-
-    rows: LoopRows
-
-    def start(self) -> None:
-        """Let it begin."""
-
-    @property
-    def written(self) -> int:
-        """How many steps it has noted."""
-        ...
-
-    @property
-    def is_done(self) -> bool:
-        """Whether it has ended."""
-        ...
-
-    def beat(self) -> None:
-        """Let it know that somebody watches; one that hears nothing for 2 s stops."""
-
-    def ask(self, request: int) -> None:
-        """Ask it to `END` or to `STOP`."""
-
-    def join(self) -> None:
-        """Wait for its end.
-
-        Raises
-        ------
-        Error
-            If it did not end as loops do.
-        """
+def row_type(n: int, m: int) -> np.dtype[Any]:
+    """Return what a loop notes of a step, of a robot with n coordinates and m inputs: ``dqc_row`` of ``dqc_loop.h``."""
+    vectors = {"sample": SAMPLE_SIZE, "q": n, "measured": n, "command": m}
+    names = ("time", "begin", "computation", "idle", "late", *vectors, "interventions", "status")
+    return np.dtype([(name, float, (vectors[name],) if name in vectors else ()) for name in names])
 
 
 class ThreadHost:
@@ -132,14 +70,14 @@ class ThreadHost:
         self._library.host_written.restype = ctypes.c_int64
         self._library.dqc_status_text.restype = ctypes.c_char_p
         self._noise = np.ascontiguousarray(plant.noise)
-        self.rows: LoopRows = _room(parts, np.zeros(_capacity(parts) * _columns(parts)))
+        n, m = parts.robot.configuration_size, parts.robot.input_size
+        self.rows: Any = np.zeros(_capacity(parts), row_type(n, m)).view(np.recarray)
 
     def start(self) -> None:
         """Let it begin."""
-        numbers = self.rows.numbers
         failed = self._library.host_start(
-            _pointer(numbers),
-            ctypes.c_int64(len(numbers)),
+            _pointer(self.rows),
+            ctypes.c_int64(len(self.rows)),
             _pointer(self._noise),
             ctypes.c_int64(len(self._noise)),
             _PRIORITY,
@@ -207,10 +145,11 @@ class ProcessHost:
         self._processes: list[subprocess.Popen[str]] = []
         place = _FAST if _FAST.is_dir() else build
         self._file = tempfile.TemporaryFile(dir=place)  # noqa: SIM115 — closed by `join`; without a name nothing is left
-        self._file.truncate(8 * (_WATCH + _capacity(parts) * _columns(parts)))
+        rows = row_type(parts.robot.configuration_size, parts.robot.input_size)
+        self._file.truncate(8 * _WATCH + _capacity(parts) * rows.itemsize)
         self._watch = np.memmap(self._file, dtype=np.int64, mode="r+", shape=_WATCH)
-        noted = np.memmap(self._file, dtype=np.float64, mode="r+", offset=8 * _WATCH)
-        self.rows: LoopRows = _room(parts, noted)
+        noted = np.memmap(self._file, dtype=rows, mode="r+", offset=8 * _WATCH)
+        self.rows: Any = noted.view(np.recarray)
         self.beat()
 
     def start(self) -> None:
@@ -291,6 +230,9 @@ class ProcessHost:
             time.sleep(_EVERY)
 
 
+LoopHost = ThreadHost | ProcessHost
+
+
 def _build(command: list[str]) -> None:
     own = {
         name: value for name, value in os.environ.items() if name not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")
@@ -311,20 +253,11 @@ def _capacity(parts: ControllerParts) -> int:
     return len(parts.samples) + round(to_rest)
 
 
-def _columns(parts: ControllerParts) -> int:
-    return LoopRows.columns(parts.robot.configuration_size, parts.robot.input_size)
-
-
-def _room(parts: ControllerParts, numbers: Array) -> LoopRows:
-    n, m = parts.robot.configuration_size, parts.robot.input_size
-    return LoopRows(numbers.reshape(-1, _columns(parts)), n, m)
-
-
 def _free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
         any_socket.bind(("127.0.0.1", 0))
         return any_socket.getsockname()[1]
 
 
-def _pointer(array: NDArray[np.float64]) -> Any:
+def _pointer(array: NDArray[Any]) -> Any:
     return ctypes.c_void_p(array.ctypes.data)

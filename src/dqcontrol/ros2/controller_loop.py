@@ -134,6 +134,12 @@ class Following:
             read_once(node, f"{name}_frame", default, f"frame of the {name} in poses and twists")
             for name, default in frames.items()
         )
+        footprint = odometry_frame = ""
+        if self._parts.base:
+            words = "base_link", "frame of the mobile base, in its commands"
+            footprint = read_once(node, "footprint_frame", *words)
+            words = self._base, "frame of odometry; if poses are in another one, the transform is heard"
+            odometry_frame = read_once(node, "odometry_frame", *words)
         if source == "servo":
             self._servo = ServoTopics(node, self, guarded)
         self.tracked: TrackedHand | None = (
@@ -163,10 +169,6 @@ class Following:
         ports = [joint_port(loaded, self._interface, self._joints, self._effort)] if self._joints else []
         self._localisation: Localisation | None = None
         if self._parts.base:
-            words = "base_link", "frame of the mobile base, in its commands"
-            footprint = read_once(node, "footprint_frame", *words)
-            words = self._base, "frame of odometry; if poses are in another one, the transform is heard"
-            odometry_frame = read_once(node, "odometry_frame", *words)
             ports.append(base_port(self._parts, base_interface, node, footprint))
             self._localisation = Localisation(
                 node,
