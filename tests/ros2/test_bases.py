@@ -20,7 +20,7 @@ import dqcontrol as dqc
 from dqcontrol.errors import Error, ShapeError, ValueRangeError
 from dqcontrol.experiments import load_run
 from dqcontrol.loop.control import Phase
-from dqcontrol.ros2 import controller_loop, localisation as localisation_module, messages
+from dqcontrol.ros2 import controller_node, localisation as localisation_module, messages
 from dqcontrol.ros2.controller_node import ControllerNode
 from dqcontrol.ros2.interfaces import BASE_COMMANDS, base_port
 from dqcontrol.ros2.loading import RobotParts, load
@@ -293,7 +293,7 @@ class Later:
 def test_a_base_rolls_on_without_messages_for_as_long_as_somebody_says(spec, node, monkeypatch, stale_after):
     """Nothing comes for 0.15 s, which stops it by itself, and then for 0.4 s, which is too long for both."""
     clock = Later()
-    for module in (controller_loop, localisation_module):
+    for module in (controller_node, localisation_module):
         monkeypatch.setattr(module, "time", clock)
     Spoken(node)
     controller = ControllerNode(spec(**DRIVEN, supervisor={"stale_after": stale_after}), source="twist")

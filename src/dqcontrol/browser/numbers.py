@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -17,6 +17,16 @@ _BAD = f"color:{LIMIT};font-weight:bold"
 def numbers(readings: Sequence[tuple[str, str, Reading]]) -> str:
     """Return the read-outs of some runs, given by label, colour and numbers, as HTML."""
     return "".join(_block(*reading) for reading in readings)
+
+
+def html_table(rows: Iterable[tuple[str, str, bool]]) -> str:
+    """Return names, values, and whether they are beyond what is allowed, as a table of HTML."""
+    cells = "".join(
+        f"<tr><td>{html.escape(name)}</td>"
+        f"<td style='text-align:right;white-space:nowrap;{_BAD if bad else ''}'>{html.escape(value)}</td></tr>"
+        for name, value, bad in rows
+    )
+    return f"<table style='width:100%;font-variant-numeric:tabular-nums'>{cells}</table>"
 
 
 def plain(name: str) -> str:
@@ -56,12 +66,7 @@ def _block(label: str, css: str, reading: Reading) -> str:
         rows.append(("Planned way", reading.plan, False))
     if reading.stopped:
         rows.append(("Ended", reading.stopped, False))
-    cells = "".join(
-        f"<tr><td>{html.escape(name)}</td>"
-        f"<td style='text-align:right;white-space:nowrap;{_BAD if bad else ''}'>{html.escape(value)}</td></tr>"
-        for name, value, bad in rows
-    )
     return (
         f"<div style='border-left:4px solid {css};margin:8px 12px;padding-left:8px;font-size:0.85em'>"
-        f"<b>{html.escape(label)}</b><table style='width:100%;font-variant-numeric:tabular-nums'>{cells}</table></div>"
+        f"<b>{html.escape(label)}</b>{html_table(rows)}</div>"
     )

@@ -84,17 +84,12 @@ class Page(ServedPage):
         passed, self._last = now - self._last, now
         fresh = self._look_for_news(now)
         if self._playing and not self._is_live:
-            self._time.value = min(
-                self._time.value + passed * float(self._speed.value.split()[0]), self._time.max
-            )
+            speed = float(self._speed.value.split()[0])
+            self._time.value = min(self._time.value + passed * speed, self._time.max)
             if self._time.value >= self._time.max:
                 self._set_playing(False)
-        wanted = (
-            self._time.value,
-            self._joint_frames.value,
-            self._beside.value,
-            tuple(box.value for box in self._visible),
-        )
+        shown = (self._time, self._joint_frames, self._beside, *self._visible)
+        wanted = [each.value for each in shown]
         if fresh or wanted != self._seen:
             self._draw()
             self._seen = wanted
@@ -121,11 +116,9 @@ class Page(ServedPage):
     def _add_controls(self) -> None:
         gui = self.server.gui
         self._playing, many = False, len(self.tracks) > 1
-        end, period = (
-            self._end(),
-            float(np.median(np.diff(self.tracks[0].record.time)) if len(self.tracks[0].record) > 1 else 0.01),
-        )
-        self._time = gui.add_slider("Time [s]", 0.0, end, max(round(period, 6), 1e-4), 0.0)
+        time = self.tracks[0].record.time
+        period = float(np.median(np.diff(time))) if len(time) > 1 else 0.01
+        self._time = gui.add_slider("Time [s]", 0.0, self._end(), max(round(period, 6), 1e-4), 0.0)
         self._button = gui.add_button("Play")
         self._button.on_click(lambda _: self._set_playing(not self._playing))
         self._speed = gui.add_dropdown("Speed", SPEEDS, initial_value="1 ×")
@@ -182,7 +175,7 @@ class Page(ServedPage):
             for run, place, box in zip(self._runs, moved, self._visible, strict=True):
                 k = run.track.index(self._time.value)
                 run.show(k, place, visible=box.value, joint_frames=self._joint_frames.value)
-                run.set_opacity(1.0 if first or self._beside.value else _GHOST)
+                run.robot.set_opacity(1.0 if first or self._beside.value else _GHOST)
                 first = first and not box.value
                 if box.value:
                     readings.append((run.track.label, run.css, run.track.reading(k)))
@@ -198,7 +191,7 @@ class DrawnRun:
         self._scene, self._name, self._thickness = server.scene, f"/run{i}", 0.0022 * size
         self._colour = rgb(self.css)
         length = min(0.09 * size, 0.12)
-        self._robot = DrawnRobot(
+        self.robot = DrawnRobot(
             server, track.robot, self._name, tint=None if alone else self._colour, axes=length
         )
         self._desired = self._scene.add_frame(
@@ -223,16 +216,12 @@ class DrawnRun:
 
     def show(self, k: int, place: Array, *, visible: bool, joint_frames: bool) -> None:
         """Show a sample."""
-        self._robot.set_place(place, visible=visible)
-        self._robot.place(self.track.frames(k))
-        self._robot.set_joint_frames(shown=joint_frames)
+        self.robot.set_place(place, visible=visible)
+        self.robot.place(self.track.frames(k))
+        self.robot.set_joint_frames(shown=joint_frames)
         pose = self.track.desired(k)
         self._desired.wxyz, self._desired.position = pose[:4], pose[4:]
         self._around.show(k)
-
-    def set_opacity(self, opacity: float) -> None:
-        """Let what is behind show through, if below 1."""
-        self._robot.set_opacity(opacity)
 
 
 def rgb(css: str) -> Colour:

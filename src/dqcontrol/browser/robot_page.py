@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import math
 
 import numpy as np
@@ -11,8 +10,8 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.browser.drawn_robot import DrawnRobot
 from dqcontrol.browser.layout import Extent, viewpoint
+from dqcontrol.browser.numbers import html_table
 from dqcontrol.browser.served_page import ServedPage
-from dqcontrol.figures.style import LIMIT
 from dqcontrol.robots import Robot, describe
 
 _CLOSER = 0.75  # than where all that the hand reaches is seen: the robot is what is looked at
@@ -135,14 +134,9 @@ class RobotPage(ServedPage):
             rows.append(
                 (f"{self.robot.joint_names[i]} to its limit", f"{scale * margins[i]:.1f}{unit}", True)
             )
-        cells = "".join(
-            f"<tr style='color:{LIMIT if bad else 'inherit'}'><td>{html.escape(name)}</td>"
-            f"<td style='text-align:right'>{html.escape(value)}</td></tr>"
-            for name, value, bad in rows
-        )
         start = ", ".join(f"{value:.4g}" for value in self.q + 0.0)
         return (
-            f"<div style='margin:8px 12px;font-size:0.85em'><table style='width:100%'>{cells}</table>"
+            f"<div style='margin:8px 12px;font-size:0.85em'>{html_table(rows)}"
             f"<p>For a spec (rad or m):<br><code>start: [{start}]</code></p></div>"
         )
 

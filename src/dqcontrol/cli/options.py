@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypedDict
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter, Token, validators
 
@@ -85,17 +85,6 @@ def names_in(text: str | None) -> list[str] | None:
     return None if text is None else [name.strip() for name in text.split(",")]
 
 
-class LogArguments(TypedDict):
-    """What functions that read logs take."""
-
-    base_link: str | None
-    tip_link: str | None
-    joints: list[str] | None
-    joint_topic: str | None
-    command_topic: str | None
-    angles: Literal["rad", "deg"] | None
-
-
 @Parameter(name="*")
 @dataclass(frozen=True)
 class LogOptions:
@@ -116,16 +105,9 @@ class LogOptions:
         Parameter(help="Unit of columns of a table that do not name theirs."),
     ] = None
 
-    def arguments(self) -> LogArguments:
-        """Return them as keyword arguments, the joints' names apart from each other."""
-        return {
-            "base_link": self.base_link,
-            "tip_link": self.tip_link,
-            "joints": names_in(self.joints),
-            "joint_topic": self.joint_topic,
-            "command_topic": self.command_topic,
-            "angles": self.angles,
-        }
+    def arguments(self) -> dict[str, Any]:
+        """Return them as keyword arguments of functions that read logs, the joints' names apart from each other."""
+        return asdict(self) | {"joints": names_in(self.joints)}
 
 
 DEFAULT_LOG_OPTIONS = LogOptions()

@@ -72,18 +72,12 @@ def play(
 
 def _held(device: str, stack: ExitStack) -> Input:
     """Return a device."""
-    if device == "gamepad":
-        from dqcontrol.devices import Gamepad
+    from dqcontrol import devices
 
-        return Gamepad()
-    if device == "space-mouse":
-        from dqcontrol.devices import SpaceMouse
-
-        return SpaceMouse()
+    if device in ("gamepad", "space-mouse"):
+        return devices.Gamepad() if device == "gamepad" else devices.SpaceMouse()
     if device == "web-xr":
-        from dqcontrol.devices import WebXr
-
-        page = WebXr()
+        page = devices.WebXr()
         print(f"web-xr: {page.url}; on a cable: adb reverse tcp:{page.port} tcp:{page.port}", flush=True)
         return page
     from dqcontrol.browser.play.session import SPEEDS

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from dqcontrol.devices.teleoperation import Told
@@ -53,8 +52,6 @@ class LeaderArm:
         try:
             q = as_array("joints", said, (self._robot.configuration_size,))
         except Error:
-            return None
-        if not np.isfinite(q).all():
             return None
         return Told(time.monotonic(), self._clutch(), pose=self._robot.fkm(q), gripper=self._gripper())
 

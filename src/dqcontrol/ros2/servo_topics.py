@@ -18,7 +18,7 @@ from dqcontrol.ros2.middleware import steady_timer
 from dqcontrol.ros2.parameters import number, read_once
 
 if TYPE_CHECKING:
-    from dqcontrol.ros2.controller_loop import Following
+    from dqcontrol.ros2.controller_node import Following
 
 _STATUS_PERIOD = 0.05  # s
 _JOINT_SCALE = 0.5  # rad/s at full deflection, MoveIt Servo's own default

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -74,12 +75,22 @@ class ContactPanel:
         body = stiffest_body(self._session.setting.spec)
         with self._lock:
             least = limits.least_damping if limits else np.nan
-            self._slide("Damping [N·s/m]", float(rows[:, 1].max()), least, "least", self._damp)
+            self._slide(
+                "Damping [N·s/m]", float(rows[:, 1].max()), least, "least", partial(self._scale, "damping")
+            )
             if rows[:, 2].any():
-                self._slide("Stiffness [N/m]", float(rows[:, 2].max()), np.nan, "", self._stiffen)
+                self._slide(
+                    "Stiffness [N/m]",
+                    float(rows[:, 2].max()),
+                    np.nan,
+                    "",
+                    partial(self._scale, "stiffness"),
+                )
             for axis, force in zip("xyz", wanted, strict=True):
                 if isinstance(force, float | int):
-                    self._slide(f"Force along {axis} [N]", float(force), np.nan, "", self._presser(axis))
+                    self._slide(
+                        f"Force along {axis} [N]", float(force), np.nan, "", partial(self._press, axis)
+                    )
             if body is not None:
                 most = limits.stiffness if limits else np.nan
                 self._slide(f"{body[0]} [N/m]", body[1], most, "limit", self._touch)
@@ -118,18 +129,12 @@ class ContactPanel:
         node.on_update(moved)
         self._sliders[label] = _Slider(node, most, mark)
 
-    def _damp(self, value: float) -> None:
-        self._scale("damping", 1, value)
-
-    def _stiffen(self, value: float) -> None:
-        self._scale("stiffness", 2, value)
-
-    def _scale(self, name: str, column: int, value: float) -> None:
+    def _scale(self, name: str, value: float) -> None:
         """Make the largest of three axes a value, and the others larger or smaller by as much."""
         contact = self._contact
         if contact is None or isinstance(contact.translation, str):
             return
-        known = contact.axis_rows[3:, column]
+        known = contact.axis_rows[3:, ("damping", "stiffness").index(name) + 1]
         numbers: list[float | str] = (known * value / known.max()).tolist()
         if name == "stiffness":
             numbers = [
@@ -137,13 +142,10 @@ class ContactPanel:
             ]
         self._take(replace(contact, translation=replace(contact.translation, **{name: numbers})))
 
-    def _presser(self, axis: str) -> Callable[[float], object]:
-        def press(value: float) -> None:
-            contact = self._contact
-            if contact is not None:
-                self._take(replace(contact, force=replace(contact.force, **{axis: value})))
-
-        return press
+    def _press(self, axis: str, value: float) -> None:
+        contact = self._contact
+        if contact is not None:
+            self._take(replace(contact, force=replace(contact.force, **{axis: value})))
 
     def _take(self, contact: Admittance) -> None:
         self._session.set_contact(contact)
