@@ -10,8 +10,7 @@ import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.browser import Track
 from dqcontrol.browser.layout import ASPECT, FIELD, extent, places, step_back, viewpoint
-from dqcontrol.browser.numbers import numbers
-from dqcontrol.browser.run_view_model import wheel_angles
+from dqcontrol.browser.run_view_model import numbers, wheel_angles
 from dqcontrol.errors import FileFormatError
 from dqcontrol.figures.robot_bodies import DARK, mesh_file, pose_matrix, robot_shapes, urdf_shapes
 from dqcontrol.loop import Record

@@ -16,9 +16,8 @@ import dqcontrol as dqc
 from dqcontrol.browser import GrowingRecording
 from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.experiments import load_run
-from dqcontrol.export import compiled_run, export_controller, loop_hosts, run_compiled_in_real_time
+from dqcontrol.export import compiled_run, export_controller, run_compiled_in_real_time
 from dqcontrol.export.controller_parts import controller_parts
-from dqcontrol.export.loop_hosts import row_type
 from dqcontrol.supervisor.interventions import EMERGENCY
 
 SHORT = SPEC | {
@@ -123,7 +122,7 @@ def hosts(tmp_path_factory):
 def robot(hosts, request):
     """Return the kind and the place of a robot that is there."""
     over = request.param
-    place = f"/dqcontrol-test-{os.getpid()}" if over == "shared" else str(loop_hosts._free_port())
+    place = f"/dqcontrol-test-{os.getpid()}" if over == "shared" else str(compiled_run._free_port())
     with subprocess.Popen([hosts / f"{over}_robot", place], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout
         assert process.stdout.readline() == "ready\n"
@@ -133,7 +132,7 @@ def robot(hosts, request):
 
 def watched_file(path, rows):
     """Return a file for a loop whose watcher has a heartbeat, and what the loop writes to it."""
-    kind = row_type(7, 7)
+    kind = compiled_run.row_type(7, 7)
     with path.open("wb") as file:
         file.truncate(8 * WORDS + rows * kind.itemsize)
     watch = np.memmap(path, dtype=np.int64, mode="r+", shape=WORDS)
@@ -209,7 +208,7 @@ def test_there_is_room_for_the_longest_braking():
     """Of a ramp, and of joints that take 87 s from their limit to rest."""
     slow = {"ramp": 30.0, "velocity": 1.0, "acceleration": 0.0115}
     parts = controller_parts(SHORT | {"supervisor": slow})
-    assert loop_hosts._capacity(parts) >= len(parts.samples) + (30 + 1 / 0.0115) / parts.period
+    assert compiled_run._capacity(parts) >= len(parts.samples) + (30 + 1 / 0.0115) / parts.period
 
 
 @pytest.mark.parametrize(
@@ -224,7 +223,7 @@ def test_there_is_room_for_the_longest_braking():
 )
 def test_every_stop_says_why(statuses, supervised, said):
     parts = controller_parts(SHORT if supervised else SHORT | {"supervisor": False})
-    rows = np.zeros(3, row_type(7, 7)).view(np.recarray)
+    rows = np.zeros(3, compiled_run.row_type(7, 7)).view(np.recarray)
     rows.time[:], rows.status[:] = [0, 0.01, 0.02], statuses
     rows.interventions[1:] = EMERGENCY if supervised else 0
     assert compiled_run._why(parts, rows) == said

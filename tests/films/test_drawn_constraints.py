@@ -49,7 +49,7 @@ def test_the_browser_draws_what_is_around_and_reddens_what_is_near(kept, record)
     pytest.importorskip("viser")
     from dqcontrol.browser import Page, Track
     from dqcontrol.browser.drawn_things import _CLOSE, _SOLID
-    from dqcontrol.browser.numbers import numbers
+    from dqcontrol.browser.run_view_model import numbers
 
     track = Track("one", ARM, record, constraints=kept)
     assert "Clearance above margin, ball" in numbers([("one", "#000000", track.reading(70))])

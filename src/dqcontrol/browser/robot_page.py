@@ -10,7 +10,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.browser.drawn_robot import DrawnRobot
 from dqcontrol.browser.layout import Extent, viewpoint
-from dqcontrol.browser.numbers import html_table
+from dqcontrol.browser.run_view_model import html_table
 from dqcontrol.browser.served_page import ServedPage
 from dqcontrol.robots import Robot, describe
 

@@ -1,8 +1,10 @@
-"""A run as what a scene needs of it at any time: frames, paths, read-outs. Nothing here draws."""
+"""A run as what a scene needs of it at any time: frames, paths, and the numbers beside it, as HTML."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import html
+import re
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +14,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.constraints.constraint_view import ConstraintView, NearestPair
 from dqcontrol.constraints.constraints import Constraints
 from dqcontrol.figures.paths import desired_in_room, recorded_frames, tip_paths
+from dqcontrol.figures.style import LIMIT
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.held import PlanOfRun, apart_at_plans, plans_of_run
 from dqcontrol.robots import Robot, TreeRobot
@@ -20,6 +23,7 @@ from dqcontrol.robots.poses import pose7
 
 _PIECES = 800  # of a path, at most
 _DASH = 0.02  # m
+_BAD = f"color:{LIMIT};font-weight:bold"
 
 
 class Reading(NamedTuple):
@@ -197,3 +201,61 @@ def wheel_angles(robot: Robot, q: Array) -> Array:
         for side, sign in enumerate((1.0, -1.0)):
             angles[1:, 2 * j + side] = np.cumsum(ahead + sign * half_track * turn) / radius
     return angles
+
+
+def numbers(readings: Sequence[tuple[str, str, Reading]]) -> str:
+    """Return the read-outs of some runs, given by label, colour and numbers, as HTML."""
+    return "".join(_block(*reading) for reading in readings)
+
+
+def html_table(rows: Iterable[tuple[str, str, bool]]) -> str:
+    """Return names, values, and whether they are beyond what is allowed, as a table of HTML."""
+    cells = "".join(
+        f"<tr><td>{html.escape(name)}</td>"
+        f"<td style='text-align:right;white-space:nowrap;{_BAD if bad else ''}'>{html.escape(value)}</td></tr>"
+        for name, value, bad in rows
+    )
+    return f"<table style='width:100%;font-variant-numeric:tabular-nums'>{cells}</table>"
+
+
+def plain(name: str) -> str:
+    """Return a joint's name in plain words: ``panda_joint4`` is joint 4.
+
+    Examples
+    --------
+    >>> plain("panda_joint4"), plain("joint_6"), plain("elbow")
+    ('joint 4', 'joint 6', 'elbow')
+    """
+    found = re.search(r"joint_?(\d+)$", name)
+    return f"joint {found[1]}" if found else name.replace("_", " ")
+
+
+def _block(label: str, css: str, reading: Reading) -> str:
+    scale, unit = (180 / np.pi, "°") if reading.unit == "rad" else (1e3, " mm")
+    rows = [
+        ("Position error", f"{1e3 * reading.position_error:.3f} mm", False),
+        ("Orientation error", f"{np.degrees(reading.orientation_error):.3f}°", False),
+    ]
+    if np.isfinite(reading.margin):
+        rows.append(
+            (
+                f"Position, {plain(reading.joint)}: to its limit",
+                f"{scale * reading.margin:.1f}{unit}",
+                reading.margin < 0,
+            )
+        )
+    if np.isfinite(reading.speed):
+        rows.append(
+            (f"Speed, {plain(reading.input)}", f"{100 * reading.speed:.0f} % of limit", reading.speed > 1)
+        )
+    if reading.nearest is not None:
+        room = reading.nearest.room
+        rows.append((f"Clearance above margin, {reading.nearest.label}", f"{1e3 * room:.1f} mm", room < 0))
+    if reading.plan:
+        rows.append(("Planned way", reading.plan, False))
+    if reading.stopped:
+        rows.append(("Ended", reading.stopped, False))
+    return (
+        f"<div style='border-left:4px solid {css};margin:8px 12px;padding-left:8px;font-size:0.85em'>"
+        f"<b>{html.escape(label)}</b>{html_table(rows)}</div>"
+    )

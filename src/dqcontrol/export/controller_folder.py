@@ -158,7 +158,7 @@ def _write_sources(
     (folder / "dqc_data.c").write_text(_data_source(parts, parameters), encoding="utf-8")
     (folder / "test_vector.h").write_text(vector_header(parts, target), encoding="utf-8")
     _write_plant(folder, parts, target)
-    if not target.is_bare and parts.wrench_at < 0:  # which end effector no wrench
+    if not target.is_bare and parts.wrench_at < 0:  # which hand no wrench
         _copy_hosts(folder, has_plant=parts.plant is not None)
 
 

@@ -104,7 +104,7 @@ def refuse_unknown(node: Node, known: Iterable[str]) -> None:
 def on_change(
     node: Node, change: Callable[[dict[str, float]], None], refuse: Callable[[object], None]
 ) -> None:
-    """End effector changed numbers on, and report those refused by their range, their type or ``change``.
+    """Hand changed numbers on, and report those refused by their range, their type or ``change``.
 
     Parameters
     ----------

@@ -14,10 +14,9 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.browser.drawn_robot import DrawnRobot
 from dqcontrol.browser.layout import Extent, viewpoint
-from dqcontrol.browser.play.charts import Charts
 from dqcontrol.browser.play.end_effectors import LAW
 from dqcontrol.browser.play.session import STIFFNESS, PlaySession
-from dqcontrol.browser.play.tabs import LawTab, RecordTab, RobotTab, TargetTab, WorldTab, called
+from dqcontrol.browser.play.tabs import Charts, LawTab, RecordTab, RobotTab, TargetTab, WorldTab, called
 from dqcontrol.browser.served_page import ServedPage
 from dqcontrol.figures.style import LIMIT
 from dqcontrol.robots import describe
