@@ -55,13 +55,9 @@ AnyTarget = TypeVar("AnyTarget", bound=Target)
 
 _STEADY = 0.5  # s: while nodes find each other, messages come with gaps
 _HEARTBEAT = 0.05  # s
-_OF_BASES = "footprint_frame", "odometry_frame"
 _LEVELS = {Phase.STOPPED: "error", Phase.STOPPING: "warning"}
-_CATEGORIES = {
-    None: "none",
-    1: "1: at rest the power is to be removed",
-    2: "2: holds under power",
-}  # IEC 60204-1
+# IEC 60204-1
+_CATEGORIES = {None: "none", 1: "1: at rest the power is to be removed", 2: "2: holds under power"}
 
 
 class ControllerNode(Node):
@@ -299,6 +295,8 @@ class Following:
 
     Attributes
     ----------
+    joint_names
+        Of the joints, in messages, in the order of the robot's joints.
     control
         Law, supervisor and phase.
     longest_period
@@ -311,6 +309,7 @@ class Following:
 
     loaded: Loaded
     target: Target
+    tracked: TrackedHand | None
 
     def __init__(self, node: ControllerNode, loaded: Loaded, tracker: str | None = None) -> None:
         source, (self._interface, base_interface) = node.source, node.interfaces
@@ -321,12 +320,9 @@ class Following:
         warm_up(law, supervisor, loaded.case.scene.start, loaded.case.scene.samples[0])
         self._impedance = loaded.impedance(self._interface)
         self._velocities = np.zeros(len(loaded.parts.joints))
+        leads = self._impedance is not None
         self.control: Control = Control(
-            law,
-            self.target,
-            supervisor,
-            loaded.longest_advance,
-            leads_targets=self._impedance is not None,
+            law, self.target, supervisor, loaded.longest_advance, leads_targets=leads
         )
         self._periods, self._stamps = PeriodMonitor(loaded.state_period), Stamps("joint states")
         self._latest: tuple[float, float] | None = None  # heard, stamp
@@ -336,7 +332,7 @@ class Following:
         self.longest_period: float = 0.0
         self._enabled = -np.inf
         self._parts, self._measured = loaded.parts, loaded.case.scene.start.copy()
-        self._joints = joint_names_read(node, self._parts.joint_names)
+        self.joint_names: list[str] = joint_names_read(node, self._parts.joint_names)
         frames = {"base": "odom" if self._parts.base else "base_link", "tool": "tool0"}
         self._base, self._tool = (
             read_once(node, f"{name}_frame", default, f"frame of the {name} in poses and twists")
@@ -350,10 +346,8 @@ class Following:
             odometry_frame = read_once(node, "odometry_frame", *words)
         if source == "servo":
             self._servo = ServoTopics(node, self, guarded)
-        self.tracked: TrackedHand | None = (
-            TrackedHand(node, tracker, self._base, guarded) if tracker else None
-        )
-        self._felt = WrenchInput(node, self._parts, self._joints, self._tool, guarded)
+        self.tracked = TrackedHand(node, tracker, self._base, guarded) if tracker else None
+        self._felt = WrenchInput(node, self._parts, self.joint_names, self._tool, guarded)
         if (world := loaded.setting.spec.surroundings) is not None:
             self._world = WorldTopics(node, self.control, world, self._base, guarded)
         self._haptics: HapticTopics | None = None
@@ -362,19 +356,18 @@ class Following:
             self._felt.pass_on = self._haptics.hear
         self._felt.listen(supervisor, self.control.law)
         own = numbers_of(loaded, source)
-        names = [one.name for one in own]
         declare(node, own)
+        self._numbers = [one.name for one in own]
         declare_switch(node, OVERRIDE, "whether gains may be such that a loop is expected to be unstable")
-        read = ["joint_names", "base_frame", "tool_frame", *(_OF_BASES if self._parts.base else ())]
-        read += ["command_in_type"] if source == "servo" else []
-        refuse_unknown(node, [*names, OVERRIDE, *read])
-        self._numbers = names
-        self._retune(said := numbers_said(node, names))
+        refuse_unknown(node)
+        self._retune(said := numbers_said(node, self._numbers))
         if self._haptics:
             borne = stiffness_borne(loaded, loaded.law, said)
             diagnostics.tell(f"leader and arm bear {borne:.3g} N/m")
         on_change(node, self._retune, diagnostics.refuse)
-        ports = [joint_port(loaded, self._interface, self._joints, self._effort)] if self._joints else []
+        ports = (
+            [joint_port(loaded, self._interface, self.joint_names, self._effort)] if self.joint_names else []
+        )
         self._localisation: Localisation | None = None
         if self._parts.base:
             ports.append(base_port(self._parts, base_interface, node, footprint))
@@ -389,11 +382,11 @@ class Following:
                 self._hear_odometry,
             )
         self._commands = Commands(node, ports)
-        if self._joints:
+        if self.joint_names:
             node.create_subscription(JointState, JOINT_STATES, guarded(self._hear_joints), NEWEST)
         # of what a step is taken for
-        self._topic = node.resolve_topic_name(JOINT_STATES) if self._joints else ""
-        if self._localisation and not self._joints:
+        self._topic = node.resolve_topic_name(JOINT_STATES) if self.joint_names else ""
+        if self._localisation and not self.joint_names:
             self._topic = self._localisation.topic
         if isinstance(self.target, PoseTarget):
             node.create_subscription(PoseStamped, "~/pose", guarded(self.hear_pose), 1)
@@ -417,7 +410,7 @@ class Following:
         """
         now = time.monotonic()
         if self._latest is None or self.age > self.loaded.stale_after:
-            raise Error(f"activate: no {'joint states' if self._joints else 'odometry'} on {self._topic}")
+            raise Error(f"activate: no {'joint states' if self.joint_names else 'odometry'} on {self._topic}")
         if self._localisation and (missing := self._localisation.silence):
             raise Error(f"activate: {missing}")
         if why_not := self._why_not():
@@ -470,11 +463,6 @@ class Following:
         self._commands.release()
 
     @property
-    def joint_names(self) -> list[str]:
-        """Of the joints, in messages, in the order of the robot's joints."""
-        return self._joints
-
-    @property
     def age(self) -> float:
         """Time since the last joint states, or odometry of a base alone, s."""
         return time.monotonic() - self._latest[0] if self._latest else np.inf
@@ -482,7 +470,7 @@ class Following:
     @property
     def last_heard(self) -> str:
         """How long ago what was heard last, in words."""
-        words = [f"last joint states {self.age:.3f} s ago"] if self._joints else []
+        words = [f"last joint states {self.age:.3f} s ago"] if self.joint_names else []
         if self._localisation:
             words.append(f"last odometry {self._localisation.age:.3f} s ago")
         return ", ".join(words)
@@ -521,10 +509,10 @@ class Following:
         self._commands.send(position, parts.followed(measured, rate), measured)
 
     def _hear_joints(self, message: JointState) -> None:
-        joints = by_name("joint states", list(message.name), list(message.position), self._joints)
+        joints = by_name("joint states", list(message.name), list(message.position), self.joint_names)
         if self._impedance is not None:
             self._velocities = by_name(
-                "joint states", list(message.name), list(message.velocity), self._joints, "velocities"
+                "joint states", list(message.name), list(message.velocity), self.joint_names, "velocities"
             )
         self._felt.hear_efforts(message)
         self._hear(time.monotonic(), nanoseconds(message.header.stamp), self._parts.joints, joints)
@@ -532,7 +520,7 @@ class Following:
     def _hear_odometry(self, now: float, at: int) -> None:
         assert self._localisation is not None
         place = self._localisation.pose
-        if self._joints:
+        if self.joint_names:
             self._measured[self._parts.place] = place
         else:
             self._hear(now, at, self._parts.place, place)

@@ -87,17 +87,18 @@ def joint_names_read(node: Node, own: list[str]) -> list[str]:
     return list(names)
 
 
-def refuse_unknown(node: Node, known: Iterable[str]) -> None:
-    """Check that no other parameters were given at the start.
+def refuse_unknown(node: Node) -> None:
+    """Check that no parameters were given at the start but those that are declared by now, all with a description.
 
     Raises
     ------
     UnknownNameError
         If there is one; it names the nearest known one.
     """
-    allowed = set(known)
-    for name in node.get_parameters_by_prefix(""):
-        if name not in allowed and not name.startswith(_OF_ROS):
+    names = [name for name in node.get_parameters_by_prefix("") if not name.startswith(_OF_ROS)]
+    allowed = [name for name in names if node.describe_parameter(name).description]
+    for name in names:
+        if name not in allowed:
             raise unknown_name("parameter", name, allowed)
 
 

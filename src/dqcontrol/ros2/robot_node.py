@@ -124,12 +124,9 @@ class RobotNode(Node):
         self._diagnostics = Diagnostics(self, self._condition)
         timeout = silence(self._period, rolls=parts.base is not None)
         words = "after which the robot brakes if no command comes, s"
-        own = [
-            Number("command_timeout", timeout, 0.002, max(1.0, timeout), words),
-            *(_DRIFT if parts.base else ()),
-        ]
-        declare(self, own)
-        refuse_unknown(self, [one.name for one in own])
+        patience = Number("command_timeout", timeout, 0.002, max(1.0, timeout), words)
+        declare(self, own := [patience, *(_DRIFT if parts.base else ())])
+        refuse_unknown(self)
         on_change(self, self._change, self._diagnostics.refuse)
         self._obeyed = {
             name: Obeyed(self, *port, self._diagnostics.refuse) for name, port in self._ports().items()

@@ -72,7 +72,7 @@ class TrajectoryGoal(Node):
         super().__init__(name, automatically_declare_parameters_from_overrides=True)
         self._joints = joint_names_read(self, list(run.robot.joint_names))
         declare(self, [Number("tolerance", 0.1, 0.001, 3.2, "of path and end, rad or m")])
-        refuse_unknown(self, ["joint_names", "tolerance"])
+        refuse_unknown(self)
         tolerance = self.get_parameter("tolerance").value
         self._start, trajectory = run.record.q[0], trajectory_of(run, self._joints)
         self._goal: Any = kind.Goal(trajectory=trajectory)
