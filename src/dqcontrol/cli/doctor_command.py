@@ -7,9 +7,8 @@ import os
 import socket
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
 from importlib import metadata
-from typing import Any
+from typing import Any, NamedTuple
 
 from packaging.requirements import Requirement
 
@@ -82,8 +81,7 @@ OLDEST_PYTHON = (3, 11)
 _NAMED = 3  # packages of an extra
 
 
-@dataclass(frozen=True)
-class Finding:
+class Finding(NamedTuple):
     """One thing that was looked at.
 
     Attributes
@@ -111,9 +109,8 @@ def examine() -> list[Finding]:
 
 def _python() -> Finding:
     version = ".".join(map(str, sys.version_info[:3]))
-    if sys.version_info >= OLDEST_PYTHON:
-        return Finding("Python", version)
-    return Finding("Python", version, PROBLEM, "install Python 3.11 or newer")
+    old = sys.version_info < OLDEST_PYTHON
+    return Finding("Python", version, *((PROBLEM, "install Python 3.11 or newer") if old else ()))
 
 
 def _packages() -> Iterator[Finding]:
@@ -157,9 +154,8 @@ def _cache() -> Finding:
     if not writable:
         cure = "set DQCONTROL_CACHE to a writable folder; until then each process compiles anew"
         return Finding("compiled kernels", f"{folder}: cannot be written", PROBLEM, cure)
-    if not kernels:
-        return Finding("compiled kernels", f"{folder}: empty; the first runs compile, once")
-    return Finding("compiled kernels", f"{folder}: {kernels} kernels")
+    held = f"{kernels} kernels" if kernels else "empty; the first runs compile, once"
+    return Finding("compiled kernels", f"{folder}: {held}")
 
 
 def _opengl() -> Finding:
@@ -219,18 +215,15 @@ def doctor(
     findings = examine()
     problems = [one for one in findings if one.verdict == PROBLEM]
     shown = findings if all else problems
-    columns = (Column("what"), Column("found"), Column("verdict"), Column("what to do"))
+    columns = [Column(each) for each in ("what", "found", "verdict", "what to do")]
     title = f"dqcontrol {dqcontrol.__version__}"
     if shown:
-        print_table(
-            Table(columns, [[one.what, one.found, one.verdict, one.cure or None] for one in shown], title)
-        )
+        print_table(Table(columns, [[*one[:3], one.cure or None] for one in shown], title))
     else:
         print(title)
     optional = sum(one.verdict not in (OK, PROBLEM) for one in findings)
-    said = f"{len(problems)} problem{'s' * (len(problems) != 1)}" if problems else "no problems"
-    print(
-        said if all else f"{said}; {len(findings)} things looked at, {optional} optional ones missing: --all"
-    )
+    said = f"{len(problems) or 'no'} problem{'s' * (len(problems) != 1)}"
+    said += "" if all else f"; {len(findings)} things looked at, {optional} optional ones missing: --all"
+    print(said)
     if problems:
         sys.exit(FAILED)

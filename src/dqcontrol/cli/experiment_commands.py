@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from dqcontrol.cli.options import BaseLink, Force, Out, RosArguments, Seconds, Switch, TipLink
-from dqcontrol.cli.screen import FAILED, print_found, print_table, progress_bar
+from dqcontrol.cli.screen import FAILED, joint_columns, joint_values, print_found, print_table, progress_bar
 
 if TYPE_CHECKING:
     from dqcontrol.experiments import Study
@@ -70,7 +70,6 @@ def plan(spec: Path, /) -> None:
 
 def _points(way: PlanTo, title: str) -> Table:
     """Return the points of a way, one row each."""
-    from dqcontrol.cli.robots_listing import joint_columns, joint_values
     from dqcontrol.tables import Table
 
     rows = [joint_values(way.robot, q) for q in way.plan.configurations]

@@ -488,26 +488,26 @@ def convert(
         raise ValueRangeError(f"{option}: is for datasets: give --to lerobot, too")
     if file is None:
         raise ValueRangeError("file: expected a new file, as run.csv; its suffix chooses the format")
-    if run.is_file() and file.suffix.lower() in _MAPS:
+    suffix = file.suffix.lower()
+    if not run.is_file():
+        print(f"results: {load_run(run).export(file, force=force)}")
+    elif suffix in _MAPS:
         if file.with_suffix(".yaml").resolve() == run.resolve():
             raise ExistsError(f"{file}: its .yaml would be {run} itself; choose another name")
         floor = floor_around(load_world(run), "all", "world")
         print(f"results: {file}, {save_map(floor, file, force=force)}")
-        return
-    if run.is_file() and file.suffix.lower() in _WORLDS:
-        text = world_text(load_world(run), file.suffix.lower())
+    elif suffix in _WORLDS:
+        text = world_text(load_world(run), suffix)
         if file.exists() and not force:
             raise ExistsError(f"{file}: exists already; give --force to replace it")
         with writing(file), whole_file(file, overwrite=force) as draft:
             draft.write_text(text, encoding="utf-8")
         print(f"results: {file}")
-        return
-    if run.is_file():
+    else:
         raise ShapeError(
             f"{run}: is a file; signals are those of a run, whose folder dqcontrol run writes; "
             f"a controller in C: dqcontrol export {run} --out FOLDER"
         )
-    print(f"results: {load_run(run).export(file, force=force)}")
 
 
 def _write_dataset(

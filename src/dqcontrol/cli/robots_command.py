@@ -9,7 +9,7 @@ from typing import Annotated
 from cyclopts import App
 
 from dqcontrol.cli.options import ANGLES, BaseLink, Port, TipLink
-from dqcontrol.cli.screen import print_table
+from dqcontrol.cli.screen import joint_columns, joint_values, print_table
 
 robots: App = App(
     name="robots",
@@ -49,15 +49,8 @@ def show(source: str, /, *, base_link: BaseLink = None, tip_link: TipLink = None
 
     about = describe(load_robot(source, base_link, tip_link))
     rows = [[j.name, j.type, j.lower, j.upper, j.velocity, j.effort, j.input or None] for j in about.joints]
-    columns = (
-        Column("joint"),
-        Column("type"),
-        Column("lower", "° or m"),
-        Column("upper", "° or m"),
-        Column("velocity", "°/s or m/s"),
-        Column("effort", "N·m or N"),
-        Column("input"),
-    )
+    units = {"lower": "° or m", "upper": "° or m", "velocity": "°/s or m/s", "effort": "N·m or N"}
+    columns = [Column(name, units.get(name, "")) for name in ("joint", "type", *units, "input")]
     if not about.bases:  # an arm's inputs are its joints
         rows, columns = [row[:-1] for row in rows], columns[:-1]
     base = f"{about.bases} base, " if about.bases else f"{about.ends}, " if about.ends else ""
@@ -237,7 +230,6 @@ def solve(
     top
         How many solutions to list at most.
     """
-    from dqcontrol.cli.robots_listing import joint_columns, joint_values
     from dqcontrol.experiments.spec import HandStart
     from dqcontrol.robots import load_robot
     from dqcontrol.tables.tables import Column, Table

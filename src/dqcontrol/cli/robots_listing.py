@@ -15,13 +15,12 @@ import yaml
 
 from dqcontrol.arrays import Array
 from dqcontrol.cli.screen import print_table
-from dqcontrol.errors import ExistsError, FileFormatError, ShapeError
-from dqcontrol.figures.robot_picture import shapes_picture
+from dqcontrol.errors import Error, ExistsError, FileFormatError, NoteWarning, ShapeError
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.geometry import Box, Capsule, Sphere
-from dqcontrol.robots import Robot, SerialArm, load_robot
+from dqcontrol.robots import Robot, SerialArm, describe, load_robot, robot_names
 from dqcontrol.robots.collision_shapes import FittedShape, SampledPair, collision_shapes, kept, sampled_pairs
-from dqcontrol.robots.files.load import file_of
+from dqcontrol.robots.files.load import file_of, installed_robot_files
 from dqcontrol.robots.files.mobile_robot_file import base_of_file
 from dqcontrol.robots.files.robot_file import plain_arm
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
@@ -67,30 +66,23 @@ def list_shapes(
     found = sampled_pairs(robot, known)
     chosen = tuple(kept(found)) if fitted else robot.shapes.pairs if robot.shapes else ()
     if every_pair:
-        columns = [
-            Column("pair"),
-            Column("nearest", "mm", ".1f"),
-            Column("overlap", "%", ".1f"),
-            Column("kept apart"),
+        columns = [Column("pair"), Column("nearest", "mm", ".1f"), Column("overlap", "%", ".1f")]
+        rows = [
+            [
+                f"{known[each.a].name}, {known[each.b].name}",
+                1e3 * each.least,
+                100 * each.colliding,
+                "yes" if (each.a, each.b) in chosen else each.reason or "no",
+            ]
+            for each in found
         ]
-        print_table(
-            Table(
-                columns,
-                [
-                    [
-                        f"{known[each.a].name}, {known[each.b].name}",
-                        1e3 * each.least,
-                        100 * each.colliding,
-                        "yes" if (each.a, each.b) in chosen else each.reason or "no",
-                    ]
-                    for each in found
-                ],
-            )
-        )
+        print_table(Table([*columns, Column("kept apart")], rows))
     print(f"{robot.name}: {len(known)} shapes, {len(chosen)} of {len(found)} pairs kept apart")
     for line in _doubts(robot, known, found, chosen):
         print(line)
     if picture is not None:
+        from dqcontrol.figures.robot_picture import shapes_picture  # only now: it loads Matplotlib
+
         with whole_file(picture) as draft:
             drawn = shapes_picture(robot, known, _middle(robot))
             drawn.savefig(draft, format=picture.suffix[1:], dpi=_DPI)
@@ -145,29 +137,8 @@ def _size(each: LinkShape) -> list[str]:
     return ["box", " × ".join(f"{1e3 * edge:.1f}" for edge in shape.size)]
 
 
-def joint_columns(robot: Robot) -> list[Column]:
-    """Return a column for each joint: its angle or way."""
-    return [
-        Column(name, "°", ".1f") if kind == "revolute" else Column(name, "m", ".4f")
-        for name, kind in zip(robot.joint_names, robot.joint_types, strict=True)
-    ]
-
-
-def joint_values(robot: Robot, q: Array) -> list[Cell]:
-    """Return a configuration (n,), rad or m, in the units of these columns."""
-    kinds = zip(q.tolist(), robot.joint_types, strict=True)
-    return [math.degrees(value) if kind == "revolute" else value for value, kind in kinds]
-
-
-_NUMBERS = (
-    "wheel_radius",
-    "half_track",
-    "half_wheelbase",
-    "wheelbase",
-    "wheel_distance",
-    "steering_limit",
-    "rim_speed",
-)
+_LENGTHS = ("wheel_radius", "half_track", "half_wheelbase", "wheelbase", "wheel_distance")
+_NUMBERS = (*_LENGTHS, "steering_limit", "rim_speed")
 
 
 def list_wheels(source: str, drive: Any, wheel_radius: float | None, track: float | None) -> None:
@@ -178,14 +149,8 @@ def list_wheels(source: str, drive: Any, wheel_radius: float | None, track: floa
         for wheel in wheels:
             what = "steered wheel" if wheel.steering and role == "wheel" else role
             rows.append([wheel.joint, what, *wheel.middle, wheel.radius, wheel.speed])
-    columns = (
-        Column("joint"),
-        Column("is"),
-        *(Column(axis, "m", ".4f") for axis in "xyz"),
-        Column("radius", "m", ".4f"),
-        Column("speed", "rad/s"),
-    )
-    print_table(Table(columns, rows))
+    lengths = (Column(name, "m", ".4f") for name in ("x", "y", "z", "radius"))
+    print_table(Table([Column("joint"), Column("is"), *lengths, Column("speed", "rad/s")], rows))
     base = found.base
     said = [f"{name} {getattr(base, name):.4g}" for name in _NUMBERS if hasattr(base, name)]
     print(f"{tree.name}: {base.kind}, {', '.join(said)}")
@@ -193,27 +158,17 @@ def list_wheels(source: str, drive: Any, wheel_radius: float | None, track: floa
 
 def list_bundled() -> None:
     """Print the robots that come with dqcontrol."""
-    from dqcontrol.robots import describe, load_robot, robot_names
-
     rows = []
     for name in robot_names():
         about = describe(load_robot(name))
         rows.append([name, about.bases or None, len(about.joints), about.reach, about.mass])
-    columns = (
-        Column("robot"),
-        Column("base"),
-        Column("coordinates"),
-        Column("reach", "m"),
-        Column("moving mass", "kg"),
-    )
-    print_table(Table(columns, rows))
+    names = {"robot": "", "base": "", "coordinates": "", "reach": "m", "moving mass": "kg"}
+    print_table(Table([Column(name, unit) for name, unit in names.items()], rows))
 
 
 def list_installed() -> None:
     """Load the robot files of all installed packages, and print for each what it is or why it is refused."""
-    from dqcontrol.robots.files.load import installed_robot_files
-
-    columns = (Column("robot"), Column("loads as"), Column("joints"), Column("ends at"), Column("note"))
+    columns = [Column(name) for name in ("robot", "loads as", "joints", "ends at", "note")]
     counts = {"arm": 0, "tree": 0, "refused": 0}
     found = groupby(installed_robot_files(), key=lambda each: each[0].partition(":")[0])
     for package, files in found:
@@ -230,9 +185,6 @@ def list_installed() -> None:
 
 def loaded_row(source: str) -> list[Cell]:
     """Return the row of a robot file: an arm if it has one longest chain, else a tree, else why it is refused."""
-    from dqcontrol.errors import Error, NoteWarning
-    from dqcontrol.robots import SerialArm, load_robot
-
     notes: list[str] = []
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", NoteWarning)
@@ -254,13 +206,8 @@ def loaded_row(source: str) -> list[Cell]:
     if missing:
         notes.append(f"no velocity limit of {f'{missing} of its' if missing < count else 'its'} joints")
     end = robot.links[-1] if arm and robot.links else None
-    return [
-        source,
-        "arm" if arm else "tree",
-        robot.configuration_size,
-        end,
-        "; ".join(dict.fromkeys(notes)) or None,
-    ]
+    said = "; ".join(dict.fromkeys(notes)) or None
+    return [source, "arm" if arm else "tree", robot.configuration_size, end, said]
 
 
 def _short(message: object) -> str:

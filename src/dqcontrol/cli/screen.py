@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
@@ -11,7 +12,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from dqcontrol.tables.tables import Table
+    from dqcontrol.arrays import Array
+    from dqcontrol.robots import Robot
+    from dqcontrol.tables.tables import Cell, Column, Table
 
 
 FAILED = 1  # exit status: a run did not do what was asked, or broke what it was to keep
@@ -51,6 +54,22 @@ def announce(command: str, url: str) -> None:
 
     print(f"{command}: {url} (Ctrl+C ends)", flush=True)
     webbrowser.open(url)
+
+
+def joint_columns(robot: Robot) -> list[Column]:
+    """Return a column for each joint: its angle or way."""
+    from dqcontrol.tables.tables import Column
+
+    return [
+        Column(name, "°", ".1f") if kind == "revolute" else Column(name, "m", ".4f")
+        for name, kind in zip(robot.joint_names, robot.joint_types, strict=True)
+    ]
+
+
+def joint_values(robot: Robot, q: Array) -> list[Cell]:
+    """Return a configuration (n,), rad or m, in the units of these columns."""
+    kinds = zip(q.tolist(), robot.joint_types, strict=True)
+    return [math.degrees(value) if kind == "revolute" else value for value, kind in kinds]
 
 
 @contextmanager
