@@ -27,7 +27,6 @@ class DrawnThings:
         self._scene, self._name, self._track, self._size = scene, name, track, size
         self._frames: list[Any] = []
         self._meshes: list[Any] = []
-        self._shown: Shape | None = None
         self._pair: list[Any] = []
         self._carried: list[tuple[Any, Array]] = []  # what physics or a hand moves, and its poses
         if track.around is None:
@@ -68,12 +67,10 @@ class DrawnThings:
         self._pair = []
         if near is None or not len(near.on_a):
             return
-        if near.link is not None and (link := self._add("nearest/link", near.link, _CLOSE, _LINK_OPACITY)):
+        node, ends = f"{self._name}/nearest", np.array([[near.on_a, near.on_b]])
+        self._pair = [self._scene.add_line_segments(f"{node}/line", ends, _CLOSE, thickness=0.004)]
+        if near.link is not None and (link := self._add(f"{node}/link", near.link, _CLOSE, _LINK_OPACITY)):
             self._pair.append(link)
-        ends = np.array([[near.on_a, near.on_b]])
-        self._pair.append(
-            self._scene.add_line_segments(f"{self._name}/nearest/line", ends, _CLOSE, thickness=0.004)
-        )
 
     def _colour(self, i: int) -> Colour:
         assert self._track.around is not None
@@ -84,8 +81,7 @@ class DrawnThings:
         mesh = shape_mesh(shape, size or self._size)
         if mesh is None:
             return None
-        path = name if name.startswith("/") else f"{self._name}/{name}"
-        return self._scene.add_mesh_simple(path, mesh.vertices, mesh.faces, color=colour, opacity=opacity)
+        return self._scene.add_mesh_simple(name, mesh.vertices, mesh.faces, color=colour, opacity=opacity)
 
 
 def shape_mesh(shape: Shape, size: float) -> Surface | None:

@@ -254,16 +254,14 @@ def use_loop_events() -> None:
     buffer: Any = getattr(infra, "AsyncMessageBuffer", None)
     if "message_event" not in getattr(buffer, "__dataclass_fields__", ()):
         raise Error("view: this viser keeps its messages in another way; install viser 1.1")
-    if issubclass(buffer, _Buffers):
+    if hasattr(buffer, "has_loop_events"):
         return
 
-    class Buffer(_Buffers, buffer):
+    class Buffer(buffer):
+        has_loop_events = True
+
         def __init__(self, *arguments: Any, **options: Any) -> None:
             super().__init__(*arguments, **options)
             self.message_event = LoopEvent()
 
     infra.AsyncMessageBuffer = Buffer
-
-
-class _Buffers:
-    """Marks buffers that have such events."""

@@ -73,33 +73,31 @@ def jog(
 
 
 def _drive(jog: Jog, keyboard: Keyboard, black_box: Path) -> None:
-    """Drive until the end; whatever ends it, the robot is at rest then."""
-    try:
-        _listen(jog, keyboard, black_box)
-    except BaseException:
-        jog.live.brake()
-        raise
+    """Step in real time, hear keys while waiting, show what is going on, and keep what led to a stop.
 
-
-def _listen(jog: Jog, keyboard: Keyboard, black_box: Path) -> None:
-    """Step in real time, hear keys while waiting, show what is going on, and keep what led to a stop."""
+    Whatever ends it, the robot is at rest then.
+    """
     from dqcontrol.loop.live import Pace
     from dqcontrol.recording import save_black_box
 
     live = jog.live
     shown = before = time.monotonic()
     pace, was_stopped = Pace(live.period), False
-    while not live.ended:
-        for key in keyboard.until(pace.deadline):
-            if told := jog.press(key):
-                keyboard.tell(told)
-        begin = time.monotonic()
-        live.step(begin - before if before < begin else None)
-        if live.is_stopped and not was_stopped:
-            kept = save_black_box(live.black_box, black_box, live.spec, f"halted: {live.reason}")
-            keyboard.tell(f"{live.condition}; the last seconds: {kept}")
-        was_stopped, before = live.is_stopped, begin
-        pace.done()
-        if begin - shown > _SHOWN_EVERY:
-            shown = begin
-            keyboard.show(jog.status)
+    try:
+        while not live.ended:
+            for key in keyboard.until(pace.deadline):
+                if told := jog.press(key):
+                    keyboard.tell(told)
+            begin = time.monotonic()
+            live.step(begin - before if before < begin else None)
+            if live.is_stopped and not was_stopped:
+                kept = save_black_box(live.black_box, black_box, live.spec, f"halted: {live.reason}")
+                keyboard.tell(f"{live.condition}; the last seconds: {kept}")
+            was_stopped, before = live.is_stopped, begin
+            pace.done()
+            if begin - shown > _SHOWN_EVERY:
+                shown = begin
+                keyboard.show(jog.status)
+    except BaseException:
+        live.brake()
+        raise

@@ -37,6 +37,7 @@ from dqcontrol.version import __version__
 
 VERSION = (1, 1, 0)  # of the interface of dqc_controller.h
 
+_FILLED = ("dqc_controller.h", "dqc_controller.c", "Makefile", "README.md")
 _AS_THEY_ARE = ("dqc_controller.hpp", "main.c", "test.c", "bench.c")  # files that no spec changes
 _OF_PLANT = ("dqc_plant.h", "dqc_plant.c")
 _PLACES = ("good", "sent", "sent_rate", "position", "sent_then", "usual_effort")  # of a supervisor's state
@@ -116,19 +117,14 @@ def export_controller(
     ['dqc_controller.h', 'dqc_kernels.h', 'dqc_plant.h', 'test_vector.h']
     """
     processor = target_named(target)
-    if force:
-        _remove_built(Path(out))
+    folder = Path(out)
+    if force and (folder / "dqc_kernels.h").is_file():
+        for name in _BUILT:  # what its Makefile made nobody wrote, so it may be replaced
+            (folder / name).unlink(missing_ok=True)
     check_new(out, force=force)
     return write_controller(
         controller_parts(source, law, computes=processor.is_bare), out, processor, force=force
     )
-
-
-def _remove_built(folder: Path) -> None:
-    """Remove from a folder of an export what its Makefile made: nobody wrote that, so it may be replaced."""
-    if (folder / "dqc_kernels.h").is_file():
-        for name in _BUILT:
-            (folder / name).unlink(missing_ok=True)
 
 
 def write_controller(
@@ -138,28 +134,23 @@ def write_controller(
     code, numbers = code_object(parts.kernels, processor), constants_object(parts.numbers, processor)
     summary = _summary(Path(out), parts, processor, code, numbers)
     _check_fit(parts, processor, summary)
+    parameters = changeable_parameters(parts)
+    values = _header_values(parts, processor, summary) | {"PARAMETERS": len(parameters)}
+    texts = {name: _filled(name, values) for name in _FILLED} | {
+        name: _template(name) for name in _AS_THEY_ARE
+    }
+    texts["dqc_kernels.h"] = _kernels_header(parts, parameters)
+    texts["dqc_data.c"] = _data_source(parts, parameters)
+    texts["test_vector.h"] = vector_header(parts, processor)
     with new_folder(out, force=force) as folder:
         (folder / "dqc_code.o").write_bytes(code)
         (folder / "dqc_numbers.o").write_bytes(numbers)
-        _write_sources(folder, parts, processor, summary)
+        for name, text in texts.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        _write_plant(folder, parts, processor)
+        if not processor.is_bare and parts.wrench_at < 0:  # which hand no wrench
+            _copy_hosts(folder, has_plant=parts.plant is not None)
     return summary
-
-
-def _write_sources(
-    folder: Path, parts: ControllerParts, target: TargetProcessor, summary: ExportSummary
-) -> None:
-    parameters = changeable_parameters(parts)
-    values = _header_values(parts, target, summary) | {"PARAMETERS": len(parameters)}
-    for name in ("dqc_controller.h", "dqc_controller.c", "Makefile", "README.md"):
-        (folder / name).write_text(_filled(_template(name), values), encoding="utf-8")
-    for name in _AS_THEY_ARE:
-        (folder / name).write_text(_template(name), encoding="utf-8")
-    (folder / "dqc_kernels.h").write_text(_kernels_header(parts, parameters), encoding="utf-8")
-    (folder / "dqc_data.c").write_text(_data_source(parts, parameters), encoding="utf-8")
-    (folder / "test_vector.h").write_text(vector_header(parts, target), encoding="utf-8")
-    _write_plant(folder, parts, target)
-    if not target.is_bare and parts.wrench_at < 0:  # which hand no wrench
-        _copy_hosts(folder, has_plant=parts.plant is not None)
 
 
 def _copy_hosts(folder: Path, *, has_plant: bool) -> None:
@@ -178,9 +169,9 @@ def _template(name: str) -> str:
     return (files("dqcontrol.export") / "c" / name).read_text(encoding="utf-8")
 
 
-def _filled(text: str, values: dict[str, object]) -> str:
+def _filled(name: str, values: dict[str, object]) -> str:
     """Return a template with its @NAMES@ replaced."""
-    return re.sub(r"@([A-Z_]+)@", lambda found: str(values[found[1]]), text)
+    return re.sub(r"@([A-Z_]+)@", lambda found: str(values[found[1]]), _template(name))
 
 
 def _sizes(parts: ControllerParts) -> dict[str, int]:
@@ -309,17 +300,9 @@ def _kinematics_places(parts: ControllerParts) -> dict[str, int]:
         return {}
     n, m = parts.robot.configuration_size, parts.robot.input_size
     head = parts.supervisor[1].bounds.head
-    numbers = (
-        layout.DRIVES,
-        layout.ROLLERS,
-        layout.POINTS,
-        layout.ZONES,
-        layout.TABLE_ROWS,
-        layout.TABLE_COLUMNS,
-        layout.TREE,
-        layout.FRAMES,
-    )
-    sizes = n, m, *(int(head[number]) for number in numbers)
+    counted = layout.DRIVES, layout.ROLLERS, layout.POINTS, layout.ZONES
+    counted += layout.TABLE_ROWS, layout.TABLE_COLUMNS, layout.TREE, layout.FRAMES
+    sizes = n, m, *(int(head[number]) for number in counted)
     scratch = layout.supervisor_memory.place("scratch", *sizes)
     return {
         "CHAIN": layout.supervisor_memory.place("table", *sizes),
@@ -405,7 +388,7 @@ def _write_plant(folder: Path, parts: ControllerParts, target: TargetProcessor) 
         "PLANT": type(parts.case.plant).__struct_config__.tag,
     }
     for name in _OF_PLANT:
-        (folder / name).write_text(_filled(_template(name), values), encoding="utf-8")
+        (folder / name).write_text(_filled(name, values), encoding="utf-8")
 
 
 def _summary(

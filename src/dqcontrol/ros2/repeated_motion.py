@@ -80,15 +80,7 @@ def _run(lines: Sequence[Sequence[str]]) -> int:
     """Run robot and controller until one ends, or the user wants it; return the exit code of what failed."""
     with counted_interrupts() as interrupts:
         interrupts.only_count()
-        running = [  # in sessions of their own: Ctrl-C is for this process, which ends them in order
-            subprocess.Popen(
-                [sys.executable, "-m", "dqcontrol", "ros2", *words],
-                start_new_session=True,
-                preexec_fn=end_with_parent,
-            )
-            for words in lines
-        ]
-        robot, controller = running
+        robot, controller = (_started(words) for words in lines)
         told = 0
         try:
             while controller.poll() is None and robot.poll() is None:
@@ -104,6 +96,12 @@ def _run(lines: Sequence[Sequence[str]]) -> int:
                 process.wait()
         code = controller.returncode or (0 if survived else robot.returncode)
         return code if code >= 0 else 128 - code
+
+
+def _started(words: Sequence[str], **pipes: Any) -> subprocess.Popen[str]:
+    """Start a node in a session of its own: Ctrl-C is for this process, which ends its nodes in order and softly."""
+    command = [sys.executable, "-m", "dqcontrol", "ros2", *words]
+    return subprocess.Popen(command, text=True, start_new_session=True, preexec_fn=end_with_parent, **pipes)
 
 
 def end_with_parent() -> None:
@@ -214,14 +212,7 @@ class RobotBehindTopics:
             "--force",
             *options,
         ]
-        process = subprocess.Popen(
-            [sys.executable, "-m", "dqcontrol", "ros2", *words, *self._last],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            start_new_session=True,  # as in `launch_pair`: with Ctrl-C beside our SIGTERM it would not stop softly
-            preexec_fn=end_with_parent,
-        )
+        process = _started([*words, *self._last], stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         try:
             log, _ = process.communicate()
         finally:

@@ -61,25 +61,25 @@ def check_stable(
     gains, model = loop_gains(law, prepared), loaded.linear_model
     if gains is None:
         if moves:
-            why = "its loop gains are unknown, so it may be changed only while the controller is inactive"
-            raise ValueRangeError(f"law: {why}; the parameter {OVERRIDE} lets it through")
+            raise _refused(
+                "its loop gains are unknown, so it may be changed only while the controller is inactive"
+            )
         return _as_check_says(loaded, law, gains, supervisor)
-    if model is None:
-        return "" if moves else _as_check_says(loaded, law, gains, supervisor)
     mode, period = command_mode(loaded.case.plant), loaded.period
-    window = supervisor.prepare(loaded.robot, period, mode).window
-    model = with_mean(model, window, period, from_measured=mode == "measured")
-    if len(model.transition) > MOST_STATES:
+    if model is not None:
+        window = supervisor.prepare(loaded.robot, period, mode).window
+        model = with_mean(model, window, period, from_measured=mode == "measured")
+    if model is None or len(model.transition) > MOST_STATES:
         return "" if moves else _as_check_says(loaded, law, gains, supervisor)
     for gain in gains:
-        lagged = with_lag(model, gain.lag, loaded.period)
-        closed = with_integral(lagged, gain.integral_share * abs(gain.value), loaded.period)
+        lagged = with_lag(model, gain.lag, period)
+        closed = with_integral(lagged, gain.integral_share * abs(gain.value), period)
         radius = spectral_radius(closed.poles(gain.value))
         if radius <= _STABLE:
             continue
         if not moves:
             _as_check_says(loaded, law, gains, supervisor)
-        raise _unstable(f"{gain.loop} unstable: k = {abs(gain.value):.3g} 1/s, spectral radius {radius:.3g}")
+        raise _refused(f"{gain.loop} unstable: k = {abs(gain.value):.3g} 1/s, spectral radius {radius:.3g}")
     return ""
 
 
@@ -101,11 +101,11 @@ def _as_check_says(
     spec = msgspec.structs.replace(loaded.setting.spec, supervisor=supervisor)
     (checked,) = loop_checks(replace(loaded.setting, spec=spec, cases=(case,)))
     if checked.verdict == "unstable":
-        raise _unstable(checked.remark)
+        raise _refused(checked.remark)
     return checked.remark if checked.unknown else ""
 
 
-def _unstable(why: str) -> ValueRangeError:
+def _refused(why: str) -> ValueRangeError:
     return ValueRangeError(f"law: {why}; the parameter {OVERRIDE} lets it through")
 
 
