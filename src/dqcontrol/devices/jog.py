@@ -11,7 +11,6 @@ import textwrap
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from types import TracebackType
 
 import numpy as np
 
@@ -147,9 +146,7 @@ class Keyboard:
         termios.tcsetattr(self._input, termios.TCSAFLUSH, raw)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._write("\r\x1b[J")
         with suppress(self._termios.error):  # the terminal is gone
             self._termios.tcsetattr(self._input, self._termios.TCSAFLUSH, self._before)

@@ -49,10 +49,8 @@ _OBJECTS = ("dqc_plant.c", "dqc_code.o", "dqc_numbers.o", "dqc_plant_code.o", "d
 _FAST = Path("/dev/shm")  # files that no disk is waited for
 _EVERY = 0.05  # s between looks at a loop
 _ENDED = 3  # of dqc_controller.h
-_FAILED = {
-    -6: "the law failed",
-    -11: "no measurement came in its period",
-}  # without a supervisor; of dqc_controller.h
+# without a supervisor; of dqc_controller.h
+_FAILED = {-6: "the law failed", -11: "no measurement came in its period"}
 
 
 def run_compiled_in_real_time(
@@ -191,19 +189,18 @@ def _record(parts: ControllerParts, rows: Any) -> Record:
     desired = rows.sample.copy()
     desired[:, TIME] = rows.time
     robot = parts.robot
+    q, done = rows.q.copy(), rows.interventions[:, None].copy()
     return Record(
-        time=rows.time.copy(),
-        q=rows.q.copy(),
-        measured=rows.measured.copy(),
-        command=rows.command.copy(),
-        pose=row_by_row(robot.fkm, rows.q.copy()),
-        desired=desired,
-        joint_names=robot.joint_names,
-        input_names=robot.input_names,
+        rows.time.copy(),
+        q,
+        rows.measured.copy(),
+        rows.command.copy(),
+        row_by_row(robot.fkm, q),
+        desired,
+        robot.joint_names,
+        robot.input_names,
         stopped=_why(parts, rows),
-        readings={INTERVENTIONS: Signal(INTERVENTIONS, (), ("",), rows.interventions[:, None].copy())}
-        if parts.supervisor
-        else {},
+        readings={INTERVENTIONS: Signal(INTERVENTIONS, (), ("",), done)} if parts.supervisor else {},
     )
 
 
@@ -212,11 +209,8 @@ def _why(parts: ControllerParts, rows: Any) -> str:
     over = parts.samples[-1, TIME] - 0.5 * parts.period
     if rows.status[-1] == _ENDED and rows.sample[-1, TIME] >= over:
         return "duration"
-    words = describe_stop(rows.interventions[-1])
-    if not parts.supervisor:
-        words = next(
-            (_FAILED[status] for status in map(int, rows.status) if status in _FAILED), "asked to end"
-        )
+    failures = (_FAILED[status] for status in rows.status.astype(int).tolist() if status in _FAILED)
+    words = describe_stop(rows.interventions[-1]) if parts.supervisor else next(failures, "asked to end")
     return f"halted at {rows.time[-1]:g} s: {words}"
 
 
@@ -350,14 +344,9 @@ class ProcessHost:
         self._run(self._loop, self._place, str(_PRIORITY), f"/dev/fd/{self._file.fileno()}")
 
     def _run(self, *command: str) -> subprocess.Popen[str]:
-        pipes = {
-            "stdout": subprocess.PIPE,
-            "stderr": subprocess.PIPE,
-            "text": True,
-            "pass_fds": [self._file.fileno()],
-        }
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "pass_fds": [self._file.fileno()]}
         # An interrupt is for this process, which then asks the loop to end.
-        process = subprocess.Popen(command, **pipes, start_new_session=True)  # type: ignore[call-overload]
+        process = subprocess.Popen(command, text=True, **pipes, start_new_session=True)  # type: ignore[call-overload]
         self._processes.append(process)
         return process
 
@@ -417,9 +406,8 @@ LoopHost = ThreadHost | ProcessHost
 
 
 def _build(command: list[str]) -> None:
-    own = {
-        name: value for name, value in os.environ.items() if name not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")
-    }
+    of_make = ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")
+    own = {name: value for name, value in os.environ.items() if name not in of_make}
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False, env=own)
     except FileNotFoundError:

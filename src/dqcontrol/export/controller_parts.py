@@ -413,11 +413,7 @@ def _chosen(setting: PreparedExperiment, law: str | None) -> Combination:
 _MOST_GAIN = 1e6  # 1/s; at a period of 1 µs it is unstable already
 _TRIED = (1.0, 0.75, 0.5)  # times the value, which the structure allows where it allows the value
 _PROPORTIONAL = 1e-12  # rounding of a product of some factors
-_ROWS = {  # of a supervisor, as the spec and as its `Bounds` name them
-    "velocity": "velocity",
-    "acceleration": "acceleration",
-    "tracking_error": "tracking",
-}
+_OF_SUPERVISOR = ("velocity", "acceleration", "tracking_error")  # `Bounds` leave out "_error"
 
 
 @dataclass(frozen=True)
@@ -463,21 +459,18 @@ def changeable_parameters(parts: ControllerParts) -> list[Changeable]:
 def _of_law(parts: ControllerParts) -> Iterator[Changeable]:
     if not parts.takes_streams:  # its parameters depend on time
         return
-    law, robot = parts.law_spec, parts.robot
-    sizes = [int(parts.plan_field(name)) for name in prepared_memory.sizes]
-    at = prepared_memory.place("parameters", *sizes)
+    law, robot, period = parts.law_spec, parts.robot, parts.period
+    sizes = [parts.plan_field(name) for name in prepared_memory.sizes]
 
-    def rows(changed: Struct) -> Array:
-        return np.ravel(changed.rows(robot, parts.case.scene.reference, parts.period))  # type: ignore[attr-defined]
+    def rows(changed: Any) -> Array:
+        return np.ravel(changed.rows(robot, parts.case.scene.reference, period))
 
-    yield from _fields("law", law, rows, at, parts.period)
+    yield from _fields("law", law, rows, prepared_memory.place("parameters", *sizes), period)
     if law.null_space is not None:
         at = prepared_memory.place("preferring", *sizes)
-
-        def preferring(changed: Any) -> Array:
-            return changed.parameters(robot)
-
-        yield from _fields("law.null_space", law.null_space, preferring, at, parts.period)
+        yield from _fields(
+            "law.null_space", law.null_space, lambda changed: changed.parameters(robot), at, period
+        )
 
 
 def _fields(
@@ -525,11 +518,10 @@ def _places(
 
 def _bounds(hint: Any) -> tuple[float, float]:
     """Return the bounds that a key of a spec has by its type."""
-    least, most = 0.0, _MOST_GAIN
-    for meta in _metas(hint):
-        least = max(least, meta.ge if meta.ge is not None else 0.0)
-        most = min(most, meta.le if meta.le is not None else most)
-    return float(least), float(most)
+    metas = list(_metas(hint))
+    least = max((meta.ge for meta in metas if meta.ge is not None), default=0.0)
+    most = min((meta.le for meta in metas if meta.le is not None), default=_MOST_GAIN)
+    return max(float(least), 0.0), min(float(most), _MOST_GAIN)
 
 
 def _metas(hint: Any) -> Iterator[Meta]:
@@ -544,11 +536,11 @@ def _of_supervisor(parts: ControllerParts) -> Iterator[Changeable]:
         return
     spec, prepared = parts.supervisor
     m = parts.robot.input_size
-    for field, row in _ROWS.items():
+    for field in _OF_SUPERVISOR:
         if field == "acceleration" and spec.jerk is not None:
             continue  # the window of smoothing depends on it
         for i, name in enumerate(parts.robot.input_names):
-            index = layout.bounds_layout.place(row, m, 0, 0, 0, 0) + i
+            index = layout.bounds_layout.place(field.removesuffix("_error"), m, 0, 0, 0, 0) + i
             value = float(prepared.memory[index])
             places = [ChangedNumber(index, 0.0, 1.0)]
             yield Changeable(f"supervisor.{field}.{name}", value, 1e-3 * value, value, True, places)

@@ -69,23 +69,17 @@ class WrenchInput:
         Of the wrench, after ROS's renaming.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        parts: RobotParts,
-        joints: list[str],
-        frame: str,
-        guarded: Guard,
-    ) -> None:
+    effort: Array
+
+    def __init__(self, node: Node, parts: RobotParts, joints: list[str], frame: str, guarded: Guard) -> None:
         self._node, self._parts, self._joints = node, parts, joints
         self._frame, self._guarded = frame, guarded
-        self.effort: Array = _NOTHING
-        self._wrench: Array = _NOTHING
+        self.effort = self._wrench = _NOTHING
         self._silent_after = np.inf
         self.topic: str = node.resolve_topic_name(WRENCH)
-        self._has_effort, self._has_payload, self._wrenches, self._heard = False, False, None, -np.inf
-        self._wrenches: Subscription | None
-        self._is_watched = False
+        self._has_effort = self._has_payload = self._is_watched = False
+        self._wrenches: Subscription | None = None
+        self._heard = -np.inf
         self.pass_on: Callable[[Array, Any], None] | None = None
 
     def listen(self, supervisor: PreparedSupervisor, law: Controller) -> None:
