@@ -100,9 +100,8 @@ class RobotPage(ServedPage):
         gui, about = self.server.gui, describe(self.robot)
         ends = f"{about.ends}, " if about.ends else ""
         gui.add_markdown(f"**{about.name}** — {ends}reach {about.reach:.3g} m")
-        self._scales = np.array(
-            [math.pi / 180 if kind == "revolute" else 1.0 for kind in self.robot.joint_types]
-        )
+        turns = np.array(self.robot.joint_types) == "revolute"
+        self._scales = np.where(turns, math.pi / 180, 1.0)
         self._sliders = []
         for i, name in enumerate(self.robot.joint_names):
             unit, step = ("°", 0.1) if self.robot.joint_types[i] == "revolute" else ("m", 0.001)
@@ -131,9 +130,8 @@ class RobotPage(ServedPage):
         margins = np.minimum(self.q - self.robot.limits.lower, self.robot.limits.upper - self.q)
         for i in np.flatnonzero(margins < _NEAR * span):
             scale, unit = (180 / math.pi, "°") if self.robot.joint_types[i] == "revolute" else (1e3, " mm")
-            rows.append(
-                (f"{self.robot.joint_names[i]} to its limit", f"{scale * margins[i]:.1f}{unit}", True)
-            )
+            name = f"{self.robot.joint_names[i]} to its limit"
+            rows.append((name, f"{scale * margins[i]:.1f}{unit}", True))
         start = ", ".join(f"{value:.4g}" for value in self.q + 0.0)
         return (
             f"<div style='margin:8px 12px;font-size:0.85em'>{html_table(rows)}"

@@ -110,10 +110,8 @@ class Track:
         if not np.isfinite(self.record.q[k]).all():
             rows = len(self.robot.frames(np.zeros(self.robot.configuration_size)))
             return np.tile(shift(), (rows + self._wheels.shape[1], 1))
-        poses = [
-            pose7("frame", frame) for frame in recorded_frames(self.robot, self.record, slice(k, k + 1))[0]
-        ]
-        return with_wheels(self.robot, poses, self._wheels[k])
+        (frames,) = recorded_frames(self.robot, self.record, slice(k, k + 1))
+        return with_wheels(self.robot, [pose7("frame", frame) for frame in frames], self._wheels[k])
 
     def nearest(self, k: int) -> NearestPair | None:
         """Return the pair of shapes that is nearest to what constraints ask for; None without constraints."""
@@ -237,17 +235,11 @@ def _block(label: str, css: str, reading: Reading) -> str:
         ("Orientation error", f"{np.degrees(reading.orientation_error):.3f}°", False),
     ]
     if np.isfinite(reading.margin):
-        rows.append(
-            (
-                f"Position, {plain(reading.joint)}: to its limit",
-                f"{scale * reading.margin:.1f}{unit}",
-                reading.margin < 0,
-            )
-        )
+        name = f"Position, {plain(reading.joint)}: to its limit"
+        rows.append((name, f"{scale * reading.margin:.1f}{unit}", reading.margin < 0))
     if np.isfinite(reading.speed):
-        rows.append(
-            (f"Speed, {plain(reading.input)}", f"{100 * reading.speed:.0f} % of limit", reading.speed > 1)
-        )
+        name = f"Speed, {plain(reading.input)}"
+        rows.append((name, f"{100 * reading.speed:.0f} % of limit", reading.speed > 1))
     if reading.nearest is not None:
         room = reading.nearest.room
         rows.append((f"Clearance above margin, {reading.nearest.label}", f"{1e3 * room:.1f} mm", room < 0))

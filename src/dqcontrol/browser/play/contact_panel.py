@@ -103,9 +103,8 @@ class ContactPanel:
         """Show a value, marked where a limit is; a slider is made anew only for another mark."""
         self._shown[label] = value
         known = self._sliders.get(label)
-        mark = (
-            float(f"{mark:.3g}") if 0 < mark < _FIRM else known.mark if known and np.isnan(mark) else np.nan
-        )
+        before = known.mark if known and np.isnan(mark) else np.nan
+        mark = float(f"{mark:.3g}") if 0 < mark < _FIRM else before
         is_marked = np.array_equal([mark], [known.mark], equal_nan=True) if known else False
         if known and is_marked and abs(value) <= known.most:
             known.node.value = value
@@ -135,11 +134,8 @@ class ContactPanel:
         if contact is None or isinstance(contact.translation, str):
             return
         known = contact.axis_rows[3:, ("damping", "stiffness").index(name) + 1]
-        numbers: list[float | str] = (known * value / known.max()).tolist()
-        if name == "stiffness":
-            numbers = [
-                "rigid" if is_rigid else n for n, is_rigid in zip(numbers, contact.rigid[3:], strict=True)
-            ]
+        scaled = zip((known * value / known.max()).tolist(), contact.rigid[3:], strict=True)
+        numbers = ["rigid" if is_rigid and name == "stiffness" else number for number, is_rigid in scaled]
         self._take(replace(contact, translation=replace(contact.translation, **{name: numbers})))
 
     def _press(self, axis: str, value: float) -> None:
@@ -164,11 +160,9 @@ class ContactPanel:
 
 def _words(limits: ContactLimits, body: tuple[str, float] | None) -> str:
     unit = "N/m" if limits.axis in ("x", "y", "z") else "N·m/rad"
-    most = (
-        f"up to {float(f'{limits.stiffness:.3g}'):g} {unit}"
-        if np.isfinite(limits.stiffness)
-        else "whatever stands still"
-    )
+    most = "whatever stands still"
+    if np.isfinite(limits.stiffness):
+        most = f"up to {float(f'{limits.stiffness:.3g}'):g} {unit}"
     words = [f"Along {limits.axis} it bears {most}"]
     if body is not None and np.isfinite(limits.least_damping) and limits.least_damping > 0:
         words.append(f"{body[0]} needs {limits.least_damping:.3g} N·s/m")

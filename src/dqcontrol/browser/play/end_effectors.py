@@ -68,16 +68,9 @@ class EndEffectors:
     def further_error(self) -> float:
         """How far the further task that is farthest off is from its moving target, m; NaN without one."""
         here = {name: self._frame(name) for name in self.frames}
-        away = [
-            float(
-                np.linalg.norm(
-                    algebra.translation(self._live.aimed(i))
-                    - algebra.translation(self._tasks[i].of_frames(here))
-                )
-            )
-            for i in self.aimed
-        ]
-        return max(away, default=np.nan)
+        pairs = ((self._live.aimed(i), self._tasks[i].of_frames(here)) for i in self.aimed)
+        away = (algebra.translation(wanted) - algebra.translation(at) for wanted, at in pairs)
+        return max((float(np.linalg.norm(each)) for each in away), default=np.nan)
 
     @property
     def handles(self) -> dict[str, Array]:

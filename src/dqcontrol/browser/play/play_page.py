@@ -240,34 +240,21 @@ class PlayPage(ServedPage):
             self._spring = []
             return
         scene, end = self.server.scene, pulled.point + pulled.force / STIFFNESS
-        arrow = scene.add_arrows(
-            "/spring",
-            np.array([[pulled.point, end]]),
-            _PULL,
-            shaft_radius=0.006,
-            head_radius=0.018,
-            head_length=0.05,
-        )
+        sizes = {"shaft_radius": 0.006, "head_radius": 0.018, "head_length": 0.05}
+        arrow = scene.add_arrows("/spring", np.array([[pulled.point, end]]), _PULL, **sizes)
         label = scene.add_label("/spring-force", f"{np.linalg.norm(pulled.force):.0f} N", position=end)
         self._spring = [arrow, label]
 
     def _draw_ghost(self, ghost: Any, q: Array | None) -> None:
         if ghost is not self._shown_ghost:
+            self._shown_ghost = ghost
             if self._ghost is not None:
                 self._ghost.remove()
-            self._ghost = (
-                DrawnRobot(
-                    self.server,
-                    ghost.robot,
-                    self._scenery.name + self._new_name("ghost"),
-                    tint=_GHOST_TINT,
-                    opacity=_GHOST,
-                    axes=0.05,
-                )
-                if ghost is not None
-                else None
-            )
-            self._shown_ghost = ghost
+                self._ghost = None
+            if ghost is not None:
+                look: dict[str, Any] = {"tint": _GHOST_TINT, "opacity": _GHOST, "axes": 0.05}
+                name = self._scenery.name + self._new_name("ghost")
+                self._ghost = DrawnRobot(self.server, ghost.robot, name, **look)
         if self._ghost is not None and q is not None:
             self._ghost.show(q)
 
@@ -307,8 +294,8 @@ class PlayPage(ServedPage):
 
     def _told(self) -> str:
         session = self.session
-        bad = session.live.is_stopped or "not done" in (session.told[-1] if session.told else "")
         last = session.told[-1] if session.told else ""
+        bad = session.live.is_stopped or "not done" in last
         style = f"color:{LIMIT};font-weight:bold" if bad else ""
         return (
             f"<div style='margin:4px 12px;font-size:0.9em'><b>{html.escape(session.robot.name)}</b>: "

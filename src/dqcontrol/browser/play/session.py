@@ -476,13 +476,11 @@ class PlaySession:
         elif self.live.reason:
             words.append(self.live.reason)
         if (pulled := self.pulled) is not None:
-            words.append(
-                f"pulled with {np.linalg.norm(pulled.force):.0f} N, gives way by {1e3 * pulled.gave_way:.1f} mm"
-            )
+            force = np.linalg.norm(pulled.force)
+            words.append(f"pulled with {force:.0f} N, gives way by {1e3 * pulled.gave_way:.1f} mm")
             if self.live.law.contact is None:
-                words.append(
-                    "servos and law hold against it; 'Give way' in the tab Robot lets the end effector go along"
-                )
+                advice = "'Give way' in the tab Robot lets the end effector go along"
+                words.append(f"servos and law hold against it; {advice}")
         elif contact := self.live.law.contact:
             words.append(_felt(contact, self.live.control.felt))
         elif np.isfinite(state.missing) and state.missing > 5e-3:
@@ -618,11 +616,8 @@ class PlaySession:
             again = run(path).record
         count = min(len(again), len(record))
         apart = float(np.abs(again.q[:count] - record.q[:count]).max())
-        since = (
-            ""
-            if exact
-            else "; its law was changed in motion, or it was pushed: let the robot rest for an exact one"
-        )
+        changed = "; its law was changed in motion, or it was pushed: let the robot rest for an exact one"
+        since = "" if exact else changed
         return f"{path}: {record.time[-1]:.1f} s; run again, joints differ by at most {apart:.2g} rad or m{since}"
 
     def python(self) -> str:
