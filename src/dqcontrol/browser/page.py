@@ -123,9 +123,7 @@ class Page(ServedPage):
         self._speed = gui.add_dropdown("Speed", SPEEDS, initial_value="1 ×")
         self._live = gui.add_checkbox("Live", self._news is not None, visible=self._news is not None)
         self._beside = gui.add_checkbox("Side by side", False, visible=many)
-        self._beside.on_update(
-            lambda _: self._step(self._farther if self._beside.value else 1 / self._farther)
-        )
+        self._beside.on_update(lambda _: self._step())
         self._joint_frames = gui.add_checkbox("Frames of all joints", False)
         self._visible = [gui.add_checkbox(track.label, True, visible=many) for track in self.tracks]
         self._numbers = gui.add_html("")
@@ -143,8 +141,9 @@ class Page(ServedPage):
         self._playing = playing
         self._button.label = "Pause" if playing else "Play"
 
-    def _step(self, farther: float) -> None:
-        """Let all viewers, and those to come, stand so many times as far off."""
+    def _step(self) -> None:
+        """Let all viewers, and those to come, step back from runs side by side, or near again."""
+        farther = self._farther if self._beside.value else 1 / self._farther
         cameras = [client.camera for client in self.server.get_clients().values()]
         for camera in (self.server.initial_camera, *(c for c in cameras if c.update_timestamp)):
             looked_at = camera.look_at

@@ -78,10 +78,7 @@ def replay_page(tracks: Sequence[Track], title: str) -> str:
 
 def replay_of_runs(runs: Mapping[str, Run]) -> str:
     """Return the same of runs by their labels, as `load_runs` gives them."""
-    tracks = [
-        Track(label, run.robot, run.record, constraints=run.surroundings) for label, run in runs.items()
-    ]
-    return replay_page(tracks, " · ".join(runs))
+    return replay_page([Track.of_run(label, run) for label, run in runs.items()], " · ".join(runs))
 
 
 def _numbers(track: Track, k: int) -> str:

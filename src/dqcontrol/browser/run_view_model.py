@@ -13,6 +13,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.constraints.constraint_view import ConstraintView, NearestPair
 from dqcontrol.constraints.constraints import Constraints
+from dqcontrol.experiments.run import Run
 from dqcontrol.figures.paths import desired_in_room, recorded_frames, tip_paths
 from dqcontrol.figures.style import LIMIT
 from dqcontrol.loop.record import Record
@@ -87,6 +88,11 @@ class Track:
             ConstraintView(constraints, robot, period) if constraints else None
         )
         self.take(record)
+
+    @classmethod
+    def of_run(cls, label: str, run: Run) -> Track:
+        """Return that of a saved run."""
+        return cls(label, run.robot, run.record, constraints=run.surroundings)
 
     def take(self, record: Record) -> None:
         """Show this record from now on."""

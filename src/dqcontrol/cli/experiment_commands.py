@@ -6,6 +6,7 @@ import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -154,7 +155,7 @@ def run(
                 figures=figures,
                 progress=progress,
                 computed=show,
-                drawing=lambda done, total: progress(done, total, "reports"),
+                drawing=partial(progress, label="reports"),
             )
     except DivergedError as error:  # in the first period: there is nothing to keep
         print(error)
@@ -297,7 +298,7 @@ def tune(
             force=force,
             jobs=jobs,
             scheduler=scheduler,
-            progress=lambda done, total: progress(done, total, "laws"),
+            progress=partial(progress, label="laws"),
             computed=lambda found: print_found(found.table(), folder=folder, words=found.remarks()),
         )
 
@@ -359,6 +360,6 @@ def learn(
             force=force,
             real_time=real_time,
             runner=runner,
-            progress=lambda done, total: progress(done, total, "repeats"),
+            progress=partial(progress, label="repeats"),
             computed=lambda found: print_found(found.table(), folder=folder, words=found.remarks()),
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -126,9 +127,7 @@ def view(*runs: Path, live: Path | None = None, save: Path | None = None, port: 
     import_viser()  # before the work: it may be missing
     recordings = {path: file for path in runs if (file := growing_recording(path))}
     saved = load_runs([path for path in runs if path not in recordings])
-    tracks = [
-        Track(label, run.robot, run.record, constraints=run.surroundings) for label, run in saved.items()
-    ]
+    tracks = [Track.of_run(label, run) for label, run in saved.items()]
     if save is not None:
         _save(saved, save, recordings or live)
         return
@@ -227,9 +226,7 @@ def report(*folders: Path, jobs: int | None = None) -> None:
     if not folders:
         raise Error("report: give at least one folder of a run or a study")
     with progress_bar() as progress:
-        written = rewrite_reports(
-            folders, jobs=jobs, progress=lambda done, total: progress(done, total, "reports")
-        )
+        written = rewrite_reports(folders, jobs=jobs, progress=partial(progress, label="reports"))
     for path in written:
         print(path)
 

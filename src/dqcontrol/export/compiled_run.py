@@ -33,7 +33,7 @@ from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.signals import Signal
 from dqcontrol.loop.supervision import SECONDS, Watch, most_steps_to_rest
 from dqcontrol.loop.trace import SampleSink
-from dqcontrol.plants.plant import CompiledPlant, running_plant
+from dqcontrol.plants.plant import CompiledPlant
 from dqcontrol.references.sample import SAMPLE_SIZE, TIME
 from dqcontrol.supervisor.interventions import INTERVENTIONS, describe_stop, reasons
 
@@ -127,11 +127,7 @@ def _startable_plant(parts: ControllerParts) -> CompiledPlant:
         raise ValueRangeError("contact: loops in C hand the law no wrench; run it without --compiled")
     if parts.setting.spec.disturbance is not None:
         raise ValueRangeError("disturbance: does not step in C; leave it out, or leave out --compiled")
-    case = parts.case
-    started = case.plant.start(
-        parts.robot, case.scene.start, parts.period, len(parts.samples), parts.setting.spec.seed
-    )
-    plant = running_plant(started).compiled()
+    plant = parts.started_plant(len(parts.samples)).compiled()
     assert plant is not None
     return plant
 

@@ -160,9 +160,7 @@ def _copy_hosts(folder: Path, *, has_plant: bool) -> None:
         (folder / "hosts" / room).mkdir(parents=True)
         for file in source.iterdir():
             if has_plant or file.name not in _ON_PLANT:
-                (folder / "hosts" / room / file.name).write_text(
-                    file.read_text(encoding="utf-8"), encoding="utf-8"
-                )
+                (folder / "hosts" / room / file.name).write_bytes(file.read_bytes())
 
 
 def _template(name: str) -> str:
@@ -192,9 +190,8 @@ def _header_values(
     parts: ControllerParts, target: TargetProcessor, summary: ExportSummary
 ) -> dict[str, object]:
     spec, names = parts.setting.spec, parts.case.names
-    law = " · ".join(name for name in (names.law, names.set) if name) or str(
-        parts.law_spec.__struct_config__.tag
-    )
+    kind = str(parts.law_spec.__struct_config__.tag)
+    law = " · ".join(name for name in (names.law, names.set) if name) or kind
     interventions = ", ".join(f'"{REASONS[2**i]}"' for i in range(len(REASONS)))
     return {
         "DESCRIPTION": f"{law} for {parts.robot.name}, from the spec '{spec.name}'.",
@@ -237,6 +234,7 @@ def _c_text(text: str) -> str:
 def _kernels_header(parts: ControllerParts, parameters: list[Changeable]) -> str:
     """Return what only dqc_controller.c knows: kernels, how they take arrays, and where numbers stand."""
     sizes, n, m = _sizes(parts), parts.robot.configuration_size, parts.robot.input_size
+    bounds = m, 0, 0, 0, 0
     lines = [
         "/* Of dqc_controller.c alone: compiled functions, and where numbers stand. */",
         '#include "dqc_controller.h"',
@@ -271,7 +269,7 @@ def _kernels_header(parts: ControllerParts, parameters: list[Changeable]) -> str
         f"#define DQC_WRENCH_AT {parts.wrench_at}",
         *(f"#define DQC_{name} {place}" for name, place in _kinematics_places(parts).items()),
         *(
-            f"#define DQC_{name.upper()} {layout.bounds_layout.place(name, m, 0, 0, 0, 0)}"
+            f"#define DQC_{name.upper()} {layout.bounds_layout.place(name, *bounds)}"
             for name in ("lower", "upper")
         ),
         *(f"#define DQC_{name.upper()} {layout.state_layout.place(name, n, m)}" for name in _PLACES),
@@ -396,12 +394,8 @@ def _summary(
 ) -> ExportSummary:
     sections = section_sizes(code)
     text = sum(size for name, size in sections.items() if name.startswith(".text"))
-    constants = sum(
-        size
-        for found in (sections, section_sizes(numbers))
-        for name, size in found.items()
-        if ".rodata" in name
-    )
+    kept = [*sections.items(), *section_sizes(numbers).items()]
+    constants = sum(size for name, size in kept if ".rodata" in name)
     n, m = parts.robot.configuration_size, parts.robot.input_size
     own = sum(_sizes(parts).values()) + 3 * m + 2 * n + 40
     return ExportSummary(out, target.name, text, constants, 8 * own, parts.law_hash(target))
@@ -415,9 +409,7 @@ def _check_fit(parts: ControllerParts, target: TargetProcessor, summary: ExportS
         ("a controller", summary.controller, target.memory),
     ):
         if most and size > most:
-            why = (
-                f"; the reference alone takes {table / 1024:,.0f} kB as a table" if table > most // 2 else ""
-            )
+            why = f"; the reference alone takes {table / 1024:,.0f} kB as a table" * (table > most // 2)
             raise Error(
                 f"target: {target.name}: {what}: {size / 1024:,.0f} kB, at most {most / 1024:,.0f} kB{why}: "
                 "take a set-point, a shorter reference or a longer period"

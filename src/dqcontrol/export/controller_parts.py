@@ -45,7 +45,8 @@ from dqcontrol.laws.own_law import finite_checked
 from dqcontrol.loop.replanning import refuse_replanning
 from dqcontrol.loop.target_motion import move_by_twist, move_to_pose
 from dqcontrol.loop.targets import SampledTarget, Target
-from dqcontrol.plants.plant import CompiledPlant, command_mode, running_plant
+from dqcontrol.plants.integrator import Integrator
+from dqcontrol.plants.plant import CompiledPlant, RunningPlant, command_mode, running_plant
 from dqcontrol.references.computed_path import computed_path, path_parameters
 from dqcontrol.references.sample import SAMPLE_SIZE, TIME
 from dqcontrol.robots import Robot
@@ -67,9 +68,8 @@ class _OwnKernel(Kernel):
     def bitcode(self, *, portable: bool = False) -> tuple[bytes, str]:
         """Return LLVM's code; it has no vectors: its sums keep their order."""
         with numba_used.scalar_code(), numba_used.quick_compilation():
-            dispatcher = numba_used.jit(
-                self.function, False, ours=not self._as_in_python, kept=False, located=self._as_in_python
-            )
+            as_it_is = self._as_in_python
+            dispatcher = numba_used.jit(self.function, False, ours=not as_it_is, kept=False, located=as_it_is)
             dispatcher.compile(self.signature)
             return numba_used.bitcode_of(dispatcher, self.signature)
 
@@ -230,15 +230,16 @@ class ControllerParts:
         """Return a number of the law's plan by its name."""
         return int(self.plan[Plan._fields.index(name)])
 
+    def started_plant(self, steps: int) -> RunningPlant:
+        """Return the plant where the spec starts, with noise for some steps; in place of a real robot ideal joints."""
+        plant = Integrator() if self.case.plant.is_robot else self.case.plant
+        start, seed = self.case.scene.start, self.setting.spec.seed
+        return running_plant(plant.start(self.robot, start, self.period, steps, seed))
+
     @cached_property
     def plant(self) -> CompiledPlant | None:
         """The plant where the spec starts, if it is compiled; the noise of its first period is left out."""
-        if self.case.plant.is_robot:
-            return None
-        started = self.case.plant.start(
-            self.robot, self.case.scene.start, self.period, 1, self.setting.spec.seed
-        )
-        found = running_plant(started).compiled()
+        found = None if self.case.plant.is_robot else self.started_plant(1).compiled()
         if found is None or not isinstance(found.kernel, Kernel):
             return None
         return found if found.kernel.function.__module__.startswith("dqcontrol.plants.") else None

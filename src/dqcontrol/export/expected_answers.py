@@ -11,11 +11,10 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, ValueRangeError
 from dqcontrol.export.controller_parts import ControllerParts
 from dqcontrol.loop.control import Control, Phase
-from dqcontrol.plants.integrator import Integrator
-from dqcontrol.plants.plant import running_plant
 
 OK, STOPPING, STOPPED, ENDED, LAW_FAILED, NO_MEASUREMENT = 0, 1, 2, 3, -6, -11  # as dqc_controller.h has them
 NO_REQUEST, END, STOP, RESET = range(4)
+_STATUS = {Phase.ACTIVE: OK, Phase.STOPPING: STOPPING, Phase.STOPPED: STOPPED}
 
 # Sample numbers at which something happens in a test vector, of those that the reference has.
 _FAULTS = {40: "not finite", 60: "old", 75: "missing", 90: "jump"}
@@ -100,9 +99,7 @@ class PythonController:
         control.step(row.time - self._origin, row.measured, row.age, row.elapsed, wrench=wrench)
         row.command = control.command.copy() if commands else np.zeros_like(control.command)
         row.interventions = control.supervisor.code(control._state)
-        row.status = {Phase.ACTIVE: OK, Phase.STOPPING: STOPPING, Phase.STOPPED: STOPPED}.get(
-            control.phase, ENDED
-        )
+        row.status = _STATUS.get(control.phase, ENDED)
 
     def _alone(self, row: VectorRow) -> None:
         parts, period = self._parts, self._parts.period
@@ -143,9 +140,10 @@ def vector_rows(parts: ControllerParts, *, whole: bool = False) -> Iterator[Vect
     reference.
     """
     controller, period = PythonController(parts), parts.period
-    plant = _moved(parts)
+    steps = len(parts.samples) + _MOST
+    plant = parts.started_plant(steps)
     is_supervised, first, is_new, ending = parts.supervisor is not None, 0, True, False
-    for k in range(len(parts.samples) + _MOST if whole else _MOST):
+    for k in range(steps if whole else _MOST):
         since = k - first
         row = VectorRow(RESET if k and is_new else NO_REQUEST, plant.measured.copy(), k * period, 0.0, 0.0)
         if is_supervised:
@@ -162,7 +160,7 @@ def vector_rows(parts: ControllerParts, *, whole: bool = False) -> Iterator[Vect
         yield row
         if row.status == STOPPED and is_supervised and not first:
             first, is_new = k + 1, True
-            plant = _moved(parts)  # the robot was brought back to its start
+            plant = parts.started_plant(steps)  # the robot was brought back to its start
             continue
         if row.status in (ENDED, STOPPED, LAW_FAILED, NO_MEASUREMENT) and not ending:
             ending = True  # one row more: it says the same again
@@ -181,13 +179,6 @@ def _spoil(row: VectorRow, k: int, period: float) -> None:
         row.age = 10.0 * period
     elif what and row.measured is not None:
         row.measured[0] = np.nan if what == "not finite" else row.measured[0] + 1.0
-
-
-def _moved(parts: ControllerParts):
-    steps = len(parts.samples) + _MOST
-    case, start = parts.case, parts.case.scene.start
-    plant = Integrator() if case.plant.is_robot else case.plant
-    return running_plant(plant.start(parts.robot, start, parts.period, steps, parts.setting.spec.seed))
 
 
 def c_number(value: float) -> str:

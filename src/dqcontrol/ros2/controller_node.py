@@ -509,11 +509,10 @@ class Following:
         self._commands.send(position, parts.followed(measured, rate), measured)
 
     def _hear_joints(self, message: JointState) -> None:
-        joints = by_name("joint states", list(message.name), list(message.position), self.joint_names)
+        what, names, wanted = "joint states", message.name, self.joint_names
+        joints = by_name(what, names, message.position, wanted)
         if self._impedance is not None:
-            self._velocities = by_name(
-                "joint states", list(message.name), list(message.velocity), self.joint_names, "velocities"
-            )
+            self._velocities = by_name(what, names, message.velocity, wanted, "velocities")
         self._felt.hear_efforts(message)
         self._hear(time.monotonic(), nanoseconds(message.header.stamp), self._parts.joints, joints)
 

@@ -110,8 +110,8 @@ def numbers(what: str, values: Sequence[float], size: int) -> Array:
 
 def by_name(
     what: str,
-    names: Sequence[str],
-    values: Sequence[float],
+    names: Iterable[str],
+    values: Iterable[float],
     wanted: Sequence[str],
     quantity: str = "positions",
 ) -> Array:
@@ -122,6 +122,7 @@ def by_name(
     RefusedError
         If a joint is missing or named twice, there are not as many values as names, or one wanted is not finite.
     """
+    names, values = list(names), list(values)
     if len(values) != len(names):
         raise RefusedError(f"{what}: {len(names)} names, but {len(values)} {quantity}")
     given = dict(zip(names, values, strict=True))

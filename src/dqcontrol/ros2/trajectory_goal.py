@@ -113,7 +113,7 @@ class TrajectoryGoal(Node):
         if self._is_sent or self.outcome or not self._client.server_is_ready():
             return
         try:
-            joints = by_name("joint states", list(message.name), list(message.position), self._joints)
+            joints = by_name("joint states", message.name, message.position, self._joints)
         except RefusedError as error:
             self.outcome = str(error)
             return

@@ -107,9 +107,8 @@ class WrenchInput:
             If it has none, or one is not finite.
         """
         if self._has_effort:
-            names, efforts = list(message.name), list(message.effort)
             self.effort = np.zeros(self._parts.robot.input_size)
-            found = by_name("joint states", names, efforts, self._joints, "efforts")
+            found = by_name("joint states", message.name, message.effort, self._joints, "efforts")
             self.effort[self._parts.own_joint_inputs] = found
 
     @property

@@ -88,9 +88,8 @@ class Board:
 
     async def _drawn(self, event: Any) -> None:
         """Take the target along, at once and in order."""
-        eye, towards = (
-            np.asarray(each, np.float64) for each in (event.client.camera.position, event.end_position)
-        )
+        seen = event.client.camera.position, event.end_position
+        eye, towards = (np.asarray(each, np.float64) for each in seen)
         point = self.point(eye, towards)
         if point is None or not np.isfinite(point).all():
             return
