@@ -371,16 +371,7 @@ class Following:
         self._localisation: Localisation | None = None
         if self._parts.base:
             ports.append(base_port(self._parts, base_interface, node, footprint))
-            self._localisation = Localisation(
-                node,
-                self._base,
-                odometry_frame,
-                float(loaded.case.scene.start[self._parts.place[2]]),
-                loaded.period,
-                guarded,
-                lambda: self.control.is_commanding,
-                self._hear_odometry,
-            )
+            self._localisation = Localisation(node, self, self._base, odometry_frame, guarded)
         self._commands = Commands(node, ports)
         if self.joint_names:
             node.create_subscription(JointState, JOINT_STATES, guarded(self._hear_joints), NEWEST)
@@ -516,7 +507,8 @@ class Following:
         self._felt.hear_efforts(message)
         self._hear(time.monotonic(), nanoseconds(message.header.stamp), self._parts.joints, joints)
 
-    def _hear_odometry(self, now: float, at: int) -> None:
+    def hear_odometry(self, now: float, at: int) -> None:
+        """Take where the base is, heard now, s, and stamped at some ns."""
         assert self._localisation is not None
         place = self._localisation.pose
         if self.joint_names:

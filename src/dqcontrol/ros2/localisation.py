@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from nav_msgs.msg import Odometry
@@ -29,6 +28,9 @@ from dqcontrol.ros2.messages import (
     transform_topic,
 )
 from dqcontrol.ros2.parameters import Number, number
+
+if TYPE_CHECKING:
+    from dqcontrol.ros2.controller_node import Following
 
 _AHEAD = 0.1  # s that a stamp may be ahead of those before: nothing comes from the future
 
@@ -95,19 +97,13 @@ class Localisation:
     ----------
     node
         Whose topics and parameters.
+    following
+        The controller; while its robot moves odometry may not begin anew with another clock. Of the equal headings that
+        counts which is nearest to where its spec starts, and from then on that nearest to the last one.
     frame, odometry_frame
         That poses are to be in, and that of odometry: if it is another one, the transform between them is heard.
-    heading
-        Where the base is expected to face at first, rad: of the equal headings the nearest counts, and from then on
-        that nearest to the last one.
-    period
-        s, that it is expected about once in.
     guarded
         Wraps what hears a message, and may refuse it.
-    is_relied_on
-        Whether a robot moves by it: then it may not begin anew with another clock.
-    heard
-        Called with the time of hearing, s, and the stamp, ns.
 
     Attributes
     ----------
@@ -118,24 +114,17 @@ class Localisation:
     """
 
     def __init__(
-        self,
-        node: Node,
-        frame: str,
-        odometry_frame: str,
-        heading: float,
-        period: float,
-        guarded: Guard,
-        is_relied_on: Callable[[], bool],
-        heard: Callable[[float, int], None],
+        self, node: Node, following: Following, frame: str, odometry_frame: str, guarded: Guard
     ) -> None:
-        self._node, self._frame, self._told = node, odometry_frame, heard
+        self._node, self._frame, self._following = node, odometry_frame, following
+        loaded = following.loaded
         self._correction = (
             FrameCorrection(node, frame, odometry_frame, guarded) if frame != odometry_frame else None
         )
         self._frames = f"{frame} → {odometry_frame}"
-        self._is_relied_on = is_relied_on
-        self._heading, self._stamp, self._heard = heading, 0.0, -math.inf
-        self._stamps, self._monitor = Stamps("odometry"), PeriodMonitor(period)
+        self._heading, self._stamp = float(loaded.case.scene.start[loaded.parts.place[2]]), 0.0
+        self._heard = -math.inf
+        self._stamps, self._monitor = Stamps("odometry"), PeriodMonitor(loaded.period)
         self.pose: Array = np.full(3, np.nan)
         self.topic: str = node.resolve_topic_name(ODOMETRY)
         node.create_subscription(Odometry, ODOMETRY, guarded(self._hear), NEWEST)
@@ -165,7 +154,7 @@ class Localisation:
             raise RefusedError(
                 f"odometry: its standard deviation is {deviation:.3g} m; odometry_deviation is {most:g}"
             )
-        if self._is_relied_on() or not self.silence:
+        if self._following.control.is_commanding or not self.silence:
             ahead = stamp - self._stamp - self._monitor.age(now)
             if ahead > _AHEAD:
                 raise RefusedError(f"odometry: its stamp is {ahead:.3g} s ahead of its clock")
@@ -179,4 +168,4 @@ class Localisation:
         pose[2] = self._heading + math.remainder(pose[2] - self._heading, 2.0 * math.pi)
         self._heading = float(pose[2])
         self.pose = pose
-        self._told(now, at)
+        self._following.hear_odometry(now, at)
