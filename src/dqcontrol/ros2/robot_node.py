@@ -34,6 +34,7 @@ from dqcontrol.ros2.interfaces import (
 from dqcontrol.ros2.loading import Loaded, RobotParts, silence
 from dqcontrol.ros2.messages import (
     NANOSECONDS,
+    Guard,
     OdometryDrift,
     guarding,
     humanoid_command,
@@ -128,9 +129,14 @@ class RobotNode(Node):
         declare(self, own := [patience, *(_DRIFT if parts.base else ())])
         refuse_unknown(self)
         on_change(self, self._change, self._diagnostics.refuse)
-        self._obeyed = {
-            name: Obeyed(self, *port, self._diagnostics.refuse) for name, port in self._ports().items()
-        }
+        self._obeyed: dict[str, Obeyed] = {}
+        guarded = guarding(self._diagnostics.refuse)
+        if self._joints:
+            self._obeyed["joints"] = Obeyed(self, *COMMANDS[interface], self._joint_command, guarded)
+        if parts.base:
+            if base_interface == "wheels":
+                check_wheels(parts)
+            self._obeyed["base"] = Obeyed(self, *BASE_COMMANDS[base_interface], self._base_command, guarded)
         self._joint_states = self.create_publisher(JointState, JOINT_STATES, SENT) if self._joints else None
         rng = np.random.default_rng(spec.seed)
         self._drift = OdometryDrift(self._plant.measured[parts.place], rng)
@@ -156,17 +162,6 @@ class RobotNode(Node):
         start, still = loaded.case.scene.start, np.zeros(loaded.parts.driven.input_size)
         loaded.case.plant.start(loaded.parts.driven, start, loaded.period, 1, 0).step(still)
         self._supervisor.step(start, still, self._supervisor.start(start), 0.0, GO, still)
-
-    def _ports(self) -> dict[str, tuple[str, Any, Callable[[Any], Array]]]:
-        """Return by what they move the topics of commands, their types, and what reads them."""
-        ports: dict[str, tuple[str, Any, Callable[[Any], Array]]] = {}
-        if self._joints:
-            ports["joints"] = (*COMMANDS[self._interface], self._joint_command)
-        if self._parts.base:
-            if self._base_interface == "wheels":
-                check_wheels(self._parts)
-            ports["base"] = (*BASE_COMMANDS[self._base_interface], self._base_command)
-        return ports
 
     def _joint_command(self, message: Any) -> Array:
         if self._interface == "trajectory":
@@ -331,18 +326,11 @@ class Obeyed:
     """
 
     def __init__(
-        self,
-        node: Node,
-        topic: str,
-        kind: Any,
-        read: Callable[[Any], Array],
-        refuse: Callable[[object], None],
+        self, node: Node, topic: str, kind: Any, read: Callable[[Any], Array], guarded: Guard
     ) -> None:
         self._node, self._read, self._heard = node, read, -np.inf
         self.asked: Array | None = None
-        self.topic: str = node.create_subscription(
-            kind, topic, guarding(refuse)(self._hear), NEWEST
-        ).topic_name
+        self.topic: str = node.create_subscription(kind, topic, guarded(self._hear), NEWEST).topic_name
 
     def why_not(self, timeout: float) -> str:
         """Say why nothing that was asked counts, with commands counting for some time, s; empty if it does."""
