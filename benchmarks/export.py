@@ -25,10 +25,9 @@ from dqcontrol.compiled.object_code import code_object, target_named
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.run import execute
 from dqcontrol.export import ExportSummary, export_controller
-from dqcontrol.export.compiled_run import _startable_plant
+from dqcontrol.export.compiled_run import ThreadHost, _startable_plant
 from dqcontrol.export.controller_folder import vector_header
 from dqcontrol.export.controller_parts import controller_parts
-from dqcontrol.export.loop_hosts import ThreadHost
 from dqcontrol.loop import Clock
 from dqcontrol.robots.kinematics.kinematics_kernels import kinematics
 

@@ -274,12 +274,11 @@ def _kernels_header(parts: ControllerParts, parameters: list[Changeable]) -> str
         ),
         *(f"#define DQC_{name.upper()} {layout.state_layout.place(name, n, m)}" for name in _PLACES),
         f"#define DQC_START_TOLERANCE {START_TOLERANCE!r}",
-        f"#define DQC_LATENESS {layout.LATENESS}",
-        f"#define DQC_NOW {layout.NOW}",
-        f"#define DQC_MODE {layout.MODE}",
-        f"#define DQC_FAULT {layout.FAULT}",
+        *(
+            f"#define DQC_{name} {getattr(layout, name)}"
+            for name in ("LATENESS", "NOW", "MODE", "FAULT", "AT_REST")
+        ),
         f"#define DQC_MODE_STOPPED {layout.STOPPED}",
-        f"#define DQC_AT_REST {layout.AT_REST}",
         f"#define DQC_SOFT_STOP {SOFT_STOP}u",
     ]
     symbols = {i: stage_symbol(name) for i, name in enumerate(parts.law.stages)}

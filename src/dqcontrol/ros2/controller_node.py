@@ -25,6 +25,7 @@ from dqcontrol.ros2.haptic_topics import POSE_TIMEOUT, HapticTopics, stiffness_b
 from dqcontrol.ros2.interfaces import (
     JOINT_STATES,
     NEWEST,
+    ODOMETRY,
     SENT,
     Commands,
     base_port,
@@ -310,6 +311,7 @@ class Following:
     loaded: Loaded
     target: Target
     tracked: TrackedHand | None
+    _localisation: Localisation | None
 
     def __init__(self, node: ControllerNode, loaded: Loaded, tracker: str | None = None) -> None:
         source, (self._interface, base_interface) = node.source, node.interfaces
@@ -365,10 +367,9 @@ class Following:
             borne = stiffness_borne(loaded, loaded.law, said)
             diagnostics.tell(f"leader and arm bear {borne:.3g} N/m")
         on_change(node, self._retune, diagnostics.refuse)
-        ports = (
-            [joint_port(loaded, self._interface, self.joint_names, self._effort)] if self.joint_names else []
-        )
-        self._localisation: Localisation | None = None
+        ports, self._localisation = [], None
+        if self.joint_names:
+            ports.append(joint_port(loaded, self._interface, self.joint_names, self._effort))
         if self._parts.base:
             ports.append(base_port(self._parts, base_interface, node, footprint))
             self._localisation = Localisation(node, self, self._base, odometry_frame, guarded)
@@ -376,9 +377,7 @@ class Following:
         if self.joint_names:
             node.create_subscription(JointState, JOINT_STATES, guarded(self._hear_joints), NEWEST)
         # of what a step is taken for
-        self._topic = node.resolve_topic_name(JOINT_STATES) if self.joint_names else ""
-        if self._localisation and not self.joint_names:
-            self._topic = self._localisation.topic
+        self._topic = node.resolve_topic_name(JOINT_STATES if self.joint_names else ODOMETRY)
         if isinstance(self.target, PoseTarget):
             node.create_subscription(PoseStamped, "~/pose", guarded(self.hear_pose), 1)
         if source == "twist":

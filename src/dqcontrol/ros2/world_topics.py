@@ -207,16 +207,14 @@ class WorldTopics:
 
     def _publish(self) -> None:
         assert self._messages is not None
-        stamp = self._node.get_clock().now().to_msg()
-        markers = list(self._markers(self._control.time))
+        stamp, now = self._node.get_clock().now().to_msg(), np.array([self._control.time])
+        markers = []
+        for name, body in self._world.bodies.items():
+            pose = self.seen[name] if name in self.seen else poses_of(name, body, now, {})[0]
+            markers += body_markers(self._messages, name, body, pose)
         for number, marker in enumerate(markers):
             marker.id, marker.header.frame_id, marker.header.stamp = number, self._frame, stamp
         self._publisher.publish(self._messages.MarkerArray(markers=markers))
-
-    def _markers(self, time: float) -> Iterator[Any]:
-        for name, body in self._world.bodies.items():
-            pose = self.seen[name] if name in self.seen else poses_of(name, body, np.array([time]), {})[0]
-            yield from body_markers(self._messages, name, body, pose)
 
 
 def body_markers(messages: Any, name: str, body: Body, pose: Array) -> Iterator[Any]:

@@ -356,9 +356,7 @@ class PlaySession:
             if self._ghost_ends:
                 self._ghost_ends.drag(name, pose)
             if self._follows or (self.ends.frames and any("reference" in task for task in self._tasks)):
-                rest = [
-                    {key: value for key, value in task.items() if key != "reference"} for task in self._tasks
-                ]
+                rest = [{key: task[key] for key in task if key != "reference"} for task in self._tasks]
                 self.spec = {**self.spec, "reference": _REST, "tasks": rest or None}
                 self._disturbed()
 
