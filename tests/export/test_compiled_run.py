@@ -229,6 +229,26 @@ def test_every_stop_says_why(statuses, supervised, said):
     assert compiled_run._why(parts, rows) == said
 
 
+ONE_JOINT = """<robot name="one"><link name="base"/><link name="arm"/><link name="tip"/>
+<joint name="hinge" type="revolute"><axis xyz="0 0 1"/><parent link="base"/><child link="arm"/>
+<limit lower="-2" upper="2" velocity="1" effort="1"/></joint>
+<joint name="end" type="fixed"><origin xyz="0.3 0 0"/><parent link="arm"/><child link="tip"/></joint></robot>"""
+
+
+@needs_c
+def test_a_robot_of_one_joint_is_recorded_too(tmp_path):
+    """Rows of one number were flat, which no recording takes."""
+    (tmp_path / "one.urdf").write_text(ONE_JOINT)
+    robot = {"source": str(tmp_path / "one.urdf"), "base_link": "base", "tip_link": "tip"}
+    spec = SHORT | {"robot": robot, "start": [0.3], "duration": 0.3, "reference": {"kind": "set-point"}}
+    parts = controller_parts(spec)
+    host = compiled_run._host(parts, compiled_run._startable_plant(parts), tmp_path, None)
+    compiled_run._watched(host, Sink(), None)
+    record = compiled_run._record(parts, host.rows[: host.written])
+    assert record.q.shape == record.command.shape == (len(record), 1)
+    assert record.stopped == "duration"
+
+
 @needs_c
 @pytest.mark.slow
 def test_one_that_is_broken_off_leaves_them_too(tmp_path):
