@@ -240,7 +240,7 @@ def test_a_robot_of_one_joint_is_recorded_too(tmp_path):
     """Rows of one number were flat, which no recording takes."""
     (tmp_path / "one.urdf").write_text(ONE_JOINT)
     robot = {"source": str(tmp_path / "one.urdf"), "base_link": "base", "tip_link": "tip"}
-    spec = SHORT | {"robot": robot, "start": [0.3], "duration": 0.3, "reference": {"kind": "set-point"}}
+    spec = SHORT | {"robot": robot, "start": [0.3], "duration": 0.1, "reference": {"kind": "set-point"}}
     parts = controller_parts(spec)
     host = compiled_run._host(parts, compiled_run._startable_plant(parts), tmp_path, None)
     compiled_run._watched(host, Sink(), None)

@@ -14,8 +14,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.constraints import Constraints
 from dqcontrol.errors import Error, FileFormatError, ShapeError
-from dqcontrol.experiments.prepared_experiment import prepare
-from dqcontrol.experiments.run import execute
+from dqcontrol.experiments import execute, prepare
 from dqcontrol.loop import Clock, Record
 from dqcontrol.recording import RecordStream
 from dqcontrol.recording.mcap_writer import COMMAND, MEASURED, SAMPLE, STATES

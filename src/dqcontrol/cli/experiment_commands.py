@@ -14,8 +14,7 @@ from dqcontrol.cli.options import BaseLink, Force, Out, RosArguments, Seconds, S
 from dqcontrol.cli.screen import FAILED, joint_columns, joint_values, print_found, print_table, progress_bar
 
 if TYPE_CHECKING:
-    from dqcontrol.experiments import Study
-    from dqcontrol.experiments.run import Run
+    from dqcontrol.experiments import Run, Study
     from dqcontrol.planning import PlanTo
     from dqcontrol.tables import Table
 

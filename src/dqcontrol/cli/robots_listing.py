@@ -18,12 +18,11 @@ from dqcontrol.cli.screen import print_table
 from dqcontrol.errors import Error, ExistsError, FileFormatError, NoteWarning, ShapeError
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.geometry import Box, Capsule, Sphere
-from dqcontrol.robots import Robot, SerialArm, describe, load_robot, robot_names
+from dqcontrol.robots import LinkShape, LinkShapes, Robot, SerialArm, describe, load_robot, robot_names
 from dqcontrol.robots.collision_shapes import FittedShape, SampledPair, collision_shapes, kept, sampled_pairs
 from dqcontrol.robots.files.load import file_of, installed_robot_files
 from dqcontrol.robots.files.mobile_robot_file import base_of_file
 from dqcontrol.robots.files.robot_file import plain_arm
-from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
 from dqcontrol.tables.tables import Cell, Column, Table
 
 _PICTURES = (".png", ".pdf", ".svg")

@@ -10,8 +10,7 @@ import numpy as np
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.contact import ContactLimits, contact_limits
-from dqcontrol.contact.limits import LoosePart
+from dqcontrol.contact import ContactLimits, LoosePart, contact_limits
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.loop.live import Live
 from dqcontrol.loop.targets import LeaderTarget

@@ -28,9 +28,8 @@ from dqcontrol.experiments.run import Run, as_run
 from dqcontrol.export.controller_folder import write_controller
 from dqcontrol.export.controller_parts import ControllerParts, controller_parts
 from dqcontrol.files.long_array import row_by_row
-from dqcontrol.loop import Record, Timing
+from dqcontrol.loop import Record, Signal, Timing
 from dqcontrol.loop.interrupts import first_interrupt
-from dqcontrol.loop.signals import Signal
 from dqcontrol.loop.supervision import SECONDS, Watch, most_steps_to_rest
 from dqcontrol.loop.trace import SampleSink
 from dqcontrol.plants.plant import CompiledPlant

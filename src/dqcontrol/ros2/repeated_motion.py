@@ -21,12 +21,10 @@ from dqcontrol.errors import Error
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.files.plain_data import yaml_text
 from dqcontrol.logs.servos.excitation import write_joint_motion
-from dqcontrol.loop import Record
+from dqcontrol.loop import Record, Signal, has_failed
 from dqcontrol.loop.clock import allows_real_time
 from dqcontrol.loop.control import reference_time
 from dqcontrol.loop.interrupts import counted_interrupts
-from dqcontrol.loop.record import has_failed
-from dqcontrol.loop.signals import Signal
 from dqcontrol.recording import load_record
 from dqcontrol.references.points import DUAL_QUATERNION
 from dqcontrol.references.sample import TIME

@@ -14,9 +14,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error
 from dqcontrol.files.whole_file import whole_file
-from dqcontrol.references import Points
+from dqcontrol.references import POSE, Points
 from dqcontrol.references.points import DUAL_QUATERNION
-from dqcontrol.references.sample import POSE
 from dqcontrol.ros2.interfaces import SENT
 from dqcontrol.ros2.messages import NANOSECONDS, Guard, nanoseconds, pose_of, stamp_of, write_pose
 
