@@ -157,6 +157,8 @@ def is_own_page(host: str | None, origin: str | None) -> bool:
 def only_own_pages() -> Iterator[None]:
     """Let the WebSocket server that starts meanwhile refuse pages of others; viser has no option for it.
 
+    Browsers let any page try to open a WebSocket on any machine.
+
     Raises
     ------
     Error
