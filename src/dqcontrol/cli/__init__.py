@@ -87,13 +87,8 @@ _FILES = {name: file for file, names in _TOGETHER.items() for name in names}
 for _place, (_title, _commands) in enumerate(GROUPS.items()):
     _group = Group(_title, sort_key=_place)
     for _name, _help in _commands.items():
-        _file = _FILES.get(_name, f"{_name}_command")
-        app.command(
-            f"dqcontrol.cli.{_file}:{'kinds' if _name == 'list' else _name}",
-            name=_name,
-            help=_help,
-            group=_group,
-        )
+        _file, _function = _FILES.get(_name, f"{_name}_command"), "kinds" if _name == "list" else _name
+        app.command(f"dqcontrol.cli.{_file}:{_function}", name=_name, help=_help, group=_group)
 app.command(
     "dqcontrol.cli.install_completion_command:install_completion",
     name="--install-completion",

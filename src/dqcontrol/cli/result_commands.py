@@ -177,8 +177,7 @@ def _follow(path: Path, label: str, tracks: list[Track]) -> tuple[GrowingRecordi
         raise ValueRangeError(
             f"{path}: does not name its robot; write it with a spec, at least 'robot: NAME'"
         )
-    chosen = convert(path, about["robot"], RobotSpec)
-    robot = chosen.load()
+    robot = convert(path, about["robot"], RobotSpec).load()
     growing = GrowingRecording(path, robot)
     tracks.append(Track(label, robot, growing.first()))
     return growing, tracks[-1]
