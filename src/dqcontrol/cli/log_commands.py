@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import App, Parameter
 
 from dqcontrol.cli.options import (
+    DEFAULT_JOINT_OPTIONS,
     DEFAULT_LOG_OPTIONS,
     SECONDS,
     BaseLink,
     Force,
-    JointNames,
+    JointOptions,
     LogOptions,
     Out,
     Seconds,
     Switch,
     TipLink,
     in_unit,
-    names_in,
     numbers,
 )
 from dqcontrol.cli.screen import FAILED, print_found
@@ -294,7 +294,7 @@ def tool(
     sensor_position: SensorPosition = None,
     sensor_rpy: SensorTurn = None,
     wrench_topic: str | None = None,
-    options: LogOptions = DEFAULT_LOG_OPTIONS,
+    options: JointOptions = DEFAULT_JOINT_OPTIONS,
     out: Out = None,
     force: Force = False,
 ) -> None:
@@ -316,22 +316,17 @@ def tool(
         Replace that file.
     """
     from dqcontrol.contact import load_tool
-    from dqcontrol.errors import ValueRangeError
     from dqcontrol.logs import tool_from_logs
     from dqcontrol.robots import load_robot
 
     chosen = options.arguments()
-    if chosen["command_topic"] is not None:
-        raise ValueRangeError("--command-topic: a tool is found at rest; leave it out")
     found = tool_from_logs(
         logs,
-        load_robot(robot, chosen["base_link"], chosen["tip_link"]),
+        load_robot(robot, chosen.pop("base_link"), chosen.pop("tip_link")),
         _sensor(sensor_position, sensor_rpy),
         known=None if known is None else load_tool(known),
         wrench_topic=wrench_topic,
-        joints=chosen["joints"],
-        angles=chosen["angles"],
-        joint_topic=chosen["joint_topic"],
+        **chosen,
     )
     print_found(found.table, folder=out and found.save(out, force=force))
 
@@ -388,11 +383,7 @@ def calibrate(
     /,
     *,
     robot: str,
-    base_link: BaseLink = None,
-    tip_link: TipLink = None,
-    joints: JointNames = None,
-    angles: Literal["rad", "deg"] | None = None,
-    joint_topic: str | None = None,
+    options: JointOptions = DEFAULT_JOINT_OPTIONS,
     pose_topic: str | None = None,
     out: Out = None,
     force: Force = False,
@@ -405,10 +396,6 @@ def calibrate(
         Table (CSV) of joint positions and measured poses x, y, z, qw, qx, qy, qz; or a recording with both.
     robot
         Name, .yaml or .urdf file, or example-robot-data:PATH.
-    angles
-        Unit of the joints' columns that do not name theirs.
-    joint_topic
-        Topic of JointState with the measured positions.
     pose_topic
         Topic of PoseStamped with the measured poses.
     out
@@ -421,16 +408,7 @@ def calibrate(
 
     if out is not None and not force:
         check_new(out, force=False)
-    found = calibrate_arm(
-        log,
-        robot,
-        base_link=base_link,
-        tip_link=tip_link,
-        joints=names_in(joints),
-        angles=angles,
-        joint_topic=joint_topic,
-        pose_topic=pose_topic,
-    )
+    found = calibrate_arm(log, robot, pose_topic=pose_topic, **options.arguments())
     if out is not None:
         found.save(out, force=force)
     print_found(found.table, found.error_table, folder=out, words=found.remarks)

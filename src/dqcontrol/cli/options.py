@@ -73,41 +73,43 @@ Out = Annotated[Path | None, Parameter(name=["--out", "-o"])]
 Switch = Annotated[bool, Parameter(negative=())]
 Force = Switch
 RosArguments = Annotated[str, Parameter(allow_leading_hyphen=True, help="After --: as after --ros-args.")]
-JointNames = Annotated[
-    str | None,
-    Parameter(help="Names of the robot's joints in the log, if it has others: a,b,c in the robot's order."),
-]
 Port = Annotated[int, Parameter(validator=validators.Number(gte=1024, lte=65535))]
-
-
-def names_in(text: str | None) -> list[str] | None:
-    """Return the names of a list with commas."""
-    return None if text is None else [name.strip() for name in text.split(",")]
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
-class LogOptions:
+class JointOptions:
     """Where the joints stand in a log, and the ends of their chain."""
 
     base_link: BaseLink = None
     tip_link: TipLink = None
-    joints: JointNames = None
+    joints: Annotated[
+        str | None,
+        Parameter(
+            help="Names of the robot's joints in the log, if it has others: a,b,c in the robot's order."
+        ),
+    ] = None
     joint_topic: Annotated[str | None, Parameter(help="Topic of JointState with the measured positions.")] = (
         None
     )
-    command_topic: Annotated[
-        str | None,
-        Parameter(help="Topic of JointState or Float64MultiArray with the commanded velocities."),
-    ] = None
     angles: Annotated[
-        Literal["rad", "deg"] | None,
-        Parameter(help="Unit of columns of a table that do not name theirs."),
+        Literal["rad", "deg"] | None, Parameter(help="Unit of columns of a table that do not name theirs.")
     ] = None
 
     def arguments(self) -> dict[str, Any]:
         """Return them as keyword arguments of functions that read logs, the joints' names apart from each other."""
-        return asdict(self) | {"joints": names_in(self.joints)}
+        names = None if self.joints is None else [name.strip() for name in self.joints.split(",")]
+        return asdict(self) | {"joints": names}
 
 
-DEFAULT_LOG_OPTIONS = LogOptions()
+@Parameter(name="*")
+@dataclass(frozen=True)
+class LogOptions(JointOptions):
+    """And where the commands stand."""
+
+    command_topic: Annotated[
+        str | None, Parameter(help="Topic of JointState or Float64MultiArray with the commanded velocities.")
+    ] = None
+
+
+DEFAULT_JOINT_OPTIONS, DEFAULT_LOG_OPTIONS = JointOptions(), LogOptions()
