@@ -23,8 +23,14 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import ArrayLike
 
-from dqcontrol.algebra.elementary import position, quaternion_product, set_pose
-from dqcontrol.algebra.screws import half_angle, inverse_left_jacobian, left_jacobian
+from dqcontrol.algebra.dual_quaternion_kernels import (
+    half_angle,
+    inverse_left_jacobian,
+    left_jacobian,
+    position,
+    quaternion_product,
+    set_pose,
+)
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve, diagonalise
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import NOT_FINITE, OK, READ, READ2, SINGULAR, STATUS, WRITE, inline, kernel

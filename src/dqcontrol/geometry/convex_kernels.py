@@ -234,7 +234,7 @@ def _packed(p, count, shares):
 
 
 @inline
-def _write(out, distance, x, y, z, px, py, pz, ra, rb, gap):
+def write_found(out, distance, x, y, z, px, py, pz, ra, rb, gap):
     """Write what is found: unit normal from b to a, a point of A's core, radii, distance of the cores."""
     out[0], out[1], out[2], out[3] = distance, x, y, z
     out[4], out[5], out[6] = px - ra * x, py - ra * y, pz - ra * z
@@ -290,7 +290,7 @@ def convex_distance(a, b, out):
         _expand(a, b, ends, ra, rb, out)
         return
     gap = math.sqrt(square)
-    _write(out, gap - ra - rb, x / gap, y / gap, z / gap, px, py, pz, ra, rb, gap)
+    write_found(out, gap - ra - rb, x / gap, y / gap, z / gap, px, py, pz, ra, rb, gap)
 
 
 @inline
@@ -392,7 +392,7 @@ def _expand(a, b, ends, ra, rb, out):
             count += 1
     if a[KIND] != CYLINDER and b[KIND] != CYLINDER:
         px, py, pz = _point_on_face(p, faces, count, depth, px, py, pz)
-    _write(out, -depth - ra - rb, -nx, -ny, -nz, px, py, pz, ra, rb, -depth)
+    write_found(out, -depth - ra - rb, -nx, -ny, -nz, px, py, pz, ra, rb, -depth)
 
 
 @shared
@@ -448,7 +448,7 @@ def _hull_plane(a, b, out):
         if nx * x + ny * y + nz * z - b[OFFSET] <= height + _SEEN:
             count, sx, sy, sz = count + 1, sx + x, sy + y, sz + z
         at += 3
-    _write(out, height, nx, ny, nz, sx / count, sy / count, sz / count, 0.0, 0.0, height)
+    write_found(out, height, nx, ny, nz, sx / count, sy / count, sz / count, 0.0, 0.0, height)
 
 
 @shared
@@ -464,4 +464,4 @@ def _cylinder_plane(a, b, out):
     scale = a[RADIUS] / size if size > 1e-12 else 0.0
     px, py, pz = a[2] + s * dx - scale * x, a[3] + s * dy - scale * y, a[4] + s * dz - scale * z
     height = nx * px + ny * py + nz * pz - b[1]
-    _write(out, height, nx, ny, nz, px, py, pz, 0.0, 0.0, height)
+    write_found(out, height, nx, ny, nz, px, py, pz, 0.0, 0.0, height)

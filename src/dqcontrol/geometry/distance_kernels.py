@@ -43,6 +43,7 @@ from dqcontrol.geometry.convex_kernels import (
     SHAPE as SHAPE,
     convex_distance,
     convex_plane,
+    write_found,
 )
 
 _TOUCHING = 1e-12  # m; nearer than this cores count as crossing, as their difference has no direction
@@ -159,10 +160,10 @@ def _crossing_normal(a, b):
 
 
 @inline
-def _store(out, distance, nx, ny, nz, ax, ay, az, bx, by, bz):
-    out[0], out[1], out[2], out[3] = distance, nx, ny, nz
-    out[4], out[5], out[6] = ax, ay, az
-    out[7], out[8], out[9] = bx, by, bz
+def _store(out, distance, normal, on_a, on_b):
+    out[0] = distance
+    for k in range(3):
+        out[1 + k], out[4 + k], out[7 + k] = normal[k], on_a[k], on_b[k]
 
 
 @inline
@@ -179,19 +180,9 @@ def round_round(a, b, out):
     else:
         nx, ny, nz = _crossing_normal(a, b)
     ra, rb = a[RADIUS], b[RADIUS]
-    _store(
-        out,
-        gap - ra - rb,
-        nx,
-        ny,
-        nz,
-        a[2] + s * dx - ra * nx,
-        a[3] + s * dy - ra * ny,
-        a[4] + s * dz - ra * nz,
-        b[2] + t * ex + rb * nx,
-        b[3] + t * ey + rb * ny,
-        b[4] + t * ez + rb * nz,
-    )
+    on_a = (a[2] + s * dx - ra * nx, a[3] + s * dy - ra * ny, a[4] + s * dz - ra * nz)
+    on_b = (b[2] + t * ex + rb * nx, b[3] + t * ey + rb * ny, b[4] + t * ez + rb * nz)
+    _store(out, gap - ra - rb, (nx, ny, nz), on_a, on_b)
 
 
 @shared
@@ -207,20 +198,8 @@ def _round_plane(a, b, out):
     else:
         height += s * slope
     x, y, z = a[2] + s * a[5], a[3] + s * a[6], a[4] + s * a[7]
-    radius, depth = a[RADIUS], height if height > -math.inf else 0.0
-    _store(
-        out,
-        height - radius,
-        nx,
-        ny,
-        nz,
-        x - radius * nx,
-        y - radius * ny,
-        z - radius * nz,
-        x - depth * nx,
-        y - depth * ny,
-        z - depth * nz,
-    )
+    depth = height if height > -math.inf else 0.0
+    write_found(out, height - a[RADIUS], nx, ny, nz, x, y, z, a[RADIUS], 0.0, depth)
 
 
 @inline
@@ -321,11 +300,7 @@ def _leaving_box(p, d, low, high, h):
             found = h[k] - min(sign * first, sign * last)
             if found < depth:
                 depth, s_best = found, s
-                best = (
-                    sign if k == 0 else 0.0,
-                    sign if k == 1 else 0.0,
-                    sign if k == 2 else 0.0,
-                )
+                best = (sign if k == 0 else 0.0, sign if k == 1 else 0.0, sign if k == 2 else 0.0)
     length = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
     for k in range(3):
         x, y, z = _cross_axis(d, k)
@@ -377,19 +352,8 @@ def _round_box(a, b, out):
     x, y, z = _from_box(b, c[0], c[1], c[2])
     u, v, w = _from_box(b, q[0], q[1], q[2])
     r = a[RADIUS]
-    _store(
-        out,
-        gap - r,
-        nx,
-        ny,
-        nz,
-        b[4] + x - r * nx,
-        b[5] + y - r * ny,
-        b[6] + z - r * nz,
-        b[4] + u,
-        b[5] + v,
-        b[6] + w,
-    )
+    on_a = (b[4] + x - r * nx, b[5] + y - r * ny, b[6] + z - r * nz)
+    _store(out, gap - r, (nx, ny, nz), on_a, (b[4] + u, b[5] + v, b[6] + w))
 
 
 @shared
@@ -405,19 +369,7 @@ def _box_plane(a, b, out):
     x, y, z = _from_box(a, low[0], low[1], low[2])
     x, y, z = x + a[4], y + a[5], z + a[6]
     height = n[0] * x + n[1] * y + n[2] * z - b[OFFSET]
-    _store(
-        out,
-        height,
-        n[0],
-        n[1],
-        n[2],
-        x,
-        y,
-        z,
-        x - height * n[0],
-        y - height * n[1],
-        z - height * n[2],
-    )
+    write_found(out, height, n[0], n[1], n[2], x, y, z, 0.0, 0.0, height)
 
 
 @inline
@@ -507,7 +459,7 @@ def _box_box(a, b, out):
     else:
         qx, qy, qz = _corner(b, u, v, w, -1)
         px, py, pz = qx - depth * u, qy - depth * v, qz - depth * w
-    _store(out, -depth, u, v, w, px, py, pz, px + depth * u, py + depth * v, pz + depth * w)
+    write_found(out, -depth, u, v, w, px, py, pz, 0.0, 0.0, -depth)
 
 
 @shared
@@ -530,11 +482,15 @@ def _boxes_apart(a, b, out):
                 sign = (1.0 - 2.0 * side) / gap if gap > 0.0 else 0.0
                 cx, cy, cz = cx + other[4], cy + other[5], cz + other[6]
                 qx, qy, qz = qx + other[4], qy + other[5], qz + other[6]
-                nx, ny, nz = sign * (cx - qx), sign * (cy - qy), sign * (cz - qz)
+                normal, c, q = (
+                    (sign * (cx - qx), sign * (cy - qy), sign * (cz - qz)),
+                    (cx, cy, cz),
+                    (qx, qy, qz),
+                )
                 if side == 0:
-                    _store(out, gap, nx, ny, nz, cx, cy, cz, qx, qy, qz)
+                    _store(out, gap, normal, c, q)
                 else:
-                    _store(out, gap, nx, ny, nz, qx, qy, qz, cx, cy, cz)
+                    _store(out, gap, normal, q, c)
 
 
 @shared

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from dqcontrol.algebra import adjoint_twist, multiply, translation
 from dqcontrol.algebra.conversions import as_unit_quaternion
-from dqcontrol.algebra.elementary import set_pose
+from dqcontrol.algebra.dual_quaternion_kernels import set_pose
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ2, WRITE2, kernel, types
 from dqcontrol.errors import ShapeError, as_array
