@@ -38,11 +38,17 @@ def unit_poses(field: str, pose: ArrayLike) -> Array:
     return x / norm[..., None]
 
 
-def pose7(field: str, pose: ArrayLike) -> Array:
-    """Return [quaternion, position] of one unit dual quaternion."""
+def unit_pose(field: str, pose: ArrayLike) -> Array:
+    """Return one unit dual quaternion, shape (8,)."""
     x = unit_poses(field, pose)
     if x.ndim != 1:
         raise ShapeError(f"{field}: expected one pose, shape (8,), got {x.shape}")
+    return x
+
+
+def pose7(field: str, pose: ArrayLike) -> Array:
+    """Return [quaternion, position] of one unit dual quaternion."""
+    x = unit_pose(field, pose)
     return np.concatenate([x[:4], positions(x)])
 
 
