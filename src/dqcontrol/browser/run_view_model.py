@@ -15,8 +15,7 @@ from dqcontrol.figures.paths import desired_in_room, recorded_frames, tip_paths
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.held import PlanOfRun, apart_at_plans, plans_of_run
 from dqcontrol.robots import Robot, TreeRobot
-from dqcontrol.robots.dh import compose, shift
-from dqcontrol.robots.poses import pose7
+from dqcontrol.robots.poses import compose, pose7, shift
 
 _PIECES = 800  # of a path, at most
 _DASH = 0.02  # m

@@ -13,8 +13,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.geometry import Box, Capsule, Shape, Sphere, distance_kernels as kernels
-from dqcontrol.robots.dh import compose
-from dqcontrol.robots.poses import inverse7
+from dqcontrol.robots.poses import compose, inverse7
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
@@ -436,3 +437,11 @@ def base_coordinates(robot: Robot) -> NDArray[np.bool_]:
     for first, _ in robot.bases:
         found[first : first + 3] = True
     return found
+
+
+def distinct_names(names: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return all names; those that occur twice after the label of their part."""
+    counts = Counter(name for each in names.values() for name in each)
+    return [
+        name if counts[name] == 1 else f"{label}/{name}" for label, each in names.items() for name in each
+    ]

@@ -11,13 +11,12 @@ from numpy.typing import ArrayLike
 from dqcontrol.algebra.conversions import pose
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
-from dqcontrol.robots.dh import shift
 from dqcontrol.robots.kinematics.driving import DRIVE_COLUMNS
-from dqcontrol.robots.kinematics.joined_chains import distinct_names, joined_chains
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
-from dqcontrol.robots.robot import Form, Robot
+from dqcontrol.robots.poses import shift
+from dqcontrol.robots.robot import Form, Robot, distinct_names
 from dqcontrol.robots.serial_arm import joined_inertia, joined_limits
-from dqcontrol.robots.tree_robot import PoseTask, Root, TaskKind, TreeRobot
+from dqcontrol.robots.tree_robot import PoseTask, Root, TaskKind, TreeRobot, joined_chains
 
 if TYPE_CHECKING:
     from dqcontrol.robots.whole_body import Drive

@@ -12,12 +12,10 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, UnknownNameError, suggest
-from dqcontrol.robots.dh import compose, shift
 from dqcontrol.robots.files.default_tip import default_tip, ways_down
-from dqcontrol.robots.kinematics.axes import rotation_matrix
 from dqcontrol.robots.kinematics.kinematics_kernels import PRISMATIC, REVOLUTE
 from dqcontrol.robots.limits import Inertia, Limits
-from dqcontrol.robots.poses import inverse7
+from dqcontrol.robots.poses import compose, inverse7, rotation_matrix, shift
 from dqcontrol.robots.robot import NamedFrame, PlacedLinks
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.tree_robot import PoseTask, TreeJoints, TreeRobot

@@ -16,12 +16,10 @@ from numpy.typing import NDArray
 from dqcontrol.algebra.conversions import matrix_from_pose, pose
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError
-from dqcontrol.robots.dh import compose, shift
 from dqcontrol.robots.files.link_tree import LinkBody, LinkJoint, LinkTree, Mimic
 from dqcontrol.robots.files.mujoco_package import import_mujoco
 from dqcontrol.robots.inverse.found_base import RoundLink
-from dqcontrol.robots.kinematics.axes import z_onto
-from dqcontrol.robots.poses import inverse7
+from dqcontrol.robots.poses import compose, inverse7, shift, z_onto
 
 _FREE, _BALL, _SLIDE, _HINGE = range(4)  # mjtJoint
 _CONNECT, _WELD, _JOINT, _TENDON = range(4)  # mjtEq

@@ -10,14 +10,13 @@ import numpy as np
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import UnknownNameError
-from dqcontrol.robots.dh import compose
 from dqcontrol.robots.files.default_tip import longest_arms, shared, ways_down
 from dqcontrol.robots.files.link_tree import LinkTree, moves_alone
 from dqcontrol.robots.files.mjcf import mjcf_round_links, mjcf_tree
 from dqcontrol.robots.files.urdf import UrdfTree, load_urdf, origin_matrix, urdf_tree
 from dqcontrol.robots.files.urdf_xml import MJCF, CheckedXml, mesh_file
 from dqcontrol.robots.inverse.found_base import DriveKind, FoundBase, RoundLink, find_base, is_named_wheel
-from dqcontrol.robots.poses import inverse7
+from dqcontrol.robots.poses import compose, inverse7
 from dqcontrol.robots.robot import NamedFrame, PlacedLinks
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.whole_body import WholeBody

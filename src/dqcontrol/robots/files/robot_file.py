@@ -16,19 +16,19 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, error_prefix, unknown_name
 from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
 from dqcontrol.geometry import Box, Capsule, Sphere
-from dqcontrol.robots.dh import (
-    chain_from_denso,
-    chain_from_dh,
+from dqcontrol.robots.dh import chain_from_denso, chain_from_dh
+from dqcontrol.robots.limits import Inertia, Limits
+from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
+from dqcontrol.robots.poses import (
+    chain_from_axes,
     compose,
+    pose7,
+    rotation_matrix,
     rotation_x,
     rotation_y,
     rotation_z,
     shift,
 )
-from dqcontrol.robots.kinematics.axes import chain_from_axes, rotation_matrix
-from dqcontrol.robots.limits import Inertia, Limits
-from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
-from dqcontrol.robots.poses import pose7
 from dqcontrol.robots.serial_arm import SerialArm
 
 Length = Annotated[float, Meta(ge=-1e3, le=1e3, description="m")]

@@ -15,7 +15,6 @@ from dqcontrol.algebra.conversions import pose
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, ValueRangeError, error_prefix, unknown_name
 from dqcontrol.files.yaml_file import convert
-from dqcontrol.robots.dh import shift
 from dqcontrol.robots.files.link_tree import LinkBody, LinkJoint, LinkTree, Mimic
 from dqcontrol.robots.files.robot_file import (
     FilePart,
@@ -28,6 +27,7 @@ from dqcontrol.robots.files.robot_file import (
     plain_limits,
     plain_pose,
 )
+from dqcontrol.robots.poses import shift
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.tree_robot import Root, TreeRobot

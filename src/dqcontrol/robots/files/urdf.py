@@ -12,12 +12,11 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, UnknownNameError, suggest
-from dqcontrol.robots.dh import compose
 from dqcontrol.robots.files.default_tip import default_tip, ways_down
 from dqcontrol.robots.files.link_tree import LinkBody, LinkJoint, LinkTree, Mimic
 from dqcontrol.robots.files.urdf_xml import CheckedXml
-from dqcontrol.robots.kinematics.axes import chain_from_axes, inverse_turn, rotation_matrix, z_onto
 from dqcontrol.robots.limits import Inertia, Limits
+from dqcontrol.robots.poses import chain_from_axes, compose, inverse_turn, rotation_matrix, z_onto
 from dqcontrol.robots.serial_arm import SerialArm
 
 

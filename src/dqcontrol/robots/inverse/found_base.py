@@ -12,9 +12,8 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, as_positive, unknown_name
 from dqcontrol.robots.bases import CarLikeBase, DifferentialDrive, MecanumBase, OmniBase, SteeredTricycle
-from dqcontrol.robots.dh import compose, shift
 from dqcontrol.robots.files.link_tree import LinkJoint, LinkTree
-from dqcontrol.robots.kinematics.axes import rotation_matrix
+from dqcontrol.robots.poses import compose, rotation_matrix, shift
 from dqcontrol.robots.whole_body import Base
 
 DriveKind: TypeAlias = Literal["differential", "mecanum", "omni", "car-like", "tricycle"]
