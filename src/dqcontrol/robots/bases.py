@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,8 @@ from dqcontrol.errors import ValueRangeError, as_array, as_positive
 from dqcontrol.geometry import Box
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.serial_arm import SerialArm
+
+DriveKind: TypeAlias = Literal["differential", "mecanum", "omni", "car-like", "tricycle"]
 
 # z of each frame is the axis of x, y, φ in turn: thirds of a turn about (1, 1, 1), whose product is the identity.
 _THIRD = np.array([0.5, 0.5, 0.5, 0.5, 0, 0, 0])

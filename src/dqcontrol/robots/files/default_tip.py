@@ -4,52 +4,52 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import takewhile
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, TypeAlias
 
-from dqcontrol.errors import NoteWarning, UnknownNameError
+from dqcontrol.errors import NoteWarning, UnknownNameError, suggest
 
 _GRIPPER = re.compile("grip|finger|thumb|jaw|claw|knuckle", re.IGNORECASE)
 
 
-class TreeEdge(Protocol):
-    """What joins two links, whatever kind of file it is from."""
-
-    @property
-    def name(self) -> str:
-        """Its own."""
-        ...
-
-    @property
-    def parent(self) -> str:
-        """The link above."""
-        ...
-
-    @property
-    def child(self) -> str:
-        """The link below."""
-        ...
-
-    @property
-    def mimic(self) -> Any:
-        """What it follows, with the name of that ``joint``; None if nothing."""
-        ...
+Joint: TypeAlias = Any
+"""What joins two links, whatever kind of file it is from: it has a name, ``parent``, ``child`` and ``mimic``."""
 
 
-J = TypeVar("J", bound=TreeEdge)
-
-
-class PartedWay(NamedTuple, Generic[J]):
+class PartedWay(NamedTuple):
     """The joints from a link to an end of the tree: those of the arm, and the moving ones of the gripper at its end."""
 
-    arm: list[J]
-    gripper: list[J]
+    arm: list[Joint]
+    gripper: list[Joint]
 
 
-def ways_down(joints: Iterable[J], base: str) -> Iterator[list[J]]:
+def known_link(field: str, name: str, links: Iterable[str], where: str) -> str:
+    """Return a link's name, or say that there is none such in a file."""
+    if name not in links:
+        raise UnknownNameError(
+            f"{field}: unknown link '{name}'{suggest(name, links)} (links of {where}: {', '.join(links)})"
+        )
+    return name
+
+
+def way_between(carried: Mapping[str, Joint], base: str, tip: str, where: str) -> list[Joint]:
+    """Return the joints from one link down to another, of those by the links that they carry."""
+    joints, link = list[Joint](), tip
+    while link != base:
+        if link not in carried:
+            way = " < ".join([tip, *(joint.parent for joint in joints)])
+            raise UnknownNameError(
+                f"tip_link: '{tip}' is not below base link '{base}' in {where}, but on {way}"
+            )
+        joints.append(carried[link])
+        link = joints[-1].parent
+    return joints[::-1]
+
+
+def ways_down(joints: Iterable[Joint], base: str) -> Iterator[list[Joint]]:
     """Yield the joints from a link down to each end below it; ``joints`` has parents before children."""
-    ways: dict[str, list[J]] = {base: []}
+    ways: dict[str, list[Joint]] = {base: []}
     parents = set()
     for joint in joints:
         parents.add(joint.parent)
@@ -59,8 +59,8 @@ def ways_down(joints: Iterable[J], base: str) -> Iterator[list[J]]:
 
 
 def longest_arms(
-    ways: Iterable[list[J]], moves: Callable[[J], bool], held: Callable[[J], bool]
-) -> tuple[int, list[PartedWay[J]]]:
+    ways: Iterable[list[Joint]], moves: Callable[[Joint], bool], held: Callable[[Joint], bool]
+) -> tuple[int, list[PartedWay]]:
     """Return the ways with most joints before their grippers, and how many joints these are.
 
     A gripper is what moves last, if it is named like one or held: by a loop, or by another joint that it follows, but
@@ -85,9 +85,9 @@ def default_tip(
     where: str,
     name: str,
     base: str,
-    ways: Iterable[list[J]],
-    moves: Callable[[J], bool],
-    held: Callable[[J], bool],
+    ways: Iterable[list[Joint]],
+    moves: Callable[[Joint], bool],
+    held: Callable[[Joint], bool],
 ) -> str:
     """Return the link where a chain ends if nobody says; a `NoteWarning` tells which gripper is left out.
 
@@ -123,13 +123,13 @@ def default_tip(
     return tip
 
 
-def shared(ways: Sequence[list[J]]) -> list[J]:
+def shared(ways: Sequence[list[Joint]]) -> list[Joint]:
     """Return the joints with which all of some ways begin."""
     steps = takewhile(lambda each: len({joint.name for joint in each}) == 1, zip(*ways, strict=False))
     return [each[0] for each in steps]
 
 
-def _parted(way: list[J], moves: Callable[[J], bool], held: Callable[[J], bool]) -> PartedWay[J]:
+def _parted(way: list[Joint], moves: Callable[[Joint], bool], held: Callable[[Joint], bool]) -> PartedWay:
     moving = [i for i, joint in enumerate(way) if moves(joint) or held(joint)]
     last = list(takewhile(lambda i: held(way[i]) or _GRIPPER.search(way[i].name), reversed(moving)))
     if not last or 2 * len(last) > len(moving):
@@ -139,9 +139,9 @@ def _parted(way: list[J], moves: Callable[[J], bool], held: Callable[[J], bool])
     return PartedWay(way, []) if followed & {joint.name for joint in arm} else PartedWay(arm, gripper)
 
 
-def _hands(ways: Iterable[PartedWay[J]], moves: Callable[[J], bool]) -> Iterable[list[PartedWay[J]]]:
+def _hands(ways: Iterable[PartedWay], moves: Callable[[Joint], bool]) -> Iterable[list[PartedWay]]:
     """Return ways by the joint that moves their ends."""
-    hands: dict[str, list[PartedWay[J]]] = {}
+    hands: dict[str, list[PartedWay]] = {}
     for way in ways:
         last = next((joint.name for joint in reversed(way.arm) if moves(joint)), "")
         hands.setdefault(last, []).append(way)

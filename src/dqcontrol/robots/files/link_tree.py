@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -12,18 +13,27 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, UnknownNameError, suggest
-from dqcontrol.robots.files.default_tip import default_tip, ways_down
+from dqcontrol.robots.files.default_tip import default_tip, known_link, way_between, ways_down
 from dqcontrol.robots.kinematics.kinematics_kernels import PRISMATIC, REVOLUTE
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.poses import compose, inverse7, rotation_matrix, shift
 from dqcontrol.robots.robot import NamedFrame, PlacedLinks
 from dqcontrol.robots.serial_arm import SerialArm
-from dqcontrol.robots.tree_robot import PoseTask, TreeJoints, TreeRobot
+from dqcontrol.robots.tree_robot import TreeJoints, TreeRobot, seen_from
 
 LinkJointKind: TypeAlias = Literal["revolute", "prismatic", "fixed", "floating", "other"]
 _MOVING = ("revolute", "prismatic")
-_FLOATING = (("x", "prismatic"), ("y", "prismatic"), ("z", "prismatic"), ("yaw", "revolute"), ("pitch", "revolute"),
-             ("roll", "revolute"))  # fmt: skip
+_HALF = math.sqrt(0.5)
+_ALONG_X, _ALONG_Y, _ALONG_Z = (_HALF, 0.0, _HALF, 0.0), (_HALF, -_HALF, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+# joints of a floating root, and the turns of their frames, whose z axes they are along or about
+_FLOATING: dict[str, tuple[LinkJointKind, tuple[float, ...]]] = {
+    "x": ("prismatic", _ALONG_X),
+    "y": ("prismatic", _ALONG_Y),
+    "z": ("prismatic", _ALONG_Z),
+    "yaw": ("revolute", _ALONG_Z),
+    "pitch": ("revolute", _ALONG_Y),
+    "roll": ("revolute", _ALONG_X),
+}
 
 
 class Mimic(NamedTuple):
@@ -32,6 +42,13 @@ class Mimic(NamedTuple):
     joint: str
     multiplier: float = 1.0
     offset: float = 0.0
+
+
+class RoundLink(NamedTuple):
+    """The round shape of a link: its radius, m, and its middle in the link's frame, (3,), m."""
+
+    radius: float
+    middle: Array
 
 
 class LinkBody(NamedTuple):
@@ -138,7 +155,7 @@ class LinkTree:
             If a joint follows one that does not exist, or that follows another itself, or cannot move by itself.
         """
         for name in (*(tips or ()), *([base] if base else ())):
-            self._check(name)
+            known_link("frame", name, self.links, self.where)
         joints = [*self._free_base(floating), *self.joints]
         kept = _ancestors(joints, tips) if tips else {joint.name for joint in joints}
         self._check_free(kept)
@@ -151,32 +168,29 @@ class LinkTree:
             raise FileFormatError(f"{self.where}: has no joint that turns or slides{above}")
         index = {joint.name: i for i, joint in enumerate(coordinates)}
         stands, at, parts = self._placed(joints, free, _ground(joints, self.root))
-        rows: list[tuple[object, ...]] = []
-        for joint, (row, pose) in zip(free, stands, strict=True):
-            mimic = joint.mimic or Mimic(joint.name)
-            kind = REVOLUTE if joint.kind == "revolute" else PRISMATIC
-            coordinate = index[mimic.joint]
-            offset = mimic.offset + joint.offset
-            rows.append((pose, kind, row, coordinate, coordinate, mimic.multiplier, offset))
-        limits = [(joint.lower, joint.upper, joint.velocity, joint.effort) for joint in coordinates]
+        mimics = [joint.mimic or Mimic(joint.name) for joint in free]
+        moved = np.array([index[mimic.joint] for mimic in mimics])
         frames = {name: NamedFrame(*at[name]) for name in self.links}
         first = tips[0] if tips else _first_leaf(self._joints_of_bodies(), self.root)
-        task = (
-            PoseTask("frame", (first,))
-            if base in (None, self.root)
-            else PoseTask("relative", (first, str(base)))
-        )
         robot = TreeRobot(
             TreeJoints(
-                *(np.array(values) for values in zip(*rows, strict=True)),
+                fixed=np.array([pose for _, pose in stands]),
+                kind=np.array([REVOLUTE if joint.kind == "revolute" else PRISMATIC for joint in free]),
+                parent=np.array([row for row, _ in stands]),
+                coordinate=moved,
+                column=moved,
+                multiplier=np.array([mimic.multiplier for mimic in mimics]),
+                offset=np.array(
+                    [mimic.offset + joint.offset for mimic, joint in zip(mimics, free, strict=True)]
+                ),
                 names=tuple(joint.name for joint in free),
             ),
             frames,
-            task,
+            seen_from(first, None if base == self.root else base),
             joint_names=[joint.name for joint in coordinates],
             joint_types=[joint.kind for joint in coordinates],
-            limits=Limits(*np.array(limits).T),
-            inertia=_lumped(parts, len(rows)),
+            limits=_limits(coordinates),
+            inertia=_lumped(parts, len(free)),
             name=self.name,
         )
         robot.placed_links = PlacedLinks(Path(self.where), frames)
@@ -192,20 +206,14 @@ class LinkTree:
         UnknownNameError, FileFormatError
             As for `load_urdf`.
         """
-        start = self._check(base, "base_link") if base is not None else self.root
-        end = self._check(tip, "tip_link") if tip is not None else self.default_tip(start)
+        start = known_link("base_link", base or self.root, self.links, self.where)
+        end = (
+            known_link("tip_link", tip, self.links, self.where)
+            if tip is not None
+            else self.default_tip(start)
+        )
         carried = {joint.child: joint for joint in self.joints}
-        path: list[LinkJoint] = []
-        link = end
-        while link != start:
-            if link not in carried:
-                way = " < ".join([end, *(joint.parent for joint in path)])
-                raise UnknownNameError(
-                    f"tip_link: '{end}' is not below base link '{start}' in {self.where}, but on {way}"
-                )
-            path.append(carried[link])
-            link = path[-1].parent
-        path.reverse()
+        path = way_between(carried, start, end, self.where)
         self._check_free({joint.name for joint in path})
         moving = [joint for joint in path if joint.kind in _MOVING]
         if not moving:
@@ -222,11 +230,10 @@ class LinkTree:
                 fixed.append(pose)
                 pose = _screw(joint, joint.offset)
             pose = compose(pose, joint.link)
-        limits = np.array([(joint.lower, joint.upper, joint.velocity, joint.effort) for joint in moving])
         arm = SerialArm(
             np.array([*fixed, pose]),
             [joint.kind for joint in moving],
-            limits=Limits(*limits.T),
+            limits=_limits(moving),
             joint_names=[joint.name for joint in moving],
             name=self.name,
         )
@@ -275,14 +282,6 @@ class LinkTree:
             if name in joints:
                 raise error
 
-    def _check(self, name: str, field: str = "frame") -> str:
-        if name not in self.links:
-            raise UnknownNameError(
-                f"{field}: unknown link '{name}'{suggest(name, self.links)} "
-                f"(links of {self.where}: {', '.join(self.links)})"
-            )
-        return name
-
     def _leaders(self, free: Sequence[LinkJoint]) -> dict[str, LinkJoint]:
         """Return the joints that others follow, checked."""
         by_name = {joint.name: joint for joint in self.joints}
@@ -308,27 +307,13 @@ class LinkTree:
     def _free_base(self, floating: bool) -> list[LinkJoint]:
         if not floating:
             return []
-        names = [f"base_{name}" for name, _ in _FLOATING]
-        links = [f"{self.root} {name}" for name, _ in _FLOATING[:-1]]
-        half = math.sqrt(0.5)
-        turned = {  # frames with z along x and y, and back
-            "x": (half, 0.0, half, 0.0),
-            "y": (half, -half, 0.0, 0.0),
-            "z": (1.0, 0.0, 0.0, 0.0),
-        }
-        axes = dict(zip("xyz", turned.values(), strict=True)) | {
-            "yaw": turned["z"],
-            "pitch": turned["y"],
-            "roll": turned["x"],
-        }
-        carriers = [f"{self.root} ground", *links]
-        out = []
-        for (axis, kind), name, parent, child in zip(
-            _FLOATING, names, carriers, [*links, self.root], strict=True
-        ):
-            turn = np.array([*axes[axis], 0, 0, 0])
-            out.append(LinkJoint(name, kind, parent, child, turn, inverse7(turn)))  # type: ignore[arg-type]
-        return out
+        links = [f"{self.root} {name}" for name in ("ground", *_FLOATING)]
+        links[-1] = self.root
+        turns = {name: np.array([*turn, 0, 0, 0]) for name, (_, turn) in _FLOATING.items()}
+        return [
+            LinkJoint(f"base_{name}", kind, parent, child, turns[name], inverse7(turns[name]))
+            for (name, (kind, _)), (parent, child) in zip(_FLOATING.items(), pairwise(links), strict=True)
+        ]
 
     def _placed(
         self,
@@ -381,6 +366,10 @@ def _screw(joint: LinkJoint, value: float) -> Array:
     if joint.kind == "prismatic":
         return shift(0.0, 0.0, value)
     return np.array([math.cos(value / 2), 0, 0, math.sin(value / 2), 0, 0, 0])
+
+
+def _limits(joints: Sequence[LinkJoint]) -> Limits:
+    return Limits(*np.array([(joint.lower, joint.upper, joint.velocity, joint.effort) for joint in joints]).T)
 
 
 def _ground(joints: Sequence[LinkJoint], root: str) -> str:

@@ -26,8 +26,8 @@ from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.serial_arm import SerialArm
 
 if TYPE_CHECKING:
+    from dqcontrol.robots.bases import DriveKind
     from dqcontrol.robots.files.link_tree import LinkTree
-    from dqcontrol.robots.inverse.found_base import DriveKind
     from dqcontrol.robots.tree_robot import TreeRobot
     from dqcontrol.robots.whole_body import WholeBody
 
@@ -294,13 +294,11 @@ def load_robot(
     if drive is not None:
         if tips is not None or floating or base_link is not None:
             raise ShapeError("drive: makes a base on wheels; leave out 'tips', 'floating' and 'base_link'")
-        from dqcontrol.robots.files.mobile_robot_file import (
-            mobile_robot_from,  # as other readers: when a file needs it
-        )
+        # as other readers: when a file needs it
+        from dqcontrol.robots.files.mobile_robot_file import DriveHints, mobile_robot_from
 
-        return mobile_robot_from(
-            file_of(source), tip_link, drive=None if drive == "found" else drive, **wheels
-        )
+        hints = DriveHints(None if drive == "found" else drive, **wheels)
+        return mobile_robot_from(file_of(source), tip_link, hints)
     if given := [name for name, value in wheels.items() if value is not None]:
         raise ShapeError(f"{given[0]}: is that of a drive; give drive='found' beside it")
     text = str(source)

@@ -17,13 +17,13 @@ from dqcontrol.robots.bases import (
     CarLikeBase,
     Chassis,
     DifferentialDrive,
+    DriveKind,
     HolonomicBase,
     MecanumBase,
     OmniBase,
     SteeredTricycle,
 )
 from dqcontrol.robots.files.robot_file import FilePart, FixedPose, Length, Positive, fixed_pose
-from dqcontrol.robots.inverse.found_base import DriveKind
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.whole_body import Form, WholeBody
 
