@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
@@ -57,15 +57,14 @@ class Curve(Reference):
     function: Callable[[float], ArrayLike]
     duration: float
     start: ArrayLike = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    corners: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "start", as_pose("start", self.start))
-        object.__setattr__(self, "duration", as_positive("duration", self.duration))
-        twists = np.abs(self.motion(np.linspace(0.0, self.duration, _LOOKS))[:, TWIST]).reshape(-1, 2, 3)
+        start, duration = as_pose("start", self.start), as_positive("duration", self.duration)
+        vars(self).update(start=start, duration=duration)
+        twists = np.abs(self.motion(np.linspace(0.0, duration, _LOOKS))[:, TWIST]).reshape(-1, 2, 3)
         halves = twists.max(axis=2)  # of turning, and of moving
         stops = (halves[-1] <= SMOOTH * halves.max(axis=0)).all()
-        object.__setattr__(self, "corners", NO_CORNERS if stops else np.array([self.duration]))
+        vars(self).update(corners=NO_CORNERS if stops else np.array([duration]))
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""

@@ -101,7 +101,7 @@ def turned(rotation: Array, axis: Array, angle: Array) -> Array:
     return multiply(turn, whole)[:, :4]
 
 
-def displaced(by: Array, samples: Array) -> Array:
+def displaced(by: ArrayLike, samples: Array) -> Array:
     """Return samples (N, 21) after a constant displacement y (8,): pose yx, twist Ad(y)ξ, rate Ad(y)ξ̇."""
     out = samples.copy()
     out[:, POSE] = multiply(by, samples[:, POSE])

@@ -153,13 +153,11 @@ class Drawing(PlanarReference):
     orientation: str = "fixed"
     turn_speed: float = TURN_SPEED
     repeat: int = 1
-    duration: float = field(init=False)
-    corners: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         start = as_pose("start", self.start)
         strokes = tuple(self.strokes)
-        object.__setattr__(self, "strokes", strokes)
+        vars(self).update(strokes=strokes)
         if self.orientation not in ORIENTATIONS:
             raise unknown_name("orientation", self.orientation, ORIENTATIONS)
         if not isinstance(self.repeat, int) or self.repeat < 1:
@@ -200,8 +198,6 @@ class Drawing(PlanarReference):
         for key, value in (("width", width), ("speed", speed), ("plane", plane)):
             if value is not None:
                 raise ValueRangeError(f"{start.place}.{key}: is for SVG files; {path} says it itself")
-        from dqcontrol.references.drawing.drawing import parse_drawing
-
         said = parse_drawing(read_text(path), str(path))
         if said.position is not None:
             start.refuse_position(path)
