@@ -1,6 +1,6 @@
 from .curve import Curve as Curve
-from .drawing import Drawing as Drawing
-from .drawing.drawing import (
+from .drawing import (
+    Drawing as Drawing,
     DrawingFile as DrawingFile,
     load_drawing as load_drawing,
     parse_drawing as parse_drawing,

@@ -261,36 +261,28 @@ class RollerBase(HolonomicBase):
         radius = as_positive("wheel_radius", self.wheel_radius)
         rows = []
         for wheel in self.wheels:
-            axis = wheel.heading + wheel.roller
-            a = np.array([math.cos(axis), math.sin(axis)])
-            rows.append([a[0], a[1], wheel.x * a[1] - wheel.y * a[0]])
-            rows[-1] = np.array(rows[-1]) / (radius * math.cos(wheel.roller))
+            x, y = math.cos(wheel.heading + wheel.roller), math.sin(wheel.heading + wheel.roller)
+            rows.append(np.array([x, y, wheel.x * y - wheel.y * x]) / (radius * math.cos(wheel.roller)))
         matrix = np.array(rows)
         matrix.flags.writeable = False
-        object.__setattr__(self, "wheel_matrix", matrix)
+        vars(self).update(wheel_matrix=matrix)
         if self.rim_speed != math.inf:
             fastest = as_positive("rim_speed", self.rim_speed) / radius
-            most = np.hypot(matrix[:, 0], matrix[:, 1]).max()
-            object.__setattr__(self, "speed", min(self.speed, float(fastest / most)))
-            object.__setattr__(
-                self, "turn_rate", min(self.turn_rate, float(fastest / np.abs(matrix[:, 2]).max()))
-            )
+            speed = float(fastest / np.hypot(matrix[:, 0], matrix[:, 1]).max())
+            turn_rate = float(fastest / np.abs(matrix[:, 2]).max())
+            vars(self).update(speed=min(self.speed, speed), turn_rate=min(self.turn_rate, turn_rate))
         super().__post_init__()
 
     @property
     def around_wheels(self) -> Box:
         """The upright box that holds its wheels, in its own axes, m: the least that its body takes."""
         radius, half = self.wheel_radius, np.zeros(2)
+        wide = _HALF_WIDTH * radius
         for wheel in self.wheels:
             along, across = abs(math.cos(wheel.heading)), abs(math.sin(wheel.heading))
-            wide = _HALF_WIDTH * radius
-            half = np.maximum(
-                half,
-                [
-                    abs(wheel.x) + radius * along + wide * across,
-                    abs(wheel.y) + radius * across + wide * along,
-                ],
-            )
+            x = abs(wheel.x) + radius * along + wide * across
+            y = abs(wheel.y) + radius * across + wide * along
+            half = np.maximum(half, [x, y])
         return Box(algebra.pose([1.0, 0, 0, 0], [0, 0, radius]), np.array([*(2 * half), 2 * radius]))
 
     def wheel_speeds(self, twist: ArrayLike) -> Array:
@@ -370,13 +362,10 @@ class MecanumBase(RollerBase):
     @property
     def wheels(self) -> tuple[RollerWheel, ...]:
         """Front right, front left, rear right, rear left."""
-        half, length = self.half_track, self.half_wheelbase
-        turn = math.pi / 4
-        return (
-            RollerWheel(length, -half, 0.0, turn),
-            RollerWheel(length, half, 0.0, -turn),
-            RollerWheel(-length, -half, 0.0, -turn),
-            RollerWheel(-length, half, 0.0, turn),
+        signs = ((1, -1), (1, 1), (-1, -1), (-1, 1))
+        return tuple(
+            RollerWheel(x * self.half_wheelbase, y * self.half_track, 0.0, -x * y * math.pi / 4)
+            for x, y in signs
         )
 
     def __post_init__(self) -> None:

@@ -138,11 +138,9 @@ class TwoArms(TreeRobot):
     @property
     def bases(self) -> tuple[tuple[int, str], ...]:
         """Index of the first coordinate of each mobile base, and its kind."""
-        found, first = [], 0
-        for part in self.parts:
-            found += [(first + at, kind) for at, kind in part.bases]
-            first += part.configuration_size
-        return tuple(found)
+        firsts = np.cumsum([0, *(part.configuration_size for part in self.parts)]).tolist()
+        parts = zip(firsts, self.parts, strict=False)
+        return tuple((first + at, kind) for first, part in parts for at, kind in part.bases)
 
     @property
     def driven_bases(self) -> tuple[Drive, ...]:
@@ -183,13 +181,8 @@ class TwoArms(TreeRobot):
         ShapeError, ValueRangeError, UnknownNameError
             If a size, value or name is wrong, or the end effectors are a full turn apart with the sign given.
         """
-        if sign is None and root in self._short:
-            return self._map(self.kernels.forward, q, self.configuration_size, 8, self._short[root])
-
-        def absolute(rows: ArrayLike, table: Array) -> Array:
-            return self._map(self.kernels.forward, rows, self.configuration_size, 8, table)
-
-        return self._by_sign(absolute, q, root, sign)
+        forward, n = self.kernels.forward, self.configuration_size
+        return self._by_sign(lambda rows, table: self._map(forward, rows, n, 8, table), q, root, sign)
 
     def relative_pose_jacobian(self, q: ArrayLike) -> Array:
         """Return J with vec8(ẋ_r) = J u, shape (…, 8, m)."""
@@ -199,13 +192,8 @@ class TwoArms(TreeRobot):
         self, q: ArrayLike, root: Root = "midpoint", sign: ArrayLike | None = None
     ) -> Array:
         """Return J with vec8(ẋ_a) = J u, shape (…, 8, m); parameters as of `absolute_pose`."""
-        if sign is None and root in self._short:
-            return self._columns(q, self.kernels.kinematics, 0, 8, self._short[root])
-
-        def jacobian(rows: ArrayLike, table: Array) -> Array:
-            return self._columns(rows, self.kernels.kinematics, 0, 8, table)
-
-        return self._by_sign(jacobian, q, root, sign)
+        kinematics = self.kernels.kinematics
+        return self._by_sign(lambda rows, table: self._columns(rows, kinematics, 0, 8, table), q, root, sign)
 
     def hands_sign(self, q: ArrayLike, previous: ArrayLike = 0) -> Any:
         """Return the sign h of x_r to take the root of, 1 or −1, shape (…).
@@ -234,6 +222,8 @@ class TwoArms(TreeRobot):
         """Return what a function makes of configurations and the absolute pose's table of each one's sign."""
         if root not in get_args(Root):
             raise unknown_name("root", str(root), get_args(Root))
+        if sign is None:
+            return function(q, self._short[root])
         signs = np.asarray(sign, dtype=np.float64)
         if not (np.abs(signs) == 1).all():
             raise ValueRangeError(f"sign: must be 1 or -1, got {sign!r:.80}")
