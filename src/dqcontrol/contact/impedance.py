@@ -42,7 +42,8 @@ from dqcontrol.contact.contact_layout import BASE
 from dqcontrol.contact.tool import Tool
 from dqcontrol.errors import DivergedError, ValueRangeError, as_array, as_each
 from dqcontrol.named_fields import NamedFields
-from dqcontrol.robots.dynamics.rigid_bodies import (
+from dqcontrol.robots.kinematics.kinematics_kernels import compose_fixed
+from dqcontrol.robots.kinematics.rigid_bodies import (
     MOVED,
     RATES,
     fill_joint_forces,
@@ -51,7 +52,6 @@ from dqcontrol.robots.dynamics.rigid_bodies import (
     rigid_bodies,
     work_size,
 )
-from dqcontrol.robots.kinematics.kinematics_kernels import compose_fixed
 from dqcontrol.robots.robot import DOWN
 
 if TYPE_CHECKING:

@@ -14,7 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
-from dqcontrol.robots.dynamics.rigid_bodies import (
+from dqcontrol.robots.files.description import chain_reach, describe
+from dqcontrol.robots.inverse.inverse_kinematics import InverseKinematics
+from dqcontrol.robots.kinematics import driving
+from dqcontrol.robots.kinematics.gravity import WORK, gravity_forces, gravity_torques
+from dqcontrol.robots.kinematics.rigid_bodies import (
     bias_force,
     bias_forces,
     mass_matrices,
@@ -22,10 +26,6 @@ from dqcontrol.robots.dynamics.rigid_bodies import (
     rigid_bodies,
     work_size,
 )
-from dqcontrol.robots.files.description import chain_reach, describe
-from dqcontrol.robots.inverse.inverse_kinematics import InverseKinematics
-from dqcontrol.robots.kinematics import driving
-from dqcontrol.robots.kinematics.gravity import WORK, gravity_forces, gravity_torques
 from dqcontrol.robots.limits import Inertia
 from dqcontrol.robots.link_shapes import LinkShapes
 
@@ -292,7 +292,7 @@ class Robot(InverseKinematics):
         Returns
         -------
         Array
-            Shape (…, n, n), symmetric, kg m², kg m and kg. Formula: ``dqcontrol.robots.dynamics``.
+            Shape (…, n, n), symmetric, kg m², kg m and kg. Formula: ``robots.kinematics.rigid_bodies``.
 
         Raises
         ------
@@ -363,7 +363,7 @@ class Robot(InverseKinematics):
 
     @cached_property
     def _rigid_bodies(self) -> tuple[Array, int, int]:
-        """The table of ``dqcontrol.robots.dynamics``, the scratch that it takes, and n."""
+        """The table of ``robots.kinematics.rigid_bodies``, the scratch that it takes, and n."""
         inertia = self._known_inertia("dynamics")
         return rigid_bodies(self), work_size(len(inertia.mass)), self.configuration_size
 

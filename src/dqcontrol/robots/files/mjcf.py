@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import re
 import warnings
@@ -15,9 +16,8 @@ from numpy.typing import NDArray
 
 from dqcontrol.algebra.conversions import matrix_from_pose, pose
 from dqcontrol.arrays import Array
-from dqcontrol.errors import Error, FileFormatError
+from dqcontrol.errors import Error, FileFormatError, from_extra
 from dqcontrol.robots.files.link_tree import LinkBody, LinkJoint, LinkTree, Mimic, RoundLink
-from dqcontrol.robots.files.mujoco_package import import_mujoco
 from dqcontrol.robots.poses import compose, inverse7, shift, z_onto
 
 _FREE, _BALL, _SLIDE, _HINGE = range(4)  # mjtJoint
@@ -43,6 +43,20 @@ class ServoGains:
     damping: float
     effort: float
     armature: float
+
+
+def import_mujoco(what: str = "physics and models of MuJoCo") -> Any:
+    """Return the mujoco package.
+
+    Raises
+    ------
+    MissingExtraError
+        If it is not installed; ``what``, in the plural, needs it.
+    """
+    mujoco = from_extra("mujoco", "physics", what)
+    if mujoco.get_mju_user_warning() is None:  # by default MuJoCo writes a log file to the working folder
+        mujoco.set_mju_user_warning(logging.getLogger("dqcontrol.mujoco").info)
+    return mujoco
 
 
 def mjcf_tree(path: str | Path) -> LinkTree:

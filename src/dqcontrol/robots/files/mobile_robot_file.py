@@ -21,8 +21,15 @@ from dqcontrol.robots.bases import (
     OmniBase,
     SteeredTricycle,
 )
-from dqcontrol.robots.files.default_tip import longest_arms, shared, ways_down
-from dqcontrol.robots.files.link_tree import LinkJoint, LinkTree, RoundLink, moves_alone
+from dqcontrol.robots.files.link_tree import (
+    LinkJoint,
+    LinkTree,
+    RoundLink,
+    longest_arms,
+    moves_alone,
+    shared,
+    ways_down,
+)
 from dqcontrol.robots.files.mjcf import mjcf_round_links, mjcf_tree
 from dqcontrol.robots.files.urdf import UrdfTree, load_urdf, origin_matrix, urdf_tree
 from dqcontrol.robots.files.urdf_xml import MJCF, CheckedXml, mesh_file

@@ -12,8 +12,16 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, UnknownNameError, suggest
-from dqcontrol.robots.files.default_tip import default_tip, known_link, way_between, ways_down
-from dqcontrol.robots.files.link_tree import LinkBody, LinkJoint, LinkTree, Mimic
+from dqcontrol.robots.files.link_tree import (
+    LinkBody,
+    LinkJoint,
+    LinkTree,
+    Mimic,
+    default_tip,
+    known_link,
+    way_between,
+    ways_down,
+)
 from dqcontrol.robots.files.urdf_xml import CheckedXml
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.poses import chain_from_axes, compose, inverse_turn, rotation_matrix, z_onto
