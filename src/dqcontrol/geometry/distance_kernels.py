@@ -374,19 +374,15 @@ def _box_plane(a, b, out):
 
 
 @inline
-def _edge_of_box(box, number, reach):
+def _edge_of_box(box, number):
     """Return the middle of one of the twelve edges of a box, and half of it, both from the world's origin."""
     axis, first, second = number // 4, 1.0 - 2.0 * (number & 1), 1.0 - (number & 2)
     x = first * box[1] if axis != 0 else 0.0
     y = (first if axis == 0 else second) * box[2] if axis != 1 else 0.0
     z = second * box[3] if axis != 2 else 0.0
     middle = _from_box(box, x, y, z)
-    half = _from_box(
-        box,
-        reach * box[1] if axis == 0 else 0.0,
-        reach * box[2] if axis == 1 else 0.0,
-        reach * box[3] if axis == 2 else 0.0,
-    )
+    x, y, z = box[1] if axis == 0 else 0.0, box[2] if axis == 1 else 0.0, box[3] if axis == 2 else 0.0
+    half = _from_box(box, x, y, z)
     return (box[4] + middle[0], box[5] + middle[1], box[6] + middle[2]), half
 
 
@@ -470,7 +466,7 @@ def _boxes_apart(a, b, out):
         edged, other = (a, b) if side == 0 else (b, a)
         h = (other[1], other[2], other[3])
         for number in range(12):
-            middle, half = _edge_of_box(edged, number, 1.0)
+            middle, half = _edge_of_box(edged, number)
             p = _to_box(other, middle[0] - other[4], middle[1] - other[5], middle[2] - other[6])
             d = _to_box(other, half[0], half[1], half[2])
             s, gap = _nearest_to_box(p, d, -1.0, 1.0, h)

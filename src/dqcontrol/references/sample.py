@@ -61,13 +61,10 @@ class Sample:
         return sample
 
     def _keep(self, numbers: Array) -> None:
-        object.__setattr__(self, "numbers", numbers)
         data = numbers.view()
         data.flags.writeable = False
-        object.__setattr__(self, "data", data)
-        object.__setattr__(self, "time", float(data[TIME]))
-        for name, part in (("pose", POSE), ("twist", TWIST), ("twist_rate", TWIST_RATE)):
-            object.__setattr__(self, name, data[part])
+        vars(self).update(numbers=numbers, data=data, time=float(data[TIME]))
+        vars(self).update(pose=data[POSE], twist=data[TWIST], twist_rate=data[TWIST_RATE])
 
 
 def _six(field: str, value: ArrayLike) -> Array:

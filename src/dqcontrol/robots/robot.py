@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 DOWN: Array = np.array([0.0, 0.0, -9.81])  # m/s²
 DOWN.flags.writeable = False
 
+_NO_ROLLERS: Array = np.zeros((0, driving.ROLLER_COLUMNS))
+_NO_ROLLERS.flags.writeable = False
+
 Form: TypeAlias = Literal["constrained", "unconstrained"]
 
 
@@ -79,6 +82,14 @@ class Robot(InverseKinematics):
         Of its links, and which of them are kept apart; None if unknown.
     placed_links
         Where the links of its file are, by which it finds their shapes; None of one without.
+    bases
+        Index of the first coordinate of each mobile base, and its kind.
+    driven_bases
+        Those that cannot move sideways, in the order of ``drives``.
+    rollers
+        Table of its wheels with rollers that have a rim speed, shape (k, 5), see ``robots.kinematics.driving``.
+    follows
+        Names of coordinates that physics cannot give a servo: of joints that follow others.
     drives
         One row [index of x, displacement, wheel radius, half track, least turning radius, lever of the fastest rim] a
         base that cannot move sideways, m, shape (k, 6).
@@ -89,19 +100,13 @@ class Robot(InverseKinematics):
     input_coordinates: NDArray[np.intp]
     inertia: Inertia | None
     drives: Array
+    bases: tuple[tuple[int, str], ...] = ()
+    driven_bases: tuple[Drive, ...] = ()
+    rollers: Array = _NO_ROLLERS
+    follows: tuple[str, ...] = ()
     origin: tuple[str, str | None, str | None] | None = None
     shapes: LinkShapes | None = None
     placed_links: PlacedLinks | None = None
-
-    @property
-    def bases(self) -> tuple[tuple[int, str], ...]:
-        """Index of the first coordinate of each mobile base, and its kind."""
-        return ()
-
-    @property
-    def driven_bases(self) -> tuple[Drive, ...]:
-        """The bases that cannot move sideways, in the order of ``drives``."""
-        return ()
 
     @property
     def columns_outwards(self) -> list[int]:
@@ -115,11 +120,6 @@ class Robot(InverseKinematics):
     def in_form(self, form: Form) -> Robot:
         """Return the same robot with constrained or unconstrained inputs; see `WholeBody`."""
         return self
-
-    @property
-    def rollers(self) -> Array:
-        """Table of its wheels with rollers that have a rim speed, shape (k, 5), see ``robots.kinematics.driving``."""
-        return np.zeros((0, driving.ROLLER_COLUMNS))
 
     def acceleration_limits(self, field: str, joints: ArrayLike | None = None) -> NDArray[np.float64]:
         """Return the largest acceleration of each input, shape (m,), rad/s² or m/s²; infinite where there is no limit.
@@ -186,11 +186,6 @@ class Robot(InverseKinematics):
     def ends(self) -> tuple[int, ...]:
         """Rows of ``chain`` and `frames` that are end effectors."""
         return (len(self.chain) - 1,)
-
-    @property
-    def follows(self) -> tuple[str, ...]:
-        """Names of coordinates that physics cannot give a servo: of joints that follow others."""
-        return ()
 
     @property
     def reach(self) -> float:
@@ -423,10 +418,10 @@ def paired_rows(q: Array, field: str, other: Array) -> tuple[tuple[int, ...], Ar
             f"{field}: leading axes {other.shape[:-1]} do not fit those of q, {q.shape[:-1]}"
         ) from None
     first, second = (
-        np.ascontiguousarray(np.broadcast_to(values, (*batch_shape, values.shape[-1]))).reshape(
-            -1, values.shape[-1]
+        np.ascontiguousarray(
+            np.broadcast_to(each, (*batch_shape, each.shape[-1])).reshape(-1, each.shape[-1])
         )
-        for values in (q, other)
+        for each in (q, other)
     )
     return batch_shape, first, second
 

@@ -222,6 +222,9 @@ class TreeRobot(Robot):
         self.input_names: tuple[str, ...] = tuple(self.joint_names[i] for i in self.input_coordinates)
         self.input_types: tuple[str, ...] = tuple(self.joint_types[i] for i in self.input_coordinates)
         self.drives: Array = np.zeros((0, DRIVE_COLUMNS)) if drives is None else drives
+        used, factors = joints.coordinate.tolist(), joints.multiplier
+        followed = {i for i, factor in zip(used, factors, strict=True) if factor != 1 or used.count(i) > 1}
+        self.follows = tuple(name for i, name in enumerate(self.joint_names) if i in followed)
         self._tree = self._tree_table()
         self.chain: Array = self._tree[1:, :8]
         self.chain.flags.writeable = False
@@ -294,13 +297,6 @@ class TreeRobot(Robot):
         leaves = set(last) - set(self.joints.parent.tolist()) - driven - {-1}
         rows = {count + names.index(name) for name in self.task.frames}
         return tuple(sorted(rows | {last[joint] for joint in leaves}))
-
-    @property
-    def follows(self) -> tuple[str, ...]:
-        """Coordinates that more than one joint follows, or one by a factor."""
-        used, factors = self.joints.coordinate.tolist(), self.joints.multiplier
-        followed = {i for i, factor in zip(used, factors, strict=True) if factor != 1 or used.count(i) > 1}
-        return tuple(name for i, name in enumerate(self.joint_names) if i in followed)
 
     @property
     def row_names(self) -> tuple[str, ...]:
@@ -540,7 +536,9 @@ class TreeRobot(Robot):
         """Return the table of all joints and named frames."""
         joints = self.joints
         moved = joints.kind, joints.coordinate, joints.column, joints.multiplier, joints.offset, joints.parent
-        rows = np.column_stack([joints.fixed, *moved]).astype(np.float64)  # in the order of `pose_task_kernels`
+        rows = np.column_stack([joints.fixed, *moved]).astype(
+            np.float64
+        )  # in the order of `pose_task_kernels`
         return np.vstack([self._head(), rows, *map(_frame_row, self.named_frames.values())])
 
     def _head(self, kind: int = 0, sign: int = 0, first_rows: int = 0, second_rows: int = 0) -> Array:
@@ -565,7 +563,7 @@ class TreeRobot(Robot):
         parts = [self._path_to(frame, path) for frame, path in zip(frames, paths, strict=True)]
         if not task.on_frame:
             parts[0][-1, :7] = compose(parts[0][-1, :7], task.offset)
-        kind = _KINDS[task.root if task.kind == "absolute" else task.kind]
+        kind = getattr(task_kernels, (task.root if task.kind == "absolute" else task.kind).upper())
         return np.vstack([self._head(kind, task.sign, *map(len, parts)), *parts])
 
     def _mass_table(self) -> Array:
@@ -586,22 +584,12 @@ def seen_from(frame: str, base: str | None) -> PoseTask:
 
 
 _HYSTERESIS = 0.2  # −cos of half of 203°
-_KINDS = {
-    "frame": task_kernels.FRAME,
-    "relative": task_kernels.RELATIVE,
-    "midpoint": task_kernels.MIDPOINT,
-    "screw": task_kernels.SCREW,
-}
 
 
 def _frame_row(frame: NamedFrame) -> Array:
     row = np.zeros((1, task_kernels.COLUMNS))
-    row[0, :7], row[0, 7], row[0, task_kernels.PARENT], row[0, task_kernels.INPUT_COLUMN] = (
-        frame.pose,
-        task_kernels.FIXED,
-        frame.joint,
-        -1,
-    )
+    row[0, :7], row[0, 7] = frame.pose, task_kernels.FIXED
+    row[0, task_kernels.PARENT], row[0, task_kernels.INPUT_COLUMN] = frame.joint, -1
     return row
 
 

@@ -19,7 +19,7 @@ from dqcontrol.robots.serial_arm import joined_inertia, joined_limits
 from dqcontrol.robots.tree_robot import PoseTask, Root, TaskKind, TreeRobot, joined_chains
 
 if TYPE_CHECKING:
-    from dqcontrol.robots.whole_body import Drive
+    pass
 
 TwoArmsTask: TypeAlias = Literal["relative", "absolute", "left", "right"]
 _LEFT, _RIGHT = "left", "right"
@@ -50,6 +50,8 @@ class TwoArms(TreeRobot):
     ----------
     left, right, base
         As given.
+    parts
+        What it was made of, in the order of the coordinates.
 
     Raises
     ------
@@ -92,11 +94,8 @@ class TwoArms(TreeRobot):
         known = {label: part for label, part in parts.items() if part is not None}
         joints, frames = joined_chains(known)
         robots = list(known.values())
-        offsets = np.cumsum([0, *(robot.configuration_size for robot in robots)])
-        drives = [
-            robot.drives + np.array([offset, *[0] * (DRIVE_COLUMNS - 1)])
-            for robot, offset in zip(robots, offsets[:-1], strict=True)
-        ]
+        firsts = np.cumsum([0, *(robot.configuration_size for robot in robots)]).tolist()
+        placed = list(zip(firsts, robots, strict=False))
         super().__init__(
             joints,
             frames,
@@ -104,13 +103,14 @@ class TwoArms(TreeRobot):
             joint_names=distinct_names({label: robot.joint_names for label, robot in known.items()}),
             joint_types=[kind for robot in robots for kind in robot.joint_types],
             limits=joined_limits([robot.limits for robot in robots]),
-            input_coordinates=np.concatenate(
-                [robot.input_coordinates + offset for robot, offset in zip(robots, offsets[:-1], strict=True)]
-            ),
-            drives=np.vstack(drives),
+            input_coordinates=np.concatenate([robot.input_coordinates + first for first, robot in placed]),
+            drives=np.vstack([robot.drives + first * np.eye(1, DRIVE_COLUMNS) for first, robot in placed]),
             inertia=joined_inertia([robot.inertia for robot in robots]),
             name=name or "+".join(robot.name for robot in robots),
         )
+        self.parts: tuple[Robot, ...] = tuple(robots)
+        self.bases = tuple((first + at, kind) for first, part in placed for at, kind in part.bases)
+        self.driven_bases = tuple(base for part in robots for base in part.driven_bases)
         self.shapes: LinkShapes | None = _joined_shapes(known)
         self.input_names: tuple[str, ...] = tuple(
             distinct_names({label: robot.input_names for label, robot in known.items()})
@@ -129,23 +129,6 @@ class TwoArms(TreeRobot):
         if isinstance(task, str) and task in get_args(TwoArmsTask):
             return self._named_task(task, self.task.root)
         return super().as_task(task)
-
-    @property
-    def parts(self) -> tuple[Robot, ...]:
-        """What it was made of, in the order of the coordinates."""
-        return tuple(part for part in (self.base, self.left, self.right) if part is not None)
-
-    @property
-    def bases(self) -> tuple[tuple[int, str], ...]:
-        """Index of the first coordinate of each mobile base, and its kind."""
-        firsts = np.cumsum([0, *(part.configuration_size for part in self.parts)]).tolist()
-        parts = zip(firsts, self.parts, strict=False)
-        return tuple((first + at, kind) for first, part in parts for at, kind in part.bases)
-
-    @property
-    def driven_bases(self) -> tuple[Drive, ...]:
-        """The bases that cannot move sideways, in the order of ``drives``."""
-        return tuple(base for part in self.parts for base in part.driven_bases)
 
     def in_form(self, form: Form) -> TreeRobot:
         """Return the same robot with constrained or unconstrained inputs of its bases; see `WholeBody`."""

@@ -105,36 +105,21 @@ class WholeBody(Robot):
         limits = whole.limits
         self.limits: Limits = Limits(limits.lower, limits.upper, limits.velocity[kept], limits.effort[kept])
         self.inertia: Inertia | None = whole.inertia
+        placed = list(parts_with_offsets(self.parts))
+        self.bases = tuple((first, part.kind) for first, part in placed if not isinstance(part, SerialArm))
+        self.driven_bases = tuple(part for _, part in placed if isinstance(part, Drive))
+        rows = [
+            [np.searchsorted(kept, first), first + 2, *row]
+            for first, part in placed
+            if isinstance(part, RollerBase) and np.isfinite(part.rim_speed)
+            for row in part.wheel_matrix * part.wheel_radius / part.rim_speed
+        ]
+        self.rollers = np.array(rows, dtype=np.float64).reshape(-1, driving.ROLLER_COLUMNS)
         self.shapes: LinkShapes | None = whole_body_shapes(self.parts, self.chain)
         self.placed_links = _placed_links(parts)
 
     def __repr__(self) -> str:
         return f"WholeBody({self.name!r}, {self.configuration_size} coordinates, {self.input_size} inputs)"
-
-    @property
-    def bases(self) -> tuple[tuple[int, str], ...]:
-        """Index of the first coordinate of each mobile base, and its kind."""
-        return tuple(
-            (first, part.kind)
-            for first, part in parts_with_offsets(self.parts)
-            if not isinstance(part, SerialArm)
-        )
-
-    @property
-    def driven_bases(self) -> tuple[Drive, ...]:
-        """The bases that cannot move sideways, in the order of ``drives``."""
-        return tuple(part for part in self.parts if isinstance(part, Drive))
-
-    @property
-    def rollers(self) -> Array:
-        """Table of its wheels with rollers that have a rim speed, shape (k, 5), see ``robots.kinematics.driving``."""
-        rows = [
-            [np.searchsorted(self.input_coordinates, first), first + 2, *row]
-            for first, part in parts_with_offsets(self.parts)
-            if isinstance(part, RollerBase) and np.isfinite(part.rim_speed)
-            for row in part.wheel_matrix * part.wheel_radius / part.rim_speed
-        ]
-        return np.array(rows, dtype=np.float64).reshape(-1, driving.ROLLER_COLUMNS)
 
     def in_form(self, form: Form) -> WholeBody:
         """Return the same robot with constrained or unconstrained inputs."""

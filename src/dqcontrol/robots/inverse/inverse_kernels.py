@@ -28,11 +28,6 @@ from dqcontrol.robots.kinematics.kinematics_kernels import (
 )
 from dqcontrol.robots.kinematics.pose_task_kernels import task_twist_kinematics
 
-# options: tolerances of position (m) and orientation (rad), largest number of iterations a start
-# report of a pose: position error (m), orientation error (rad), iterations, starts
-# arguments: chain, limits (2 × n), starts (K × n), poses (N × 8), options, q (N × n), reports (N × 4), work
-SOLVE = STATUS(READ2, READ2, READ2, READ2, READ, WRITE2, WRITE2, WRITE)
-
 # Iterations in a row that hardly reduce the error, after which a start is given up: of random starts of an iiwa 7 that
 # lets 82 % succeed, 2 iterations 75 % (tests/robots/test_inverse_kinematics.py).
 PATIENCE = 6
@@ -184,7 +179,10 @@ def _reached(residual, turns, moves, position_tolerance, orientation_tolerance):
     )
 
 
-@kernel(SOLVE)
+# options: tolerances of position (m) and orientation (rad), largest number of iterations a start
+# report of a pose: position error (m), orientation error (rad), iterations, starts
+# arguments: chain, limits (2 × n), starts (K × n), poses (N × 8), options, q (N × n), reports (N × 4), work
+@kernel(STATUS(READ2, READ2, READ2, READ2, READ, WRITE2, WRITE2, WRITE))
 def solve(chain, limits, starts, poses, options, q, reports, work):
     """Solve each pose from the q given, then from the starts in turn; keep the best q and its errors."""
     n = chain.shape[0] - 1
@@ -252,13 +250,6 @@ def solve(chain, limits, starts, poses, options, q, reports, work):
             q[row, m] = best[m]
         reports[row, 2], reports[row, 3] = total, tried
     return OK
-
-
-# tables of all tasks (rows × 13), where each begins (K + 1), limits (2 × n), starts (S × n), poses (N × 8 K), options,
-# q (N × n), reports (N × 4), work
-# options: iterations, then tolerances of position (m) and orientation (rad) of each task
-# report of a row: largest position error (m), largest orientation error (rad), iterations, starts
-SOLVE_TASKS = STATUS(READ2, READ, READ2, READ2, READ2, READ, WRITE2, WRITE2, WRITE)
 
 
 class TaskSolverWork(NamedTuple):
@@ -381,7 +372,11 @@ def _task_step(own, q, limits, damping):
     return True
 
 
-@kernel(SOLVE_TASKS)
+# tables of all tasks (rows × 13), where each begins (K + 1), limits (2 × n), starts (S × n), poses (N × 8 K), options,
+# q (N × n), reports (N × 4), work
+# options: iterations, then tolerances of position (m) and orientation (rad) of each task
+# report of a row: largest position error (m), largest orientation error (rad), iterations, starts
+@kernel(STATUS(READ2, READ, READ2, READ2, READ2, READ, WRITE2, WRITE2, WRITE))
 def solve_tasks(tables, begins, limits, starts, poses, options, q, reports, work):
     """Solve each row of poses from the q given, then from the starts in turn; keep the best q and its errors."""
     n, count = q.shape[1], begins.shape[0] - 1

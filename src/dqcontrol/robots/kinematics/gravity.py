@@ -31,7 +31,6 @@ from dqcontrol.robots.kinematics.kinematics_kernels import (
 from dqcontrol.robots.kinematics.pose_task_kernels import COLUMNS, COORDINATE, MULTIPLIER, OFFSET, PARENT
 
 GRAVITY_FORCES = STATUS(READ2, READ2, READ, READ, WRITE, WRITE)
-BATCH_GRAVITY = STATUS(READ2, READ2, READ2, READ, WRITE2, WRITE)
 
 WORK = 18  # numbers for each joint; trees need 11
 
@@ -142,7 +141,7 @@ def gravity_forces(table, bodies, q, gravity, out, work):
     return robot_gravity_torque(table, bodies, q, gravity, out, work)
 
 
-@kernel(BATCH_GRAVITY)
+@kernel(STATUS(READ2, READ2, READ2, READ, WRITE2, WRITE))
 def gravity_torques(table, bodies, q, gravity, out, work):
     """Write the gravity torque of a chain or a tree for every row of q; stop at the first that fails."""
     for i in range(q.shape[0]):

@@ -35,9 +35,7 @@ from dqcontrol.robots.kinematics.sin_cos import FARTHEST, sine_cosine, sines_cos
 REVOLUTE, PRISMATIC, HEADING, SIDEWAYS = 0.0, 1.0, 2.0, 3.0
 
 CHAIN = STATUS(READ2, INPUT, WRITE)
-BATCH = STATUS(ADDRESS, READ2, READ2, WRITE2)
 RATES = STATUS(READ2, INPUT, INPUT, WRITE)
-BATCH_RATES = STATUS(ADDRESS, READ2, READ2, READ2, WRITE2)
 
 call_chain: Callable[..., Any] = caller(CHAIN)
 _call_rates: Callable[..., Any] = caller(RATES)
@@ -283,7 +281,7 @@ def hand_kinematics(chain, q, out):
     return status
 
 
-@kernel(BATCH)
+@kernel(STATUS(ADDRESS, READ2, READ2, WRITE2))
 def batch(function, chain, q, out):
     """Call a chain function for every row of q; stop at the first that fails."""
     for i in range(q.shape[0]):
@@ -356,7 +354,7 @@ def jacobian_rates(chain, q, speed, out):
     return OK if check == 0.0 else NOT_FINITE
 
 
-@kernel(BATCH_RATES)
+@kernel(STATUS(ADDRESS, READ2, READ2, READ2, WRITE2))
 def batch_rates(function, chain, q, speed, out):
     """Call `jacobian_rates` for every row; stop at the first that fails."""
     for i in range(q.shape[0]):
