@@ -13,7 +13,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
 from dqcontrol.geometry import Box
-from dqcontrol.robots.limits import Limits
+from dqcontrol.robots.limits import Limits, as_limit
 from dqcontrol.robots.serial_arm import SerialArm
 
 DriveKind: TypeAlias = Literal["differential", "mecanum", "omni", "car-like", "tricycle"]
@@ -122,7 +122,7 @@ class HolonomicBase:
 
     def __post_init__(self) -> None:
         for name in ("speed", "turn_rate", "acceleration", "turn_acceleration"):
-            check_limit(name, getattr(self, name))
+            as_limit(name, getattr(self, name))
         if self.size is not None and (as_array("size", self.size, (3,)) <= 0).any():
             raise ValueRangeError(f"size: must be > 0, got {list(self.size)}")
 
@@ -185,7 +185,7 @@ class DifferentialDrive:
         as_positive("half_track", self.half_track)
         _check_displacement(self.displacement)
         for name in ("rim_speed", "acceleration", "turn_acceleration"):
-            check_limit(name, getattr(self, name))
+            as_limit(name, getattr(self, name))
 
     @property
     def rim_lever(self) -> float:
@@ -220,12 +220,6 @@ def _check_displacement(value: float) -> None:
         raise ValueRangeError(
             "displacement: must not be 0, because the middle of the axle cannot move sideways"
         )
-
-
-def check_limit(field: str, value: float) -> None:
-    """Raise unless a limit is positive; infinity is none."""
-    if not (isinstance(value, float) and math.isinf(value) and value > 0):
-        as_positive(field, value)
 
 
 _HALF_WIDTH = 0.4  # of a wheel, as a share of its radius: as physics builds them
@@ -465,7 +459,7 @@ class _SteeredBase:
             )
         _check_displacement(self.displacement)
         for name in ("rim_speed", "steering_rate", "acceleration", "turn_acceleration"):
-            check_limit(name, getattr(self, name))
+            as_limit(name, getattr(self, name))
 
     @property
     def rim_lever(self) -> float:

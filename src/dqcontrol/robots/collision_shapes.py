@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from dqcontrol.robots.files.mjcf import Geom, mjcf_geoms
 from dqcontrol.robots.files.urdf import UrdfTree, origin_matrix
 from dqcontrol.robots.files.urdf_xml import CheckedXml, mesh_file, missing_note
 from dqcontrol.robots.link_shapes import LinkShape, moved_rows
+from dqcontrol.robots.poses import pose8
 from dqcontrol.robots.robot import PlacedLinks, Robot
 from dqcontrol.robots.serial_arm import SerialArm
 
@@ -29,8 +29,7 @@ _APART = 0.02  # m: pairs that are nearly always nearer are made of parts of one
 _ALWAYS = 0.95  # of all samples
 
 
-@dataclass(frozen=True)
-class FittedShape:
+class FittedShape(NamedTuple):
     """A shape, and what it was made of.
 
     Attributes
@@ -48,8 +47,7 @@ class FittedShape:
     overhead: float
 
 
-@dataclass(frozen=True)
-class SampledPair:
+class SampledPair(NamedTuple):
     """Two shapes, how near they come, and why they are kept apart or not.
 
     Attributes
@@ -132,7 +130,9 @@ def _parts_of_urdf(placed: PlacedLinks) -> Iterator[list[FittedShape]]:
     links = UrdfTree(CheckedXml(placed.path)).links
     for name, frame in placed.frames.items():
         if name in links:
-            yield _shapes_of_link(placed.path, links[name], frame.joint + 1, _matrix(frame.pose))
+            yield _shapes_of_link(
+                placed.path, links[name], frame.joint + 1, algebra.matrix_from_pose(pose8(frame.pose))
+            )
 
 
 def _shapes_of_link(path: Path, link: Any, carrier: int, place: Array) -> list[FittedShape]:
@@ -154,7 +154,7 @@ def _parts_of_mjcf(placed: PlacedLinks) -> Iterator[list[FittedShape]]:
     geoms = [geom for geom in mjcf_geoms(placed.path) if geom.collides]
     for name, frame in placed.frames.items():
         yield [
-            _fitted_geom(geom, frame.joint + 1, _matrix(frame.pose) @ geom.place)
+            _fitted_geom(geom, frame.joint + 1, algebra.matrix_from_pose(pose8(frame.pose)) @ geom.place)
             for geom in geoms
             if geom.body == name
         ]
@@ -195,10 +195,6 @@ def _around(name: str, frame: int, made_of: str, corners: Array, volume: float, 
     """Return a capsule around the corners of something of that volume."""
     capsule = bounding_capsule(corners @ at[:3, :3].T + at[:3, 3])
     return FittedShape(LinkShape(name, frame, capsule), made_of, capsule.volume / max(volume, 1e-12))
-
-
-def _matrix(place: Array) -> Array:
-    return algebra.matrix_from_pose(algebra.pose(place[:4], place[4:]))
 
 
 def _fitted(path: Path, name: str, frame: int, geometry: Any, at: Array) -> FittedShape:

@@ -13,7 +13,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.geometry import Box, Capsule, Shape, Sphere, distance_kernels as kernels
-from dqcontrol.robots.poses import compose, inverse7
+from dqcontrol.robots.poses import compose, inverse7, pose8
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
@@ -168,8 +168,7 @@ def carried_shapes(shapes: LinkShapes | None, before: Array, after: Array) -> Li
     """Return an arm's shapes where the pose (7,) of its first joint became another, as something carries its base."""
     if shapes is None or np.array_equal(before, after):
         return shapes
-    place = compose(after, inverse7(before))
-    move = algebra.pose(place[:4], place[4:])
+    move = pose8(compose(after, inverse7(before)))
     moved = tuple(
         each if each.frame else LinkShape(each.name, 0, each.shape.moved(move)) for each in shapes.shapes
     )

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 
@@ -51,6 +52,11 @@ def pose7(field: str, pose: ArrayLike) -> Array:
     """Return [quaternion, position] of one unit dual quaternion."""
     x = unit_pose(field, pose)
     return np.concatenate([x[:4], positions(x)])
+
+
+def pose8(pose: Array) -> Array:
+    """Return the unit dual quaternion (8,) of [quaternion, position]."""
+    return algebra.pose(pose[:4], pose[4:])
 
 
 def positions(poses: Array) -> Array:

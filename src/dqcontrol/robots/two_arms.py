@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, cast, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dqcontrol.algebra.conversions import pose
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.robots.kinematics.driving import DRIVE_COLUMNS
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
-from dqcontrol.robots.poses import shift
+from dqcontrol.robots.poses import pose8, shift
 from dqcontrol.robots.robot import Form, Robot, distinct_names
 from dqcontrol.robots.serial_arm import joined_inertia, joined_limits
 from dqcontrol.robots.tree_robot import PoseTask, Root, TaskKind, TreeRobot, joined_chains
@@ -232,7 +231,7 @@ def _joined_shapes(parts: dict[str, Robot]) -> LinkShapes | None:
     first, start, mount = 0, 0, shift()
     for label, part in parts.items():
         own, count = part.shapes or LinkShapes(()), len(found)
-        move = pose(mount[:4], mount[4:])
+        move = pose8(mount)
         for each in own.shapes:
             frame = each.frame + first if each.frame else start
             shape = each.shape if each.frame else each.shape.moved(move)

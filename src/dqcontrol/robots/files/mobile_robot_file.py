@@ -10,7 +10,6 @@ from typing import Any, get_args
 
 import numpy as np
 
-from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, UnknownNameError, as_positive, unknown_name
 from dqcontrol.robots.bases import (
@@ -33,9 +32,8 @@ from dqcontrol.robots.files.link_tree import (
 from dqcontrol.robots.files.mjcf import mjcf_round_links, mjcf_tree
 from dqcontrol.robots.files.urdf import UrdfTree, load_urdf, origin_matrix, urdf_tree
 from dqcontrol.robots.files.urdf_xml import MJCF, CheckedXml, mesh_file
-from dqcontrol.robots.poses import compose, inverse7, rotation_matrix, shift
+from dqcontrol.robots.poses import compose, inverse7, pose8, rotation_matrix, shift
 from dqcontrol.robots.robot import NamedFrame, PlacedLinks
-from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.whole_body import Base, WholeBody
 
 _LEVEL = 0.1  # sine of the angle by which an axle may be off level, and a steering axis off upright
@@ -66,10 +64,11 @@ def mobile_robot_from(path: str | Path, tip_link: str | None, hints: DriveHints)
     """Return the whole body of a URDF, xacro or MJCF file with wheels; see `load_robot`."""
     tree, found = base_of_file(path, hints)
     stand = inverse7(found.place)
-    parts: list[object] = [found.base, _pose8(stand)]
+    parts: list[object] = [found.base, pose8(stand)]
     tip = tip_link or _hand(tree, found)
     if tip is not None:
-        parts.append(_arm(path, tree, found.root, tip))
+        is_mjcf = Path(path).suffix.lower() == MJCF
+        parts.append(tree.chain(found.root, tip) if is_mjcf else load_urdf(path, found.root, tip))
     body = WholeBody(parts, tree.name)  # pyright: ignore[reportArgumentType]
     heading = found.base.configuration_size - 1  # the row that carries what stands on the base
     links = tree.placed_links(body.joint_names[heading + 1 :], found.root)
@@ -96,16 +95,6 @@ def base_of_file(path: str | Path, hints: DriveHints) -> tuple[LinkTree, FoundBa
     is_mjcf = Path(path).suffix.lower() == MJCF
     tree = mjcf_tree(path) if is_mjcf else urdf_tree(path)
     return tree, _found_base(tree, mjcf_round_links(path) if is_mjcf else _round_links(path), hints)
-
-
-def _arm(path: str | Path, tree: LinkTree, root: str, tip: str) -> SerialArm:
-    if Path(path).suffix.lower() == MJCF:
-        return tree.chain(root, tip)
-    return load_urdf(path, root, tip)
-
-
-def _pose8(pose: Array) -> Array:
-    return algebra.pose(pose[:4], pose[4:])
 
 
 def _round_links(path: str | Path) -> dict[str, RoundLink]:

@@ -10,8 +10,6 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.algebra.conversions import pose
-from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, ValueRangeError, error_prefix, unknown_name
 from dqcontrol.files.yaml_file import convert
 from dqcontrol.robots.files.link_tree import LinkBody, LinkJoint, LinkTree, Mimic
@@ -27,7 +25,7 @@ from dqcontrol.robots.files.robot_file import (
     plain_limits,
     plain_pose,
 )
-from dqcontrol.robots.poses import shift
+from dqcontrol.robots.poses import pose8, shift
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.tree_robot import Root, TreeRobot
@@ -98,7 +96,7 @@ def _arm(part: ArmOfTwo, folder: Path, unit: float, load: LoadRobot) -> Robot:
     robot = load(near if near.is_file() else part.robot, part.base_link, part.tip_link)
     if isinstance(robot, TreeRobot):
         raise ValueRangeError(f"robot: '{part.robot}' is a tree; an arm is a chain of it: give 'tip_link'")
-    base, tool = _pose("base", part.base, unit), _pose("tool", part.tool, unit)
+    base, tool = (pose8(fixed_pose(key, getattr(part, key), unit)) for key in ("base", "tool"))
     if isinstance(robot, WholeBody):
         if part.mirrored:
             raise ValueRangeError(f"mirrored: '{part.robot}' is a whole body; only arms have mirror images")
@@ -109,11 +107,6 @@ def _arm(part: ArmOfTwo, folder: Path, unit: float, load: LoadRobot) -> Robot:
         raise ValueRangeError(f"robot: '{part.robot}' is no arm")
     joined = SerialArm.join([base, robot, tool], robot.name)
     return joined.mirrored() if part.mirrored else joined
-
-
-def _pose(field: str, given: FixedPose, unit: float) -> Array:
-    at = fixed_pose(field, given, unit)
-    return pose(at[:4], at[4:])
 
 
 _BASE = "base"

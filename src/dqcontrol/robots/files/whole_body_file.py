@@ -9,7 +9,6 @@ from typing import Annotated, Any, TypeAlias
 from msgspec import Meta
 from msgspec.structs import asdict
 
-from dqcontrol.algebra.conversions import pose
 from dqcontrol.errors import Error, FileFormatError, error_prefix
 from dqcontrol.files.yaml_file import convert
 from dqcontrol.robots.bases import (
@@ -23,6 +22,7 @@ from dqcontrol.robots.bases import (
     SteeredTricycle,
 )
 from dqcontrol.robots.files.robot_file import FilePart, FixedPose, Length, NamedFile, Positive, fixed_pose
+from dqcontrol.robots.poses import pose8
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.whole_body import Form, WholeBody
 
@@ -224,8 +224,7 @@ def _part(field: str, part: Any, folder: Path, unit: float, load_arm: LoadArm) -
             given["chassis"] = Chassis(**_given(given["chassis"]))
         return _BASES[type(part)](**given)
     if isinstance(part, PosePart):
-        at = fixed_pose(field, part, unit)
-        return pose(at[:4], at[4:])
+        return pose8(fixed_pose(field, part, unit))
     near = folder / part.robot
     arm = load_arm(near if near.is_file() else part.robot, part.base_link, part.tip_link)
     return arm.reversed() if part.reversed else arm

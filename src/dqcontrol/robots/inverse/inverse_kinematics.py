@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.robots.chain_robot import ChainRobot
 from dqcontrol.robots.inverse import inverse_kernels
-from dqcontrol.robots.limits import Limits
+from dqcontrol.robots.limits import Limits, as_limit
 from dqcontrol.robots.poses import unit_poses
 
 _SHOWN = 20  # rows in notebooks
@@ -166,8 +166,8 @@ class InverseKinematics(ChainRobot):
         return prepare_inverse(
             self.limits,
             self.joint_types,
-            _as_tolerance("position_tolerance", position),
-            _as_tolerance("orientation_tolerance", orientation),
+            as_limit("position_tolerance", position),
+            as_limit("orientation_tolerance", orientation),
             _as_whole_number("restarts", restarts),
             _as_whole_number("seed", seed),
         )
@@ -324,11 +324,6 @@ def _common_lead(poses: Array, guess: Array) -> tuple[int, ...]:
         raise ShapeError(
             f"start: leading axes {guess.shape[:-1]} do not fit those of pose, {poses.shape[:-1]}"
         ) from None
-
-
-def _as_tolerance(field: str, value: float) -> float:
-    """Return a tolerance > 0, or raise a `ValueRangeError`."""
-    return value if isinstance(value, float) and value > 0 else as_positive(field, value)  # inf is allowed
 
 
 def _as_whole_number(field: str, value: int) -> int:
