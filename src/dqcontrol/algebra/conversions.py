@@ -21,15 +21,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dqcontrol.algebra import dual_quaternion_kernels as kernels
-from dqcontrol.algebra.batch import (
+from dqcontrol.algebra.functions import (
     UNIT_TOLERANCE,
     WRITTEN_TOLERANCE,
     apply,
     as_unit,
     broadcast_lead,
     index_of,
+    translation,
 )
-from dqcontrol.algebra.functions import translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import MissingExtraError, NoteWarning, ShapeError, ValueRangeError, as_array
 

@@ -12,8 +12,7 @@ from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, as_array, as_positive
 from dqcontrol.references.reference import NO_CORNERS, SMOOTH, Reference
-from dqcontrol.references.rigid_motion import motion_samples
-from dqcontrol.references.sample import TWIST, as_pose
+from dqcontrol.references.sample import TWIST, as_pose, motion_samples
 
 _HALF = 3  # samples of the function on each side of an instant
 _STEP = 1e-3  # of the duration, at most; s

@@ -16,7 +16,7 @@ from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.algebra import pose
-from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
+from dqcontrol.algebra.functions import WRITTEN_TOLERANCE
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ValueRangeError, as_positive, suggest, unknown_name
 from dqcontrol.files.input_file import as_number, read_text

@@ -11,8 +11,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import as_positive
 from dqcontrol.references.reference import Reference
-from dqcontrol.references.rigid_motion import displaced
-from dqcontrol.references.sample import TIME, as_pose
+from dqcontrol.references.sample import TIME, as_pose, displaced
 
 
 @dataclass(frozen=True, eq=False, repr=False)

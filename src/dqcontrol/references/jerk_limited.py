@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_positive
 from dqcontrol.references.reference import NO_CORNERS, SNAP, Reference
-from dqcontrol.references.rigid_motion import point_motion
-from dqcontrol.references.sample import TWIST, TWIST_RATE
+from dqcontrol.references.sample import TWIST, TWIST_RATE, point_motion
 from dqcontrol.references.timing import finite_duration
 
 _SLOWEST = 1e-6  # of the greatest speed; who is slower rests

@@ -24,7 +24,7 @@ from dqcontrol.algebra import (
     rotation,
     translation,
 )
-from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
+from dqcontrol.algebra.functions import WRITTEN_TOLERANCE
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ, WRITE, WRITE2, inline, kernel, types
 from dqcontrol.errors import (
@@ -40,8 +40,7 @@ from dqcontrol.errors import (
 from dqcontrol.files.input_file import as_number, read_text
 from dqcontrol.files.lerobot_dataset import POSE as POSE_COLUMN, Dataset, episode_of, only_episode
 from dqcontrol.references.reference import NO_CORNERS, Reference, corners_between
-from dqcontrol.references.rigid_motion import motion_samples
-from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, as_pose
+from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, as_pose, motion_samples
 from dqcontrol.references.yaml_form import FileName, Seconds, SpecStart
 
 

@@ -13,8 +13,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE2, inline_ieee, kernel
 from dqcontrol.errors import as_positive
 from dqcontrol.references.reference import SNAP, Reference, begun
-from dqcontrol.references.rigid_motion import point_motion
-from dqcontrol.references.sample import TWIST, TWIST_RATE
+from dqcontrol.references.sample import TWIST, TWIST_RATE, point_motion
 
 if TYPE_CHECKING:
     from dqcontrol.references.sequence import Guards

@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.references.reference import NO_CORNERS, Reference
-from dqcontrol.references.rigid_motion import displaced
-from dqcontrol.references.sample import TWIST, TWIST_RATE, as_pose
+from dqcontrol.references.sample import TWIST, TWIST_RATE, as_pose, displaced
 
 _HALVINGS = 60  # of an interval: to the last bit of a double
 

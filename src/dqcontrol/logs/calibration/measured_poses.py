@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.algebra import matrix_from_rotation, rotation, rotation_from_matrix, translation
-from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
+from dqcontrol.algebra.functions import WRITTEN_TOLERANCE
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError
 from dqcontrol.files.input_file import as_number, read_text
