@@ -247,7 +247,7 @@ def test_examples_of_the_docstrings(module):
 
 def test_import_compiles_nothing():
     code = (
-        "import dqcontrol.algebra.batch as b; "
+        "import dqcontrol.algebra.functions as b; "
         "assert b._kernel.cache_info().currsize == 0; "
         "assert not any('compiled' in vars(b.__dict__[k + '_batch']) for k in ('unary', 'binary', 'ternary'))"
     )

@@ -141,7 +141,7 @@ def test_an_edit_in_another_file_is_seen(tmp_path):
     cache = tmp_path / "cache"
     assert call(cache, copy.parent)[:2] == (0.0, 0)
     assert call(cache, copy.parent)[:2] == (0.0, 1)
-    edited = copy / "algebra" / "elementary.py"
+    edited = copy / "algebra" / "dual_quaternion_kernels.py"
     text = edited.read_text(encoding="utf-8")
     old = "    out[4] += aw * bw - ax * bx - ay * by - az * bz\n"
     start = text.index("def conjugate_multiply(")

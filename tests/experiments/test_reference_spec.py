@@ -12,7 +12,7 @@ from dqcontrol import algebra, references as shapes
 from dqcontrol.errors import Error, FileFormatError, ShapeError, ValueRangeError
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.spec import read_spec, spec_text
-from dqcontrol.references.rigid_motion import point_motion
+from dqcontrol.references.sample import point_motion
 
 START = algebra.pose([0.5, 0.5, -0.5, 0.5], [0.4, -0.2, 0.6])
 CIRCLE = {"kind": "circle", "radius": 0.05, "duration": 4}

@@ -11,7 +11,7 @@ from tracker_simulator import hand_error, measured, spoiled, spoiled_dh, write_p
 import dqcontrol as dqc
 from dqcontrol.errors import Error
 from dqcontrol.logs.calibration.correctable_chain import CorrectableChain
-from dqcontrol.robots.dh import shift
+from dqcontrol.robots.poses import shift
 
 SEED = 20261122
 FAR = dqc.DualQuaternion.from_pose([0.6, 0.0, 0.0, 0.8], [2.0, -1.0, 0.5])

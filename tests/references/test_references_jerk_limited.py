@@ -8,7 +8,7 @@ from reference_samples import NAMES, QUARTER, START, STROKES, TILTED, references
 from dqcontrol import algebra, references as r
 from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.references.jerk_limited import MotionLimits, progress_at, s_curve
-from dqcontrol.references.rigid_motion import motion_samples, point_motion
+from dqcontrol.references.sample import motion_samples, point_motion
 
 SQUARE = r.Square(START, side=0.1, duration=8.0)
 LIMITS = {"velocity": 0.1, "acceleration": 0.3, "jerk": 2.0}

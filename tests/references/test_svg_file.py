@@ -7,8 +7,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from dqcontrol.errors import FileFormatError, MissingExtraError, NoteWarning
-from dqcontrol.references.drawing.svg_file import load_svg
 from dqcontrol.references.strokes import Arc, PenPath, StraightStroke
+from dqcontrol.references.svg_file import load_svg
 
 
 @pytest.fixture

@@ -1,8 +1,4 @@
 from . import dual_quaternion_kernels as dual_quaternion_kernels
-from .batch import (
-    apply as apply,
-    as_unit as as_unit,
-)
 from .conversions import (
     as_unit_quaternion as as_unit_quaternion,
     axis_angle_from_rotation as axis_angle_from_rotation,
@@ -42,6 +38,8 @@ from .functions import (
     adjoint as adjoint,
     adjoint_matrix as adjoint_matrix,
     adjoint_twist as adjoint_twist,
+    apply as apply,
+    as_unit as as_unit,
     body_translation as body_translation,
     conjugate as conjugate,
     cross as cross,

@@ -21,15 +21,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dqcontrol.algebra import dual_quaternion_kernels as kernels
-from dqcontrol.algebra.batch import (
+from dqcontrol.algebra.functions import (
     UNIT_TOLERANCE,
     WRITTEN_TOLERANCE,
     apply,
     as_unit,
     broadcast_lead,
     index_of,
+    translation,
 )
-from dqcontrol.algebra.functions import translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import MissingExtraError, NoteWarning, ShapeError, ValueRangeError, as_array
 
@@ -190,15 +190,8 @@ def zyz_from_rotation(rotation: ArrayLike) -> Array:
 
 def rotation_from_rpy(angles: ArrayLike) -> Array:
     """Return unit quaternions (…, 4) of (roll, pitch, yaw) (…, 3), rad: R = Rz(yaw) Ry(pitch) Rx(roll)."""
-    roll, pitch, yaw = np.moveaxis(0.5 * as_array("angles", angles, (3,)), -1, 0)
-    cr, sr, cp, sp, cy, sy = (
-        np.cos(roll),
-        np.sin(roll),
-        np.cos(pitch),
-        np.sin(pitch),
-        np.cos(yaw),
-        np.sin(yaw),
-    )
+    half = np.moveaxis(0.5 * as_array("angles", angles, (3,)), -1, 0)
+    (cr, cp, cy), (sr, sp, sy) = np.cos(half), np.sin(half)
     return np.stack(
         [
             cr * cp * cy + sr * sp * sy,

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.algebra import conversions, dual_quaternion_kernels as kernels, functions
-from dqcontrol.algebra.batch import apply, as_unit, broadcast_lead, index_of
+from dqcontrol.algebra.functions import apply, as_unit, broadcast_lead, index_of
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ShapeError, ValueRangeError, as_array
 

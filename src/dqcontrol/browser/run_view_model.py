@@ -19,8 +19,7 @@ from dqcontrol.figures.style import LIMIT
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.held import PlanOfRun, apart_at_plans, plans_of_run
 from dqcontrol.robots import Robot, TreeRobot
-from dqcontrol.robots.dh import compose, shift
-from dqcontrol.robots.poses import pose7
+from dqcontrol.robots.poses import compose, pose7, shift
 
 _PIECES = 800  # of a path, at most
 _DASH = 0.02  # m

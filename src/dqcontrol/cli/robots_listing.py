@@ -21,7 +21,7 @@ from dqcontrol.geometry import Box, Capsule, Sphere
 from dqcontrol.robots import LinkShape, LinkShapes, Robot, SerialArm, describe, load_robot, robot_names
 from dqcontrol.robots.collision_shapes import FittedShape, SampledPair, collision_shapes, kept, sampled_pairs
 from dqcontrol.robots.files.load import file_of, installed_robot_files
-from dqcontrol.robots.files.mobile_robot_file import base_of_file
+from dqcontrol.robots.files.mobile_robot_file import DriveHints, base_of_file
 from dqcontrol.robots.files.robot_file import plain_arm
 from dqcontrol.tables.tables import Cell, Column, Table
 
@@ -142,7 +142,7 @@ _NUMBERS = (*_LENGTHS, "steering_limit", "rim_speed")
 
 def list_wheels(source: str, drive: Any, wheel_radius: float | None, track: float | None) -> None:
     """Print the wheels and casters of a file, and the base that they make."""
-    tree, found = base_of_file(file_of(source), drive, wheel_radius, track)
+    tree, found = base_of_file(file_of(source), DriveHints(drive, wheel_radius, track))
     rows = []
     for role, wheels in (("wheel", found.wheels), ("caster", found.casters)):
         for wheel in wheels:

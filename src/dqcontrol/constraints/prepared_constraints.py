@@ -53,7 +53,7 @@ from dqcontrol.constraints.lag_path import WayToTargets, lag_path
 from dqcontrol.constraints.moving_frames import HandFrame, moving_frames
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, error_prefix, unknown_name
 from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, Plane, Shape, Sphere
-from dqcontrol.geometry.convex_kernels import FIRST_CORNER, KIND, PLANE, RADIUS, ROUND, SHAPE
+from dqcontrol.geometry.distance_kernels import FIRST_CORNER, KIND, PLANE, RADIUS, ROUND, SHAPE
 from dqcontrol.robots.command_mode import AT_ONCE, Lag
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
 from dqcontrol.robots.robot import Robot, base_coordinates

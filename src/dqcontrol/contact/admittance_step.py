@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.algebra.elementary import position, quaternion_product
+from dqcontrol.algebra.dual_quaternion_kernels import position, quaternion_product
 from dqcontrol.compiled.compile import NOT_FINITE, OK, READ, STATUS, WRITE, inline, kernel, shared
 from dqcontrol.compiled.intrinsics import stack_array
 from dqcontrol.contact.contact_layout import (

@@ -9,16 +9,17 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.algebra.elementary import (
+from dqcontrol.algebra.dual_quaternion_kernels import (
     adjoint_twist,
     conjugate,
     cross_twist,
+    exp_screw,
+    log_screw,
     multiply,
     renormalise,
     rotated,
     set_pose,
 )
-from dqcontrol.algebra.screws import exp_screw, log_screw
 from dqcontrol.compiled.compile import OK, READ, READ2, WRITE, WRITE2, inline, kernel, types
 from dqcontrol.compiled.intrinsics import stack_array
 from dqcontrol.contact.contact_layout import MOST_GUARDS, UNTOUCHED, contact_parameters, contact_state

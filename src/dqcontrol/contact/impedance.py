@@ -23,8 +23,14 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import ArrayLike
 
-from dqcontrol.algebra.elementary import position, quaternion_product, set_pose
-from dqcontrol.algebra.screws import half_angle, inverse_left_jacobian, left_jacobian
+from dqcontrol.algebra.dual_quaternion_kernels import (
+    half_angle,
+    inverse_left_jacobian,
+    left_jacobian,
+    position,
+    quaternion_product,
+    set_pose,
+)
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve, diagonalise
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import NOT_FINITE, OK, READ, READ2, SINGULAR, STATUS, WRITE, inline, kernel
@@ -36,7 +42,8 @@ from dqcontrol.contact.contact_layout import BASE
 from dqcontrol.contact.tool import Tool
 from dqcontrol.errors import DivergedError, ValueRangeError, as_array, as_each
 from dqcontrol.named_fields import NamedFields
-from dqcontrol.robots.dynamics.rigid_bodies import (
+from dqcontrol.robots.kinematics.kinematics_kernels import compose_fixed
+from dqcontrol.robots.kinematics.rigid_bodies import (
     MOVED,
     RATES,
     fill_joint_forces,
@@ -45,7 +52,6 @@ from dqcontrol.robots.dynamics.rigid_bodies import (
     rigid_bodies,
     work_size,
 )
-from dqcontrol.robots.kinematics.kinematics_kernels import compose_fixed
 from dqcontrol.robots.robot import DOWN
 
 if TYPE_CHECKING:

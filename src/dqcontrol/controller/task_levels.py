@@ -417,7 +417,7 @@ class PreparedTasks:
     kernel = do_tasks
 
     def __init__(self, robot: Robot, tasks: list[FurtherTask], start: Array, times: Array) -> None:
-        from dqcontrol.robots.kinematics.joined_chains import chain_as_tree  # most laws have no further tasks
+        from dqcontrol.robots.tree_robot import chain_as_tree  # most laws have no further tasks
 
         self.robot: TreeRobot = chain_as_tree(robot)
         self.tasks: list[PoseTask | None] = []  # None: a posture

@@ -6,7 +6,7 @@ import math
 
 from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.compiled.compile import OK, READ2, STATUS, WRITE, WRITE2, inline, kernel
-from dqcontrol.geometry.convex_kernels import (
+from dqcontrol.geometry.distance_kernels import (
     ALONG,
     BOX,
     CENTER,
@@ -19,8 +19,8 @@ from dqcontrol.geometry.convex_kernels import (
     PLANE,
     ROTATION,
     ROUND,
+    find_distance,
 )
-from dqcontrol.geometry.distance_kernels import find_distance
 
 
 # frames of each sample in a row, each shape's frame and its numbers there, pairs of shapes, shifts, scratch, distances

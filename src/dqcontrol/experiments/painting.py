@@ -32,11 +32,11 @@ from dqcontrol.planning.certified_edges import CertifiedEdges
 from dqcontrol.planning.followed_path import first_through
 from dqcontrol.plants import Plant, Servo
 from dqcontrol.references import Drawing, JerkLimited, Reference, Sequence as InSequence, StraightStroke
-from dqcontrol.references.drawing.drawing import PenStroke, box_of, parse_drawing, scaled
-from dqcontrol.references.drawing.svg_file import load_svg
+from dqcontrol.references.drawing import box_of, parse_drawing, scaled
 from dqcontrol.references.planar import Plane, plane_axes
 from dqcontrol.references.sample import POSE
-from dqcontrol.references.strokes import PenPath, Stroke
+from dqcontrol.references.strokes import PenPath, PenStroke, Stroke
+from dqcontrol.references.svg_file import load_svg
 from dqcontrol.robots import Robot, load_robot, postures
 
 PERIOD = 0.01  # s

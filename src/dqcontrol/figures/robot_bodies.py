@@ -31,13 +31,12 @@ from dqcontrol.robots import (
     TwoArms,
     WholeBody,
 )
-from dqcontrol.robots.dh import compose
 from dqcontrol.robots.files.description import foot_below, joint_range, rod_radii
 from dqcontrol.robots.files.mjcf import geom_mesh, shown_geoms
 from dqcontrol.robots.files.urdf import UrdfTree, origin_matrix
 from dqcontrol.robots.files.urdf_xml import CheckedXml, mesh_file, missing_note
 from dqcontrol.robots.kinematics.kinematics_kernels import PRISMATIC
-from dqcontrol.robots.poses import inverse7, pose7
+from dqcontrol.robots.poses import compose, inverse7, pose7
 from dqcontrol.robots.robot import PlacedLinks, base_coordinates
 from dqcontrol.robots.whole_body import Drive, Mover, parts_with_offsets
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.constraints.constraint_view import NEAR, ConstraintView
 from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, InfiniteCylinder, Plane, Shape, Sphere
-from dqcontrol.robots.files.mujoco_package import import_mujoco
+from dqcontrol.robots.files.mjcf import import_mujoco
 from dqcontrol.world.body import poses_of
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -90,14 +90,9 @@ class FloorMap:
     def __post_init__(self) -> None:
         polygons = tuple(_polygon(f"polygons[{i}]", each) for i, each in enumerate(self.polygons))
         edges = [np.hstack([each, np.roll(each, -1, axis=0)]) for each in polygons]
-        values: dict[str, Any] = {
-            "polygons": polygons,
-            "height": as_positive("height", self.height),
-            "_edges": np.vstack(edges) if edges else np.zeros((0, 4)),
-            "_firsts": np.cumsum([0, *(len(each) for each in edges[:-1])], dtype=np.intp),
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        firsts = np.cumsum([0, *(len(each) for each in edges[:-1])], dtype=np.intp)
+        vars(self).update(polygons=polygons, height=as_positive("height", self.height))
+        vars(self).update(_edges=np.vstack(edges) if edges else np.zeros((0, 4)), _firsts=firsts)
 
     def clearance(self, points: ArrayLike) -> Array:
         """Return how far points (N, 2), m, are from the nearest polygon, shape (N,); negative inside one."""

@@ -55,10 +55,7 @@ class Shape:
         >>> ball.moved(dqc.DualQuaternion.from_translation([1, 0, 0])).center.tolist()
         [1.0, 0.0, 0.1]
         """
-        x = as_array("pose", pose, (8,))
-        if x.ndim != 1:
-            raise ShapeError(f"pose: expected one pose, shape (8,), got {x.shape}")
-        return self._carried(x)
+        return self._carried(_one_pose(pose))
 
     def _carried(self, pose: Array) -> Self:
         matrix = algebra.matrix_from_pose(pose)
@@ -449,11 +446,15 @@ def _freeze(shape: Shape, field: str, value: Array) -> None:
     object.__setattr__(shape, field, value)
 
 
-def _keep_pose(shape: Box | Hull) -> None:
-    x = as_array("pose", shape.pose, (8,))
+def _one_pose(pose: ArrayLike) -> Array:
+    x = as_array("pose", pose, (8,))
     if x.ndim != 1:
         raise ShapeError(f"pose: expected one pose, shape (8,), got {x.shape}")
-    _freeze(shape, "pose", algebra.as_unit("pose", x))
+    return x
+
+
+def _keep_pose(shape: Box | Hull) -> None:
+    _freeze(shape, "pose", algebra.as_unit("pose", _one_pose(shape.pose)))
 
 
 def _keep(shape: Shape, field: str) -> None:

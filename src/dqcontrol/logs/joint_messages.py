@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol import algebra
-from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
+from dqcontrol.algebra.functions import WRITTEN_TOLERANCE
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, from_extra, suggest, suggest_file
 from dqcontrol.files.input_file import open_regular

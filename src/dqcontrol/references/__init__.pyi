@@ -1,6 +1,6 @@
 from .curve import Curve as Curve
-from .drawing import Drawing as Drawing
-from .drawing.drawing import (
+from .drawing import (
+    Drawing as Drawing,
     DrawingFile as DrawingFile,
     load_drawing as load_drawing,
     parse_drawing as parse_drawing,
@@ -25,12 +25,12 @@ from .points import (
 from .previewed import Previewed as Previewed
 from .random_goals import random_goals as random_goals
 from .reference import Reference as Reference
-from .rigid_motion import motion_samples as motion_samples
 from .sample import (
     POSE as POSE,
     TIME as TIME,
     TWIST as TWIST,
     Sample as Sample,
+    motion_samples as motion_samples,
 )
 from .sequence import (
     Guarded as Guarded,

@@ -24,9 +24,6 @@ from dqcontrol.references.planar import PlanarReference
 from dqcontrol.references.reference import SNAP, Reference, begun
 from dqcontrol.references.timing import Paced, Transformed
 
-# parameters, time (s), sample (21)
-COMPUTED = STATUS(READ, types.float64, WRITE)
-
 _UNMOVED = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
 
 
@@ -162,7 +159,8 @@ def _on_paper(piece, time, head, out):
         out[17 + k] = acceleration[k] + (velocity[m] * w[n] - velocity[n] * w[m])
 
 
-@kernel(COMPUTED)
+# parameters, time (s), sample (21)
+@kernel(STATUS(READ, types.float64, WRITE))
 def computed_path(parameters, time, out):
     """Write the sample of a path at a time; beyond its end that of its end."""
     head = path_head(parameters[0:_HEAD])

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, as_array, as_positive
 from dqcontrol.references.reference import NO_CORNERS, SMOOTH, Reference
-from dqcontrol.references.rigid_motion import motion_samples
-from dqcontrol.references.sample import TWIST, as_pose
+from dqcontrol.references.sample import TWIST, as_pose, motion_samples
 
 _HALF = 3  # samples of the function on each side of an instant
 _STEP = 1e-3  # of the duration, at most; s
@@ -57,15 +56,14 @@ class Curve(Reference):
     function: Callable[[float], ArrayLike]
     duration: float
     start: ArrayLike = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    corners: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "start", as_pose("start", self.start))
-        object.__setattr__(self, "duration", as_positive("duration", self.duration))
-        twists = np.abs(self.motion(np.linspace(0.0, self.duration, _LOOKS))[:, TWIST]).reshape(-1, 2, 3)
+        start, duration = as_pose("start", self.start), as_positive("duration", self.duration)
+        vars(self).update(start=start, duration=duration)
+        twists = np.abs(self.motion(np.linspace(0.0, duration, _LOOKS))[:, TWIST]).reshape(-1, 2, 3)
         halves = twists.max(axis=2)  # of turning, and of moving
         stops = (halves[-1] <= SMOOTH * halves.max(axis=0)).all()
-        object.__setattr__(self, "corners", NO_CORNERS if stops else np.array([self.duration]))
+        vars(self).update(corners=NO_CORNERS if stops else np.array([duration]))
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""

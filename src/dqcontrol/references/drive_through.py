@@ -58,8 +58,6 @@ class DriveThrough(PlannedWay):
     ways: Sequence[PlannedWay]
     rests: Sequence[float]
     robot: Robot = field(init=False, repr=False)
-    duration: float = field(init=False)
-    corners: NDArray[np.float64] = field(init=False, repr=False)
     arrivals: Array = field(init=False, repr=False)
     begins: Array = field(init=False, repr=False)
 
@@ -74,15 +72,8 @@ class DriveThrough(PlannedWay):
             if way.robot.input_names != before.robot.input_names or apart > _SAME_PLACE:
                 raise ValueRangeError(f"ways[{i}]: must begin where ways[{i - 1}] ends")
         ends = np.cumsum(np.array([way.duration for way in ways]) + rests)
-        values = {
-            "robot": ways[0].robot,
-            "duration": float(ends[-1]),
-            "corners": NO_CORNERS,
-            "arrivals": ends - rests,
-            "begins": np.r_[0.0, ends[:-1]],
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        vars(self).update(robot=ways[0].robot, duration=float(ends[-1]), corners=NO_CORNERS)
+        vars(self).update(arrivals=ends - rests, begins=np.r_[0.0, ends[:-1]])
 
     def configurations(self, times: ArrayLike) -> Array:
         """Return the robot's configurations at times (N,), s: shape (N, n)."""
@@ -102,8 +93,7 @@ class DriveThrough(PlannedWay):
 
     def rested(self, times: Array) -> Array:
         """Return for how long the robot has been at the end of a way, s, shape (N,); not positive on the way."""
-        of = np.clip(np.searchsorted(self.begins, times, side="right") - 1, 0, len(self.ways) - 1)
-        return times - self.arrivals[of]
+        return times - self.arrivals[self._way_of(times)]
 
     @property
     def gripper_steps(self) -> tuple[GripperStep, ...]:
@@ -118,7 +108,10 @@ class DriveThrough(PlannedWay):
             out[here] = way.motion(times[here] - begin)
         return out
 
+    def _way_of(self, times: Array) -> NDArray[np.intp]:
+        return np.clip(np.searchsorted(self.begins, times, side="right") - 1, 0, len(self.ways) - 1)
+
     def _shares(self, times: Array) -> list[tuple[PlannedWay, float, NDArray[np.bool_]]]:
         """Return each way that some times are of, when it begins, and which they are."""
-        of = np.clip(np.searchsorted(self.begins, times, side="right") - 1, 0, len(self.ways) - 1)
+        of = self._way_of(times)
         return [(way, float(self.begins[k]), of == k) for k, way in enumerate(self.ways) if (of == k).any()]

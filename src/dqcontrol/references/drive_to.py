@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
@@ -146,8 +146,6 @@ class DriveTo(PlannedWay):
     via: Sequence[ArrayLike] = ()
     folded: ArrayLike | None = None
     while_driving: tuple[bool, bool] = (False, False)
-    duration: float = field(init=False)
-    corners: NDArray[np.float64] = field(init=False, repr=False)
     _moves: Array = field(init=False, repr=False)  # (K, n), what each motion changes of the configuration
     _inputs: Array = field(init=False, repr=False)  # (K, m), the integrals of the inputs that make it
     _begins: Array = field(init=False, repr=False)  # (K,), s
@@ -193,15 +191,10 @@ class DriveTo(PlannedWay):
             raise ValueRangeError(
                 f"goal: takes {duration:.3g} s, more than {_LONGEST:g}; give more speed_fraction or acceleration"
             )
-        plan = {
-            "_moves": np.vstack([moves, joints]),
-            "_inputs": np.vstack([inputs, joint_inputs]),
-            "_begins": np.r_[first + np.r_[0.0, np.cumsum(lasts[:-1])], joint_begins],
-            "_lasts": np.r_[lasts, joint_lasts],
-        }
-        values = {"start": start, "goal": goal, "duration": duration, "corners": NO_CORNERS, "via": via}
-        for name, value in {**values, **plan}.items():
-            object.__setattr__(self, name, value)
+        begins = np.r_[first + np.r_[0.0, np.cumsum(lasts[:-1])], joint_begins]
+        vars(self).update(start=start, goal=goal, via=via, duration=duration, corners=NO_CORNERS)
+        vars(self).update(_moves=np.vstack([moves, joints]), _inputs=np.vstack([inputs, joint_inputs]))
+        vars(self).update(_begins=begins, _lasts=np.r_[lasts, joint_lasts])
 
     @classmethod
     def from_spec(

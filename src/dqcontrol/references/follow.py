@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
@@ -11,8 +11,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import as_positive
 from dqcontrol.references.reference import Reference
-from dqcontrol.references.rigid_motion import displaced
-from dqcontrol.references.sample import TIME, as_pose
+from dqcontrol.references.sample import TIME, as_pose, displaced
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,15 +47,12 @@ class Follow(Reference):
     body: str
     taught: ArrayLike
     until: float = math.inf
-    duration: float = field(init=False)
-    corners: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if math.isfinite(self.until):
             as_positive("until", self.until, zero_allowed=True)
-        kept = {"duration": self.reference.duration, "corners": self.reference.corners}
-        for name, value in {"taught": as_pose("taught", self.taught), **kept}.items():
-            object.__setattr__(self, name, value)
+        vars(self).update(duration=self.reference.duration, corners=self.reference.corners)
+        vars(self).update(taught=as_pose("taught", self.taught))
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21) with the body where it was taught; see `Reference.motion`."""

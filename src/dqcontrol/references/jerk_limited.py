@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import KW_ONLY, dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,8 @@ from numpy.typing import NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_positive
 from dqcontrol.references.reference import NO_CORNERS, SNAP, Reference
-from dqcontrol.references.rigid_motion import point_motion
-from dqcontrol.references.sample import TWIST, TWIST_RATE
+from dqcontrol.references.sample import TWIST, TWIST_RATE, point_motion
+from dqcontrol.references.timing import finite_duration
 
 _SLOWEST = 1e-6  # of the greatest speed; who is slower rests
 
@@ -105,8 +106,7 @@ def speeds(samples: Array) -> tuple[Array, Array]:
 # limits that are the same both ways, these seven phases take the least time that the limits allow.
 
 
-@dataclass(frozen=True)
-class MotionLimits:
+class MotionLimits(NamedTuple):
     """How fast progress may be made: greatest speed, acceleration and jerk, in units per s, s², s³."""
 
     speed: float
@@ -129,7 +129,7 @@ def phases(length: float, limits: MotionLimits) -> tuple[float, float, float]:
     >>> phases(1.0, MotionLimits(speed=0.5, acceleration=1.0, jerk=4.0))
     (0.25, 0.25, 1.25)
     """
-    v, a, j = limits.speed, limits.acceleration, limits.jerk
+    v, a, j = limits
     ramp = a / j if v * j > a * a else math.sqrt(v / j)
     flat = max(0.0, v / a - ramp)
     if length >= v * (2 * ramp + flat):
@@ -234,8 +234,6 @@ class JerkLimited(Reference):
     angular_velocity: float | None = None
     angular_acceleration: float | None = None
     angular_jerk: float | None = None
-    duration: float = field(init=False)
-    corners: NDArray[np.float64] = field(init=False, repr=False)
     _pieces: Array = field(init=False, repr=False)
     _stretches: NDArray[np.intp] = field(init=False, repr=False)  # of each piece
     _stops: Array = field(init=False, repr=False)  # σ at the ends of the stretches
@@ -244,9 +242,7 @@ class JerkLimited(Reference):
     def __post_init__(self) -> None:
         linear = MotionLimits(*(_limit(n, getattr(self, n)) for n in ("velocity", "acceleration", "jerk")))
         angular = self._angular()
-        if not np.isfinite(self.reference.duration):
-            raise ValueRangeError("reference: never ends, so it has no pace to change")
-        stops = np.unique([0.0, *self.reference.corners, self.reference.duration])
+        stops = np.unique([0.0, *self.reference.corners, finite_duration(self.reference)])
         seconds = np.diff(stops)
         probes = stops[:-1, None] + seconds[:, None] * _PROBES
         inner = self.reference.motion(probes.ravel())
@@ -280,16 +276,8 @@ class JerkLimited(Reference):
             pieces.append(table)
             stretches += [i] * len(table)
             time += lasts
-        values = {
-            "duration": float(time),
-            "corners": NO_CORNERS,
-            "_pieces": np.concatenate(pieces),
-            "_stretches": np.array(stretches),
-            "_stops": stops,
-            "_lengths": lengths,
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        vars(self).update(duration=float(time), corners=NO_CORNERS, _pieces=np.concatenate(pieces))
+        vars(self).update(_stretches=np.array(stretches), _stops=stops, _lengths=lengths)
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""
@@ -348,12 +336,8 @@ def _own_time(
     linear: MotionLimits, angular: MotionLimits | None, running: float, turning: float
 ) -> MotionLimits:
     """Return the limits of σ̇, σ̈ and its rate, for a reference that runs and turns at these speeds."""
-    pairs = [(linear, running), (angular, turning)]
-    scaled = [
-        (each.speed / speed, each.acceleration / speed, each.jerk / speed)
-        for each, speed in pairs
-        if each and speed
-    ]
+    pairs = ((linear, running), (angular, turning))
+    scaled = [[limit / speed for limit in each] for each, speed in pairs if each and speed]
     return MotionLimits(*np.min(scaled, axis=0).tolist())
 
 
@@ -361,9 +345,4 @@ def _joint(linear: MotionLimits, angular: MotionLimits | None) -> tuple[MotionLi
     """Return the limits of the joint length √(s² + λ²θ²), and λ, m/rad."""
     if angular is None:
         return linear, 0.0
-    ratios = (
-        linear.speed / angular.speed,
-        linear.acceleration / angular.acceleration,
-        linear.jerk / angular.jerk,
-    )
-    return linear, max(ratios)
+    return linear, max(a / b for a, b in zip(linear, angular, strict=True))

@@ -14,8 +14,7 @@ from dqcontrol.algebra import rotation, translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive, unknown_name
 from dqcontrol.references.reference import Reference, corners_between
-from dqcontrol.references.rigid_motion import motion_samples, turned
-from dqcontrol.references.sample import TWIST, as_pose
+from dqcontrol.references.sample import TWIST, as_pose, motion_samples, turned
 from dqcontrol.references.strokes import PenPath, StraightStroke
 from dqcontrol.references.yaml_form import Metres, Positive, Seconds, Vector, Yaml
 
@@ -39,21 +38,13 @@ class PlanarReference(Reference):
         self, trace: PenPath, start: Array, axes: Array, *, follow: bool = False, advance: Array | None = None
     ) -> None:
         """Hold the paper's origin at the start pose (8,); advance (3,), m/s, moves the paper meanwhile."""
-        values = {
-            "trace": trace,
-            "start": start,
-            "_start": start,
-            "_axes": axes,
-            "_follow": follow,
-            "_advance": np.zeros(3) if advance is None else advance,
-            "duration": float(trace.times[-1]),
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        advance = np.zeros(3) if advance is None else advance
+        vars(self).update(trace=trace, start=start, duration=float(trace.times[-1]))
+        vars(self).update(_start=start, _axes=axes, _follow=follow, _advance=advance)
         ends = self._samples(trace.times[1:], trace.ends())[:, TWIST]
         starts = self._samples(trace.times[1:-1], trace.at(trace.times[1:-1]))[:, TWIST]
         after = np.concatenate([starts, np.zeros((1, 6))])
-        object.__setattr__(self, "corners", corners_between(ends, after, trace.times[1:]))
+        vars(self).update(corners=corners_between(ends, after, trace.times[1:]))
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""
@@ -215,7 +206,6 @@ class Circle(PlanarReference):
     plane: Plane = "xz"
     turns: Positive = 1.0
     clockwise: bool = True
-    corners: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         start = as_pose("start", self.start)
@@ -270,7 +260,6 @@ class Spiral(PlanarReference):
     axis: Axis = "y"
     turns: Positive = 3.0
     clockwise: bool = True
-    corners: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         start = as_pose("start", self.start)
@@ -334,7 +323,6 @@ class Square(PlanarReference):
     shares: Annotated[ArrayLike, Yaml(tuple[Positive, Positive, Positive, Positive])] = (1.0, 1.0, 1.0, 1.0)
     plane: Plane = "xz"
     clockwise: bool = True
-    corners: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         start = as_pose("start", self.start)
@@ -396,8 +384,6 @@ class Search(Reference):
     pitch: Metres
     speed: Annotated[float, Meta(gt=0, description="m/s")]
     plane: Plane = "xy"
-    duration: float = field(init=False)
-    corners: NDArray[np.float64] = field(init=False, repr=False)
     _axes: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -408,13 +394,9 @@ class Search(Reference):
                 f"pitch: {self.pitch:g} m makes {last / (2 * math.pi):.0f} turns, at most {_MOST_TURNS}"
             )
         way = 0.5 * growth * (last * math.hypot(1.0, last) + math.asinh(last))
-        values = {
-            "start": as_pose("start", self.start),
-            "duration": way / as_positive("speed", self.speed),
-            "_axes": plane_axes("plane", self.plane),
-        }
-        for name, value in {**values, "corners": np.array([values["duration"]])}.items():
-            object.__setattr__(self, name, value)
+        start, duration = as_pose("start", self.start), way / as_positive("speed", self.speed)
+        axes = plane_axes("plane", self.plane)
+        vars(self).update(start=start, duration=duration, corners=np.array([duration]), _axes=axes)
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""

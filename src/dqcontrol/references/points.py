@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dqcontrol.algebra import (
     adjoint_twist,
@@ -24,7 +24,7 @@ from dqcontrol.algebra import (
     rotation,
     translation,
 )
-from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
+from dqcontrol.algebra.functions import WRITTEN_TOLERANCE
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ, WRITE, WRITE2, inline, kernel, types
 from dqcontrol.errors import (
@@ -39,9 +39,8 @@ from dqcontrol.errors import (
 )
 from dqcontrol.files.input_file import as_number, read_text
 from dqcontrol.files.lerobot_dataset import POSE as POSE_COLUMN, Dataset, episode_of, only_episode
-from dqcontrol.references.reference import Reference, corners_between
-from dqcontrol.references.rigid_motion import motion_samples
-from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, as_pose
+from dqcontrol.references.reference import NO_CORNERS, Reference, corners_between
+from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, as_pose, motion_samples
 from dqcontrol.references.yaml_form import FileName, Seconds, SpecStart
 
 
@@ -77,29 +76,16 @@ class Points(Reference):
     times: ArrayLike
     poses: ArrayLike
     streamed: bool = False
-    duration: float = field(init=False)
-    corners: NDArray[np.float64] = field(init=False, repr=False)
-    _times: Array = field(init=False, repr=False)
-    _poses: Array = field(init=False, repr=False)
     _twists: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         times, poses = as_path(self.times, self.poses)
         steps = log_screw(multiply(conjugate(poses[:-1]), poses[1:]))
         twists = adjoint_twist(poses[:-1], 2 * steps / np.diff(times)[:, None])
-        values = {
-            "times": times,
-            "poses": poses,
-            "duration": float(times[-1]),
-            "corners": np.zeros(0)
-            if self.streamed
-            else corners_between(twists, np.concatenate([twists[1:], np.zeros((1, 6))]), times[1:]),
-            "_times": times,
-            "_poses": poses,
-            "_twists": twists,
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        after = np.concatenate([twists[1:], np.zeros((1, 6))])
+        corners = NO_CORNERS if self.streamed else corners_between(twists, after, times[1:])
+        duration = float(times[-1])
+        vars(self).update(times=times, poses=poses, duration=duration, corners=corners, _twists=twists)
 
     @classmethod
     def from_spec(
@@ -109,8 +95,6 @@ class Points(Reference):
 
         ``streamed``: the poses came one by one, as from an end effector; twists are zero.
         """
-        from dqcontrol.references.points import load_points
-
         path = start.folder / file
         start.refuse_position(path)
         if start.orientation_keys:
@@ -123,10 +107,11 @@ class Points(Reference):
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""
-        i = np.clip(np.searchsorted(self._times, times, side="right") - 1, 0, len(self._twists) - 1)
+        begins, poses = np.asarray(self.times), np.asarray(self.poses)
+        i = np.clip(np.searchsorted(begins, times, side="right") - 1, 0, len(self._twists) - 1)
         out = np.zeros((len(times), SAMPLE_SIZE))
-        elapsed = times - self._times[i]
-        out[:, POSE] = multiply(exp_screw(0.5 * elapsed[:, None] * self._twists[i]), self._poses[i])
+        elapsed = times - begins[i]
+        out[:, POSE] = multiply(exp_screw(0.5 * elapsed[:, None] * self._twists[i]), poses[i])
         if not self.streamed:
             out[:, TWIST] = self._twists[i]
         return out
@@ -527,9 +512,6 @@ class ViaPoints(Reference):
 
     times: ArrayLike
     poses: ArrayLike
-    duration: float = field(init=False)
-    corners: NDArray[np.float64] = field(init=False, repr=False)
-    _times: Array = field(init=False, repr=False)
     _cubics: Array = field(init=False, repr=False)  # (4, N - 1, 7): coefficients of 1, τ, τ², τ³
 
     def __post_init__(self) -> None:
@@ -543,12 +525,9 @@ class ViaPoints(Reference):
             )
         cubics = _natural_spline(times, np.concatenate([poses[:, :4], translation(poses)], axis=1))
         _check_norms(times, cubics)
-        values = {"times": times, "poses": poses, "duration": float(times[-1])}
-        for name, value in {**values, "_times": times, "_cubics": cubics}.items():
-            object.__setattr__(self, name, value)
+        vars(self).update(times=times, poses=poses, duration=float(times[-1]), _cubics=cubics)
         end = np.array([self.duration])
-        corners = corners_between(self.motion(end)[:, TWIST], np.zeros((1, 6)), end)
-        object.__setattr__(self, "corners", corners)
+        vars(self).update(corners=corners_between(self.motion(end)[:, TWIST], np.zeros((1, 6)), end))
 
     @classmethod
     def from_spec(cls, start: SpecStart, *, file: FileName, duration: Seconds | None = None) -> ViaPoints:
@@ -558,12 +537,12 @@ class ViaPoints(Reference):
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""
-        which = np.clip(np.searchsorted(self._times, times, side="right") - 1, 0, len(self._times) - 2)
+        begins = np.asarray(self.times)
+        which = np.clip(np.searchsorted(begins, times, side="right") - 1, 0, len(begins) - 2)
         count = len(times)
         position, velocity, acceleration, spin, spin_rate = (np.empty((count, 3)) for _ in range(5))
         rotation = np.empty((count, 4))
-        elapsed = times - self._times[which]
-        work = np.empty(12)
+        elapsed, work = times - begins[which], np.empty(12)
         _run(self._cubics, which, elapsed, work, position, velocity, acceleration, rotation, spin, spin_rate)
         return motion_samples(position, velocity, acceleration, rotation, spin, spin_rate)
 

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE2, inline_ieee, kernel
 from dqcontrol.errors import as_positive
 from dqcontrol.references.reference import SNAP, Reference, begun
-from dqcontrol.references.sample import POSE, TWIST, TWIST_RATE
+from dqcontrol.references.sample import TWIST, TWIST_RATE, point_motion
 
 if TYPE_CHECKING:
     from dqcontrol.references.sequence import Guards
@@ -63,8 +62,6 @@ class Previewed(Reference):
     delay: float = 0.0
     lag: float = 0.0
     step: float | None = None
-    duration: float = field(init=False)
-    corners: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         delay = as_positive("delay", self.delay, zero_allowed=True)
@@ -81,16 +78,9 @@ class Previewed(Reference):
         moved.flags.writeable = False
         jumped = np.zeros((len(starts) + 1, 6))
         np.cumsum(jumps, axis=0, out=jumped[1:])
-        values = {
-            "duration": self.reference.duration,
-            "corners": moved,
-            "_share": math.exp(-step / lag) if lag else 0.0,
-            "_ahead": delay,
-            "_behind": step,
-            "_starts": starts - SNAP,
-            "_jumped": jumped,
-        }
-        vars(self).update(values)
+        share = math.exp(-step / lag) if lag else 0.0
+        vars(self).update(duration=self.reference.duration, corners=moved)
+        vars(self).update(_share=share, _ahead=delay, _behind=step, _starts=starts - SNAP, _jumped=jumped)
 
     @property
     def guards(self) -> Guards:
@@ -128,11 +118,7 @@ def lead(numbers, times, starts, jumped, position, present, moving, before, out)
             turning_rate[i], speed_rate[i] = moving[k, 6 + i], moving[k, 9 + i]
         if share != 0.0:
             ahead = times[k] + delay
-            now, late, close = (
-                begun(starts, ahead),
-                begun(starts, ahead - lag),
-                begun(starts, ahead - step),
-            )
+            now, late, close = begun(starts, ahead), begun(starts, ahead - lag), begun(starts, ahead - step)
             for i in range(3):
                 for at, led in ((i, turning), (3 + i, speed)):
                     led[i] = (led[i] - share * before[k, at]) / (1.0 - share)
@@ -182,12 +168,12 @@ class _Ahead(NamedTuple):
 def _seen_early(same: _Same, delay: float, step: float, at: bytes) -> _Ahead:
     times = np.frombuffer(at)
     samples = same.reference.motion(times)
-    position = translation(samples[:, POSE])
-    twist, ahead = samples[:, TWIST], times + delay
+    position, present, _ = point_motion(samples)
+    ahead = times + delay
     moving = _moving(same.reference, ahead)
     before = ahead - step
     led = _moving(same.reference, before) * (before >= 0)[:, None] if step else moving
-    return _Ahead(samples, position, twist[:, 3:] - np.cross(position, twist[:, :3]), moving, led)
+    return _Ahead(samples, position, present, moving, led)
 
 
 @lru_cache(maxsize=4)
@@ -202,9 +188,5 @@ def _starts(same: _Same) -> tuple[Array, Array]:
 def _moving(reference: Reference, times: Array) -> Array:
     """Return [ω; ṗ] of a reference and its rate, shape (N, 12), at rest before and after it."""
     samples = reference.samples(np.maximum(times, 0.0))
-    position = translation(samples[:, POSE])
-    turning, dual = samples[:, TWIST][:, :3], samples[:, TWIST][:, 3:]
-    turning_rate, dual_rate = samples[:, TWIST_RATE][:, :3], samples[:, TWIST_RATE][:, 3:]
-    speed = dual - np.cross(position, turning)
-    speed_rate = dual_rate - np.cross(speed, turning) - np.cross(position, turning_rate)
-    return np.hstack([turning, speed, turning_rate, speed_rate])
+    _, speed, speed_rate = point_motion(samples)
+    return np.hstack([samples[:, TWIST][:, :3], speed, samples[:, TWIST_RATE][:, :3], speed_rate])

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.algebra import translation
-from dqcontrol.algebra.batch import UNIT_TOLERANCE, first_not_unit
+from dqcontrol.algebra.functions import UNIT_TOLERANCE, first_not_unit
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ, WRITE, inline, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array

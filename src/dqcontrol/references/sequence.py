@@ -47,8 +47,6 @@ class Sequence(Reference):
     """
 
     references: Several[Reference]
-    duration: float = field(init=False)
-    corners: NDArray[np.float64] = field(init=False, repr=False)
     _times: Array = field(init=False, repr=False)
     _signs: Array = field(init=False, repr=False)
     # a repeated reference is sampled at once
@@ -62,9 +60,9 @@ class Sequence(Reference):
         for i, part in enumerate(parts[:-1]):
             if not np.isfinite(part.duration):
                 raise ValueRangeError(f"references[{i}]: never ends, so nothing can follow it")
-        numbers: dict[int, int] = {}
-        which = np.array([numbers.setdefault(id(part), len(numbers)) for part in parts])
         distinct = tuple({id(part): part for part in parts}.values())
+        numbers = {id(part): i for i, part in enumerate(distinct)}
+        which = np.array([numbers[id(part)] for part in parts])
         times = np.concatenate([[0.0], np.cumsum([part.duration for part in parts])])
         starts = np.concatenate([part.motion(np.zeros(1)) for part in distinct])[which]
         lasting = [part.duration if np.isfinite(part.duration) else 0.0 for part in distinct]
@@ -72,25 +70,19 @@ class Sequence(Reference):
             [part.motion(np.array([end])) for part, end in zip(distinct, lasting, strict=True)]
         )
         ends = ends[which[:-1]]
-        object.__setattr__(self, "references", parts)
-        object.__setattr__(self, "duration", float(times[-1]))
-        object.__setattr__(self, "_times", times)
-        object.__setattr__(self, "_distinct", distinct)
-        object.__setattr__(self, "_which", which)
-        object.__setattr__(self, "_signs", _signs(ends[:, POSE], starts[1:, POSE]))
+        signs = _signs(ends[:, POSE], starts[1:, POSE])
         seams = corners_between(ends[:, TWIST], starts[1:, TWIST], times[1:-1])
         within = [part.corners[part.corners < part.duration] for part in distinct]
         inner = [within[i] + time for i, time in zip(which, times, strict=False)]
         last = parts[-1].corners[parts[-1].corners == parts[-1].duration] + times[-2]
         corners = np.sort(np.concatenate([seams, *inner, last]))
         corners.flags.writeable = False
-        object.__setattr__(self, "corners", corners)
+        vars(self).update(references=parts, duration=float(times[-1]), corners=corners)
+        vars(self).update(_times=times, _distinct=distinct, _which=which, _signs=signs)
 
     @property
     def guards(self) -> Guards:
         """Those of its parts."""
-        from dqcontrol.references.sequence import Guards  # which has sequences
-
         found = [
             part.guards.later(float(time)) for part, time in zip(self.references, self._times, strict=False)
         ]
@@ -241,8 +233,6 @@ class Guarded(Reference):
     reference: Reference
     force: float | None = None
     drop: float | None = None
-    duration: float = field(init=False)
-    corners: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.force is None and self.drop is None:
@@ -253,9 +243,8 @@ class Guarded(Reference):
             raise ValueRangeError("until: guards a motion that is guarded already; leave one of them out")
         for name in ("force", "drop"):
             if (value := getattr(self, name)) is not None:
-                object.__setattr__(self, name, as_positive(f"until.{name}", value))
-        object.__setattr__(self, "duration", self.reference.duration)
-        object.__setattr__(self, "corners", self.reference.corners)
+                vars(self)[name] = as_positive(f"until.{name}", value)
+        vars(self).update(duration=self.reference.duration, corners=self.reference.corners)
 
     @property
     def guards(self) -> Guards:
@@ -313,8 +302,6 @@ class OnTouchedPlane(Reference):
     depth: float = 0.01
     speed: float = 0.005
     travel: float = 0.05
-    duration: float = field(init=False)
-    corners: Array = field(init=False, repr=False)
     _guards: Guards = field(init=False, repr=False)
     _whole: Sequence = field(init=False, repr=False)
 
@@ -354,13 +341,8 @@ class OnTouchedPlane(Reference):
         # the last rest ends before the reference begins, so that it is on the plane by then
         whole = Sequence([*parts, self.reference])
         plane = TouchedPlane(begin, time - _REST, normal, origin)
-        for name, value in {
-            "_whole": whole,
-            "duration": whole.duration,
-            "corners": whole.corners,
-            "_guards": Guards(tuple(guards), plane),
-        }.items():
-            object.__setattr__(self, name, value)
+        vars(self).update(duration=whole.duration, corners=whole.corners)
+        vars(self).update(_whole=whole, _guards=Guards(tuple(guards), plane))
 
     def _points(self, normal: Array, origin: Array) -> Array:
         """Return the three points, on the plane as planned."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -41,13 +41,10 @@ class SetPoint(Reference):
 
     pose: ArrayLike
     duration: float = math.inf
-    corners: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "pose", as_pose("pose", self.pose))
-        if self.duration != math.inf:
-            object.__setattr__(self, "duration", as_positive("duration", self.duration))
-        object.__setattr__(self, "corners", NO_CORNERS)
+        duration = math.inf if self.duration == math.inf else as_positive("duration", self.duration)
+        vars(self).update(pose=as_pose("pose", self.pose), duration=duration, corners=NO_CORNERS)
 
     @classmethod
     def from_spec(cls, start: SpecStart, *, duration: Seconds | None = None) -> SetPoint:

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass
 from typing import Annotated
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dqcontrol.algebra import rotation, translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import as_array, as_positive
 from dqcontrol.references.reference import NO_CORNERS, Reference
-from dqcontrol.references.rigid_motion import motion_samples
-from dqcontrol.references.sample import as_pose
+from dqcontrol.references.sample import as_pose, motion_samples
 from dqcontrol.references.yaml_form import Seconds, Vector, Yaml
 
 PEAK_SPEED = 1.875  # times its mean: 15/8, at half of the time
@@ -68,13 +67,12 @@ class Straight(Reference):
     way: Annotated[ArrayLike, Yaml(Annotated[Vector, Meta(description="m")])]
     duration: Seconds
     steady: bool = False
-    corners: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "start", as_pose("start", self.start))
-        object.__setattr__(self, "way", as_array("way", self.way, (3,)))
-        object.__setattr__(self, "duration", as_positive("duration", self.duration))
-        object.__setattr__(self, "corners", np.array([self.duration]) if self.steady else NO_CORNERS)
+        start, way = as_pose("start", self.start), as_array("way", self.way, (3,))
+        duration = as_positive("duration", self.duration)
+        corners = np.array([duration]) if self.steady else NO_CORNERS
+        vars(self).update(start=start, way=way, duration=duration, corners=corners)
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""

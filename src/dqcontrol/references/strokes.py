@@ -113,6 +113,22 @@ class Rest:
 Stroke = StraightStroke | Arc | Rest
 
 
+@dataclass(frozen=True)
+class PenStroke:
+    """What is drawn without lifting the pen.
+
+    Attributes
+    ----------
+    start
+        Where the pen is put down, paper coordinates.
+    strokes
+        Lines and arcs from there on, in the same coordinates.
+    """
+
+    start: tuple[float, float]
+    strokes: tuple[Stroke, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class PenPath:
     """A point that runs over the paper, piece by piece, from time 0.

@@ -8,16 +8,15 @@ from rest to the speed V in T seconds along a line takes at most 1.875 V/T and 5
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.references.reference import NO_CORNERS, Reference
-from dqcontrol.references.rigid_motion import displaced
-from dqcontrol.references.sample import TWIST, TWIST_RATE, as_pose
+from dqcontrol.references.sample import TWIST, TWIST_RATE, as_pose, displaced
 
 _HALVINGS = 60  # of an interval: to the last bit of a double
 
@@ -40,12 +39,9 @@ class Paced(Reference):
         """Take pieces (seconds, rate at the start, rate at the end)."""
         seconds, before, after = np.array(pieces).T
         ends, inner_ends = np.cumsum(seconds), np.cumsum(0.5 * seconds * (before + after))
-        table = np.stack(
-            [ends - seconds, inner_ends - 0.5 * seconds * (before + after), seconds, before, after]
-        )
-        object.__setattr__(self, "inner", inner)
-        object.__setattr__(self, "pieces", table)
-        object.__setattr__(self, "duration", float(ends[-1]))
+        begins = ends - seconds, inner_ends - 0.5 * seconds * (before + after)
+        table = np.stack([*begins, seconds, before, after])
+        vars(self).update(inner=inner, pieces=table, duration=float(ends[-1]))
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""
@@ -108,11 +104,9 @@ class StartRamp(Paced):
 
     reference: Reference
     seconds: float
-    duration: float = field(init=False)
-    corners: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        ramp, whole = as_positive("seconds", self.seconds), _finite(self.reference)
+        ramp, whole = as_positive("seconds", self.seconds), finite_duration(self.reference)
         if ramp > 2 * whole:
             raise ValueRangeError(f"seconds: must be ≤ {2 * whole:g}, twice the reference, got {ramp:g}")
         rest = whole - 0.5 * ramp
@@ -120,7 +114,7 @@ class StartRamp(Paced):
         corners = self._outer_time(self.reference.corners)
         corners[self.reference.corners == whole] = self.duration
         corners.flags.writeable = False
-        object.__setattr__(self, "corners", corners)
+        vars(self).update(corners=corners)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -151,11 +145,9 @@ class CornerStops(Paced):
 
     reference: Reference
     seconds: float
-    duration: float = field(init=False)
-    corners: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        ramp, whole = as_positive("seconds", self.seconds), _finite(self.reference)
+        ramp, whole = as_positive("seconds", self.seconds), finite_duration(self.reference)
         pieces = []
         for length in np.diff(np.unique([0.0, *self.reference.corners, whole])):
             rate = min(1.0, length / ramp)
@@ -164,10 +156,11 @@ class CornerStops(Paced):
                 pieces.append((length - ramp, 1.0, 1.0))
             pieces.append((ramp, rate, 0.0))
         self._pace(self.reference, pieces)
-        object.__setattr__(self, "corners", NO_CORNERS)
+        vars(self).update(corners=NO_CORNERS)
 
 
-def _finite(reference: Reference) -> float:
+def finite_duration(reference: Reference) -> float:
+    """Return the duration of a reference, s, or say that it never ends."""
     if not np.isfinite(reference.duration):
         raise ValueRangeError("reference: never ends, so it has no pace to change")
     return reference.duration
@@ -199,16 +192,11 @@ class Transformed(Reference):
 
     reference: Reference
     by: ArrayLike
-    duration: float = field(init=False)
-    corners: Array = field(init=False, repr=False)
-    _by: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         by = as_pose("by", self.by)
-        kept = {"duration": self.reference.duration, "corners": self.reference.corners}
-        for name, value in {"by": by, "_by": by, **kept}.items():
-            object.__setattr__(self, name, value)
+        vars(self).update(by=by, duration=self.reference.duration, corners=self.reference.corners)
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""
-        return displaced(self._by, self.reference.motion(times))
+        return displaced(self.by, self.reference.motion(times))

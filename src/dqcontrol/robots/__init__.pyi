@@ -7,6 +7,7 @@ from .bases import (
     OmniBase as OmniBase,
     SteeredTricycle as SteeredTricycle,
 )
+from .chain_robot import Kinematics as Kinematics
 from .files.bundled import robot_names as robot_names
 from .files.description import (
     Description as Description,
@@ -30,7 +31,6 @@ from .inverse.robot_kinematics import (
     nearest_pose as nearest_pose,
     postures as postures,
 )
-from .kinematics.joined_chains import chain_as_tree as chain_as_tree
 from .limits import (
     Inertia as Inertia,
     Limits as Limits,
@@ -41,15 +41,13 @@ from .link_shapes import (
     LinkShapes as LinkShapes,
 )
 from .robot import Robot as Robot
-from .serial_arm import (
-    Kinematics as Kinematics,
-    SerialArm as SerialArm,
-)
+from .serial_arm import SerialArm as SerialArm
 from .tree_robot import (
     NamedFrame as NamedFrame,
     PoseTask as PoseTask,
     TreeJoints as TreeJoints,
     TreeRobot as TreeRobot,
+    chain_as_tree as chain_as_tree,
 )
 from .two_arms import TwoArms as TwoArms
 from .whole_body import WholeBody as WholeBody

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,8 +13,10 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_array, as_positive
 from dqcontrol.geometry import Box
-from dqcontrol.robots.limits import Limits
+from dqcontrol.robots.limits import Limits, as_limit
 from dqcontrol.robots.serial_arm import SerialArm
+
+DriveKind: TypeAlias = Literal["differential", "mecanum", "omni", "car-like", "tricycle"]
 
 # z of each frame is the axis of x, y, φ in turn: thirds of a turn about (1, 1, 1), whose product is the identity.
 _THIRD = np.array([0.5, 0.5, 0.5, 0.5, 0, 0, 0])
@@ -120,7 +122,7 @@ class HolonomicBase:
 
     def __post_init__(self) -> None:
         for name in ("speed", "turn_rate", "acceleration", "turn_acceleration"):
-            check_limit(name, getattr(self, name))
+            as_limit(name, getattr(self, name))
         if self.size is not None and (as_array("size", self.size, (3,)) <= 0).any():
             raise ValueRangeError(f"size: must be > 0, got {list(self.size)}")
 
@@ -183,7 +185,7 @@ class DifferentialDrive:
         as_positive("half_track", self.half_track)
         _check_displacement(self.displacement)
         for name in ("rim_speed", "acceleration", "turn_acceleration"):
-            check_limit(name, getattr(self, name))
+            as_limit(name, getattr(self, name))
 
     @property
     def rim_lever(self) -> float:
@@ -220,12 +222,6 @@ def _check_displacement(value: float) -> None:
         )
 
 
-def check_limit(field: str, value: float) -> None:
-    """Raise unless a limit is positive; infinity is none."""
-    if not (isinstance(value, float) and math.isinf(value) and value > 0):
-        as_positive(field, value)
-
-
 _HALF_WIDTH = 0.4  # of a wheel, as a share of its radius: as physics builds them
 
 
@@ -259,36 +255,28 @@ class RollerBase(HolonomicBase):
         radius = as_positive("wheel_radius", self.wheel_radius)
         rows = []
         for wheel in self.wheels:
-            axis = wheel.heading + wheel.roller
-            a = np.array([math.cos(axis), math.sin(axis)])
-            rows.append([a[0], a[1], wheel.x * a[1] - wheel.y * a[0]])
-            rows[-1] = np.array(rows[-1]) / (radius * math.cos(wheel.roller))
+            x, y = math.cos(wheel.heading + wheel.roller), math.sin(wheel.heading + wheel.roller)
+            rows.append(np.array([x, y, wheel.x * y - wheel.y * x]) / (radius * math.cos(wheel.roller)))
         matrix = np.array(rows)
         matrix.flags.writeable = False
-        object.__setattr__(self, "wheel_matrix", matrix)
+        vars(self).update(wheel_matrix=matrix)
         if self.rim_speed != math.inf:
             fastest = as_positive("rim_speed", self.rim_speed) / radius
-            most = np.hypot(matrix[:, 0], matrix[:, 1]).max()
-            object.__setattr__(self, "speed", min(self.speed, float(fastest / most)))
-            object.__setattr__(
-                self, "turn_rate", min(self.turn_rate, float(fastest / np.abs(matrix[:, 2]).max()))
-            )
+            speed = float(fastest / np.hypot(matrix[:, 0], matrix[:, 1]).max())
+            turn_rate = float(fastest / np.abs(matrix[:, 2]).max())
+            vars(self).update(speed=min(self.speed, speed), turn_rate=min(self.turn_rate, turn_rate))
         super().__post_init__()
 
     @property
     def around_wheels(self) -> Box:
         """The upright box that holds its wheels, in its own axes, m: the least that its body takes."""
         radius, half = self.wheel_radius, np.zeros(2)
+        wide = _HALF_WIDTH * radius
         for wheel in self.wheels:
             along, across = abs(math.cos(wheel.heading)), abs(math.sin(wheel.heading))
-            wide = _HALF_WIDTH * radius
-            half = np.maximum(
-                half,
-                [
-                    abs(wheel.x) + radius * along + wide * across,
-                    abs(wheel.y) + radius * across + wide * along,
-                ],
-            )
+            x = abs(wheel.x) + radius * along + wide * across
+            y = abs(wheel.y) + radius * across + wide * along
+            half = np.maximum(half, [x, y])
         return Box(algebra.pose([1.0, 0, 0, 0], [0, 0, radius]), np.array([*(2 * half), 2 * radius]))
 
     def wheel_speeds(self, twist: ArrayLike) -> Array:
@@ -368,13 +356,10 @@ class MecanumBase(RollerBase):
     @property
     def wheels(self) -> tuple[RollerWheel, ...]:
         """Front right, front left, rear right, rear left."""
-        half, length = self.half_track, self.half_wheelbase
-        turn = math.pi / 4
-        return (
-            RollerWheel(length, -half, 0.0, turn),
-            RollerWheel(length, half, 0.0, -turn),
-            RollerWheel(-length, -half, 0.0, -turn),
-            RollerWheel(-length, half, 0.0, turn),
+        signs = ((1, -1), (1, 1), (-1, -1), (-1, 1))
+        return tuple(
+            RollerWheel(x * self.half_wheelbase, y * self.half_track, 0.0, -x * y * math.pi / 4)
+            for x, y in signs
         )
 
     def __post_init__(self) -> None:
@@ -474,7 +459,7 @@ class _SteeredBase:
             )
         _check_displacement(self.displacement)
         for name in ("rim_speed", "steering_rate", "acceleration", "turn_acceleration"):
-            check_limit(name, getattr(self, name))
+            as_limit(name, getattr(self, name))
 
     @property
     def rim_lever(self) -> float:

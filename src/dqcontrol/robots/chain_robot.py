@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from types import ModuleType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,7 +13,6 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, WRONG_SIZE, Kernel
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.robots.kinematics import kinematics_kernels as chain_kernels
-from dqcontrol.robots.kinematics.jacobian_rates import batch as rates_batch, jacobian_rates
 from dqcontrol.robots.poses import positions
 
 _new, _empty, _ndarray = object.__new__, np.empty, np.ndarray
@@ -40,17 +39,6 @@ class Kinematics:
         self.twist_jacobian: Array = np.empty((6, input_size))
 
 
-@dataclass(frozen=True)
-class RobotKernels:
-    """What compiled code computes from a robot's table: see the functions of these names in `kinematics_kernels`."""
-
-    forward: Kernel
-    kinematics: Kernel
-    twist_kinematics: Kernel
-    hand_kinematics: Kernel
-    kinematics_apart: Kernel
-
-
 class ChainRobot:
     """Poses and Jacobians of a chain table.
 
@@ -59,12 +47,8 @@ class ChainRobot:
     `ValueRangeError` for a number that is not finite.
     """
 
-    kernels: ClassVar[RobotKernels] = RobotKernels(
-        chain_kernels.forward,
-        chain_kernels.kinematics,
-        chain_kernels.twist_kinematics,
-        chain_kernels.hand_kinematics,
-        chain_kernels.kinematics_apart,
+    kernels: ClassVar[ModuleType] = (
+        chain_kernels  # `pose_task_kernels` has functions of the same names for trees
     )
     name: str
     chain: Array  # may not be written
@@ -210,7 +194,7 @@ class ChainRobot:
         if type(q) is _ndarray and type(u) is _ndarray and q.ndim == u.ndim == 1:
             out = _empty(8 + 28 * m)
             try:
-                if jacobian_rates.compiled(self._table, q, u, out) == OK:
+                if chain_kernels.jacobian_rates.compiled(self._table, q, u, out) == OK:
                     return out
             except TypeError:  # integers
                 pass
@@ -219,7 +203,7 @@ class ChainRobot:
             raise ShapeError(f"u: expected shape {(*values.shape[:-1], m)} as q has, got {speeds.shape}")
         rows = np.ascontiguousarray(values.reshape(-1, n)), np.ascontiguousarray(speeds.reshape(-1, m))
         out = np.empty((len(rows[0]), 8 + 28 * m))
-        if status := rates_batch(jacobian_rates.pointer, self.chain, *rows, out):
+        if status := chain_kernels.batch_rates(chain_kernels.jacobian_rates.pointer, self.chain, *rows, out):
             self._raise(status, values)
         return out.reshape(*values.shape[:-1], 8 + 28 * m)
 

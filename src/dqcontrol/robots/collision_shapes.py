@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,7 +18,8 @@ from dqcontrol.geometry import Box, Capsule, Sphere, bounding_capsule, distance_
 from dqcontrol.robots.files.mjcf import Geom, mjcf_geoms
 from dqcontrol.robots.files.urdf import UrdfTree, origin_matrix
 from dqcontrol.robots.files.urdf_xml import CheckedXml, mesh_file, missing_note
-from dqcontrol.robots.link_shapes import LinkShape, LinkShapes, moved_rows
+from dqcontrol.robots.link_shapes import LinkShape, moved_rows
+from dqcontrol.robots.poses import pose8
 from dqcontrol.robots.robot import PlacedLinks, Robot
 from dqcontrol.robots.serial_arm import SerialArm
 
@@ -29,8 +29,7 @@ _APART = 0.02  # m: pairs that are nearly always nearer are made of parts of one
 _ALWAYS = 0.95  # of all samples
 
 
-@dataclass(frozen=True)
-class FittedShape:
+class FittedShape(NamedTuple):
     """A shape, and what it was made of.
 
     Attributes
@@ -48,8 +47,7 @@ class FittedShape:
     overhead: float
 
 
-@dataclass(frozen=True)
-class SampledPair:
+class SampledPair(NamedTuple):
     """Two shapes, how near they come, and why they are kept apart or not.
 
     Attributes
@@ -86,21 +84,14 @@ def collision_shapes(robot: Robot) -> list[FittedShape]:
         If the file has no collision shapes, or a mesh is not found.
     """
     if isinstance(robot, SerialArm) and robot.urdf is not None:
-        parts = _parts_of_urdf_arm(robot, *robot.urdf)
+        file, parts = robot.urdf[0], _parts_of_urdf_arm(robot, *robot.urdf)
     elif robot.placed_links is not None:
-        path = robot.placed_links.path
-        parts = (
-            _parts_of_mjcf(robot.placed_links)
-            if path.suffix == ".xml"
-            else _parts_of_urdf(robot.placed_links)
-        )
+        file = robot.placed_links.path
+        parts = (_parts_of_mjcf if file.suffix == ".xml" else _parts_of_urdf)(robot.placed_links)
     else:
         raise ShapeError(f"{robot.name}: was not read from a URDF or MJCF file, which have collision shapes")
-    found: list[FittedShape] = []
-    for own in parts:
-        found += [each for each in own if not _is_inside(each, own)]
+    found = [each for own in parts for each in own if not _is_inside(each, own)]
     if not found:
-        file = robot.urdf[0] if isinstance(robot, SerialArm) and robot.urdf else robot.placed_links.path  # type: ignore[union-attr]
         raise FileFormatError(f"{file}: its links have no collision shapes")
     return found
 
@@ -139,7 +130,9 @@ def _parts_of_urdf(placed: PlacedLinks) -> Iterator[list[FittedShape]]:
     links = UrdfTree(CheckedXml(placed.path)).links
     for name, frame in placed.frames.items():
         if name in links:
-            yield _shapes_of_link(placed.path, links[name], frame.joint + 1, _matrix(frame.pose))
+            yield _shapes_of_link(
+                placed.path, links[name], frame.joint + 1, algebra.matrix_from_pose(pose8(frame.pose))
+            )
 
 
 def _shapes_of_link(path: Path, link: Any, carrier: int, place: Array) -> list[FittedShape]:
@@ -161,68 +154,60 @@ def _parts_of_mjcf(placed: PlacedLinks) -> Iterator[list[FittedShape]]:
     geoms = [geom for geom in mjcf_geoms(placed.path) if geom.collides]
     for name, frame in placed.frames.items():
         yield [
-            _fitted_geom(geom, frame.joint + 1, _matrix(frame.pose) @ geom.place)
+            _fitted_geom(geom, frame.joint + 1, algebra.matrix_from_pose(pose8(frame.pose)) @ geom.place)
             for geom in geoms
             if geom.body == name
         ]
 
 
 def _fitted_geom(geom: Geom, frame: int, at: Array) -> FittedShape:
-    turn, middle, size = at[:3, :3], at[:3, 3], geom.size
-    if geom.kind == "sphere":
-        return FittedShape(LinkShape(geom.name, frame, Sphere(middle, size[0])), "sphere", 1.0)
-    if geom.kind == "box":
-        box = Box(algebra.pose(algebra.rotation_from_matrix(turn), middle), 2 * size)
-        return FittedShape(LinkShape(geom.name, frame, box), "box", 1.0)
-    if geom.kind in ("capsule", "cylinder"):
-        along = size[1] * turn[:, 2]
-        capsule = Capsule(middle - along, middle + along, size[0])
-        own = capsule.volume if geom.kind == "capsule" else 2 * np.pi * size[0] ** 2 * size[1]
-        return FittedShape(LinkShape(geom.name, frame, capsule), geom.kind, capsule.volume / own)
-    vertices, volume = geom.vertices, 0.0
     if geom.kind == "ellipsoid":
-        ball = _unit_ball()
-        vertices, volume = ball.vertices * size / _INSIDE, 4 / 3 * np.pi * float(np.prod(size))
-    else:
+        import trimesh
+
+        ball = trimesh.creation.icosphere(3)  # its corners are on a ball of radius 1
+        volume = 4 / 3 * np.pi * float(np.prod(geom.size))
+        return _around(geom.name, frame, geom.kind, ball.vertices * geom.size / _INSIDE, volume, at)
+    if geom.kind == "mesh":
         from scipy.spatial import ConvexHull
 
-        hull = _hull(geom.name, lambda: ConvexHull(vertices))
-        vertices, volume = vertices[hull.vertices], hull.volume
-    capsule = bounding_capsule(vertices @ turn.T + middle)
-    return FittedShape(LinkShape(geom.name, frame, capsule), geom.kind, capsule.volume / max(volume, 1e-12))
+        hull = _hull(geom.name, lambda: ConvexHull(geom.vertices))
+        return _around(geom.name, frame, geom.kind, geom.vertices[hull.vertices], hull.volume, at)
+    return _primitive(geom.name, frame, geom.kind, geom.size, at)
 
 
-def _unit_ball() -> Any:
-    """Return a ball of radius 1 as a mesh with corners on it."""
-    import trimesh
+def _primitive(name: str, frame: int, kind: str, size: Array, at: Array) -> FittedShape:
+    """Return what stands for a sphere, box, capsule or cylinder, with sizes as of `Geom`."""
+    turn, middle, overhead = at[:3, :3], at[:3, 3], 1.0
+    shape: Sphere | Box | Capsule
+    if kind == "sphere":
+        shape = Sphere(middle, size[0])
+    elif kind == "box":
+        shape = Box(algebra.pose(algebra.rotation_from_matrix(turn), middle), 2 * size)
+    else:
+        along = size[1] * turn[:, 2]
+        shape = Capsule(middle - along, middle + along, size[0])
+        if kind == "cylinder":
+            overhead = shape.volume / (2 * np.pi * size[0] ** 2 * size[1])
+    return FittedShape(LinkShape(name, frame, shape), kind, float(overhead))
 
-    return trimesh.creation.icosphere(3)
 
-
-def _matrix(place: Array) -> Array:
-    return algebra.matrix_from_pose(algebra.pose(place[:4], place[4:]))
+def _around(name: str, frame: int, made_of: str, corners: Array, volume: float, at: Array) -> FittedShape:
+    """Return a capsule around the corners of something of that volume."""
+    capsule = bounding_capsule(corners @ at[:3, :3].T + at[:3, 3])
+    return FittedShape(LinkShape(name, frame, capsule), made_of, capsule.volume / max(volume, 1e-12))
 
 
 def _fitted(path: Path, name: str, frame: int, geometry: Any, at: Array) -> FittedShape:
-    turn, middle = at[:3, :3], at[:3, 3]
     if geometry.sphere is not None:
-        return FittedShape(LinkShape(name, frame, Sphere(middle, geometry.sphere.radius)), "sphere", 1.0)
+        return _primitive(name, frame, "sphere", np.array([geometry.sphere.radius]), at)
     if geometry.cylinder is not None:
-        radius, half = geometry.cylinder.radius, 0.5 * geometry.cylinder.length
-        capsule = Capsule(middle - half * turn[:, 2], middle + half * turn[:, 2], radius)
-        return FittedShape(
-            LinkShape(name, frame, capsule), "cylinder", capsule.volume / (2 * np.pi * radius**2 * half)
-        )
+        size = np.array([geometry.cylinder.radius, 0.5 * geometry.cylinder.length])
+        return _primitive(name, frame, "cylinder", size, at)
     if geometry.box is not None:
-        rotation = algebra.rotation_from_matrix(turn)
-        return FittedShape(
-            LinkShape(name, frame, Box(algebra.pose(rotation, middle), geometry.box.size)), "box", 1.0
-        )
-    mesh = _mesh(path, geometry.mesh)
-    hull = _hull(f"{path}: {geometry.mesh.filename}", lambda: mesh.convex_hull)
-    capsule = bounding_capsule(hull.vertices @ turn.T + middle)
-    shape = LinkShape(name, frame, capsule)
-    return FittedShape(shape, Path(geometry.mesh.filename).name, capsule.volume / max(hull.volume, 1e-12))
+        return _primitive(name, frame, "box", 0.5 * np.asarray(geometry.box.size), at)
+    file, mesh = geometry.mesh.filename, _mesh(path, geometry.mesh)
+    hull = _hull(f"{path}: {file}", lambda: mesh.convex_hull)
+    return _around(name, frame, Path(file).name, hull.vertices, hull.volume, at)
 
 
 def _hull(name: str, find: Callable[[], Any]) -> Any:
@@ -328,11 +313,6 @@ def _sampled_pair(
     elif float((distance < _APART).mean()) > _ALWAYS:
         reason = f"nearly always within {1000 * _APART:.0f} mm"
     return SampledPair(a, b, least, colliding, reason)
-
-
-def with_pairs(robot: Robot, shapes: tuple[LinkShape, ...]) -> LinkShapes:
-    """Return shapes with the pairs that `sampled_pairs` keeps apart."""
-    return LinkShapes(shapes, tuple(kept(sampled_pairs(robot, shapes))))
 
 
 def kept(pairs: list[SampledPair]) -> Iterator[tuple[int, int]]:

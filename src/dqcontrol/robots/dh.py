@@ -3,50 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, as_array, unknown_name
+from dqcontrol.robots.poses import compose, rotation_x, rotation_y, rotation_z, shift
 
 JOINT_TYPES = ("revolute", "prismatic")
 CONVENTIONS = ("standard", "modified")  # of DH tables
-
-
-def rotation_z(angle: float) -> NDArray[np.float64]:
-    """Return the pose (7,) ``[quaternion, position]`` of a rotation about z."""
-    return np.array([np.cos(angle / 2), 0, 0, np.sin(angle / 2), 0, 0, 0])
-
-
-def rotation_x(angle: float) -> NDArray[np.float64]:
-    """Return the pose (7,) of a rotation about x."""
-    return np.array([np.cos(angle / 2), np.sin(angle / 2), 0, 0, 0, 0, 0])
-
-
-def rotation_y(angle: float) -> NDArray[np.float64]:
-    """Return the pose (7,) of a rotation about y."""
-    return np.array([np.cos(angle / 2), 0, np.sin(angle / 2), 0, 0, 0, 0])
-
-
-def shift(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> NDArray[np.float64]:
-    """Return the pose (7,) of a translation."""
-    return np.array([1.0, 0, 0, 0, x, y, z])
-
-
-def compose(*poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the product of poses (7,) ``[quaternion, position]``, left to right."""
-    r, p = np.array([1.0, 0, 0, 0]), np.zeros(3)
-    for pose in poses:
-        w, v = r[0], r[1:]
-        p = p + pose[4:] + 2 * _cross(v, w * pose[4:] + _cross(v, pose[4:]))
-        r = np.concatenate(
-            [[w * pose[0] - v @ pose[1:4]], w * pose[1:4] + pose[0] * v + _cross(v, pose[1:4])]
-        )
-    return np.concatenate([r / np.linalg.norm(r), p])
-
-
-def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a × b of two vectors (3,), without what `numpy.cross` does for arrays."""
-    a, b = a.tolist(), b.tolist()
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def chain_from_dh(
@@ -56,7 +20,7 @@ def chain_from_dh(
     alpha: ArrayLike,
     joint_types: list[str] | None,
     convention: str,
-) -> tuple[list[NDArray[np.float64]], list[str]]:
+) -> tuple[list[Array], list[str]]:
     """Return the n + 1 fixed poses (7,) and the n joint types of a DH table.
 
     Standard: X = Rz(θ) Tz(d) Tx(a) Rx(α); modified (Craig): X = Tx(a) Rx(α) Rz(θ) Tz(d). The joint variable adds to θ
@@ -85,7 +49,7 @@ def chain_from_denso(
     beta: ArrayLike,
     gamma: ArrayLike,
     joint_types: list[str] | None,
-) -> tuple[list[NDArray[np.float64]], list[str]]:
+) -> tuple[list[Array], list[str]]:
     """Return the n + 1 fixed poses (7,) and the n joint types of a table in DENSO's convention.
 
     X = Rz(γ) T(a, b, d) Rx(α) Ry(β); the joint variable adds to γ (revolute) or to d (prismatic).
@@ -97,9 +61,7 @@ def chain_from_denso(
     return fixed, types
 
 
-def _table(
-    parameters: dict[str, ArrayLike], joint_types: list[str] | None
-) -> tuple[NDArray[np.float64], list[str]]:
+def _table(parameters: dict[str, ArrayLike], joint_types: list[str] | None) -> tuple[Array, list[str]]:
     """Return one row of parameters a joint, and the joint types."""
     columns = {field: as_array(field, value, (None,)) for field, value in parameters.items()}
     first = next(iter(columns))
@@ -112,7 +74,4 @@ def _table(
     types = list(joint_types) if joint_types is not None else ["revolute"] * n
     if len(types) != n:
         raise ShapeError(f"joint_types: expected {n} entries, got {len(types)}")
-    for kind in types:
-        if kind not in JOINT_TYPES:
-            raise unknown_name("joint_types", str(kind), JOINT_TYPES)
     return np.column_stack(list(columns.values())), types

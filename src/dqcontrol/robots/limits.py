@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,3 +115,8 @@ def symmetric_limits(upper: ArrayLike, velocity: ArrayLike, effort: ArrayLike) -
     """Return limits ±upper."""
     bound = as_array("limits.upper", upper, (None,))
     return Limits(-bound, bound, np.asarray(velocity), np.asarray(effort))
+
+
+def as_limit(field: str, value: float) -> float:
+    """Return a number > 0, which may be infinite, or raise a `ValueRangeError`."""
+    return value if isinstance(value, float) and value > 0 else as_positive(field, value)

@@ -13,8 +13,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.geometry import Box, Capsule, Shape, Sphere, distance_kernels as kernels
-from dqcontrol.robots.dh import compose
-from dqcontrol.robots.poses import inverse7
+from dqcontrol.robots.poses import compose, inverse7, pose8
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot
@@ -121,15 +120,6 @@ class LinkShapes:
             np.minimum(least, found[:, kernels.DISTANCE], out=least)
         return least
 
-    def joined(
-        self, other: LinkShapes, shift: int, prefix: str, pairs: Sequence[tuple[int, int]]
-    ) -> LinkShapes:
-        """Return these and those of a part that comes later in the chain, whose frames begin ``shift`` later."""
-        first = len(self.shapes)
-        later = tuple(LinkShape(prefix + each.name, each.frame + shift, each.shape) for each in other.shapes)
-        moved = tuple((a + first, b + first) for a, b in other.pairs)
-        return LinkShapes((*self.shapes, *later), (*self.pairs, *moved, *pairs))
-
 
 def moved_rows(robot: Robot, configurations: Array, shapes: Sequence[LinkShape]) -> list[Array]:
     """Return the numbers of each shape at configurations (N, n), shape (N, 16)."""
@@ -162,13 +152,15 @@ def shapes_in_a_row(parts: Iterable[tuple[int, LinkShapes | None]]) -> LinkShape
         if own is not None:
             prefix = "" if set(own.names).isdisjoint(found.names) else f"{first}."
             count = len(found.shapes)
+            later = [LinkShape(prefix + each.name, each.frame + first, each.shape) for each in own.shapes]
             pairs = [
                 (a, count + b)
                 for a, before in enumerate(found.shapes)
-                for b, later in enumerate(own.shapes)
-                if before.frame > 0 and later.frame > 1
+                for b, after in enumerate(own.shapes)
+                if before.frame > 0 and after.frame > 1
             ]
-            found = found.joined(own, first, prefix, pairs)
+            moved = [(a + count, b + count) for a, b in own.pairs]
+            found = LinkShapes((*found.shapes, *later), (*found.pairs, *moved, *pairs))
     return found if found.shapes else None
 
 
@@ -176,8 +168,7 @@ def carried_shapes(shapes: LinkShapes | None, before: Array, after: Array) -> Li
     """Return an arm's shapes where the pose (7,) of its first joint became another, as something carries its base."""
     if shapes is None or np.array_equal(before, after):
         return shapes
-    place = compose(after, inverse7(before))
-    move = algebra.pose(place[:4], place[4:])
+    move = pose8(compose(after, inverse7(before)))
     moved = tuple(
         each if each.frame else LinkShape(each.name, 0, each.shape.moved(move)) for each in shapes.shapes
     )

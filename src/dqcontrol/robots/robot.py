@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
@@ -13,7 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
-from dqcontrol.robots.dynamics.rigid_bodies import (
+from dqcontrol.robots.files.description import chain_reach, describe
+from dqcontrol.robots.inverse.inverse_kinematics import InverseKinematics
+from dqcontrol.robots.kinematics import driving
+from dqcontrol.robots.kinematics.gravity import WORK, gravity_forces, gravity_torques
+from dqcontrol.robots.kinematics.rigid_bodies import (
     bias_force,
     bias_forces,
     mass_matrices,
@@ -21,10 +26,6 @@ from dqcontrol.robots.dynamics.rigid_bodies import (
     rigid_bodies,
     work_size,
 )
-from dqcontrol.robots.files.description import chain_reach, describe
-from dqcontrol.robots.inverse.inverse_kinematics import InverseKinematics
-from dqcontrol.robots.kinematics import driving
-from dqcontrol.robots.kinematics.gravity import WORK, gravity_forces, gravity_torques
 from dqcontrol.robots.limits import Inertia
 from dqcontrol.robots.link_shapes import LinkShapes
 
@@ -33,6 +34,9 @@ if TYPE_CHECKING:
 
 DOWN: Array = np.array([0.0, 0.0, -9.81])  # m/s²
 DOWN.flags.writeable = False
+
+_NO_ROLLERS: Array = np.zeros((0, driving.ROLLER_COLUMNS))
+_NO_ROLLERS.flags.writeable = False
 
 Form: TypeAlias = Literal["constrained", "unconstrained"]
 
@@ -78,6 +82,14 @@ class Robot(InverseKinematics):
         Of its links, and which of them are kept apart; None if unknown.
     placed_links
         Where the links of its file are, by which it finds their shapes; None of one without.
+    bases
+        Index of the first coordinate of each mobile base, and its kind.
+    driven_bases
+        Those that cannot move sideways, in the order of ``drives``.
+    rollers
+        Table of its wheels with rollers that have a rim speed, shape (k, 5), see ``robots.kinematics.driving``.
+    follows
+        Names of coordinates that physics cannot give a servo: of joints that follow others.
     drives
         One row [index of x, displacement, wheel radius, half track, least turning radius, lever of the fastest rim] a
         base that cannot move sideways, m, shape (k, 6).
@@ -88,19 +100,13 @@ class Robot(InverseKinematics):
     input_coordinates: NDArray[np.intp]
     inertia: Inertia | None
     drives: Array
+    bases: tuple[tuple[int, str], ...] = ()
+    driven_bases: tuple[Drive, ...] = ()
+    rollers: Array = _NO_ROLLERS
+    follows: tuple[str, ...] = ()
     origin: tuple[str, str | None, str | None] | None = None
     shapes: LinkShapes | None = None
     placed_links: PlacedLinks | None = None
-
-    @property
-    def bases(self) -> tuple[tuple[int, str], ...]:
-        """Index of the first coordinate of each mobile base, and its kind."""
-        return ()
-
-    @property
-    def driven_bases(self) -> tuple[Drive, ...]:
-        """The bases that cannot move sideways, in the order of ``drives``."""
-        return ()
 
     @property
     def columns_outwards(self) -> list[int]:
@@ -114,11 +120,6 @@ class Robot(InverseKinematics):
     def in_form(self, form: Form) -> Robot:
         """Return the same robot with constrained or unconstrained inputs; see `WholeBody`."""
         return self
-
-    @property
-    def rollers(self) -> Array:
-        """Table of its wheels with rollers that have a rim speed, shape (k, 5), see ``robots.kinematics.driving``."""
-        return np.zeros((0, driving.ROLLER_COLUMNS))
 
     def acceleration_limits(self, field: str, joints: ArrayLike | None = None) -> NDArray[np.float64]:
         """Return the largest acceleration of each input, shape (m,), rad/s² or m/s²; infinite where there is no limit.
@@ -185,11 +186,6 @@ class Robot(InverseKinematics):
     def ends(self) -> tuple[int, ...]:
         """Rows of ``chain`` and `frames` that are end effectors."""
         return (len(self.chain) - 1,)
-
-    @property
-    def follows(self) -> tuple[str, ...]:
-        """Names of coordinates that physics cannot give a servo: of joints that follow others."""
-        return ()
 
     @property
     def reach(self) -> float:
@@ -291,7 +287,7 @@ class Robot(InverseKinematics):
         Returns
         -------
         Array
-            Shape (…, n, n), symmetric, kg m², kg m and kg. Formula: ``dqcontrol.robots.dynamics``.
+            Shape (…, n, n), symmetric, kg m², kg m and kg. Formula: ``robots.kinematics.rigid_bodies``.
 
         Raises
         ------
@@ -362,7 +358,7 @@ class Robot(InverseKinematics):
 
     @cached_property
     def _rigid_bodies(self) -> tuple[Array, int, int]:
-        """The table of ``dqcontrol.robots.dynamics``, the scratch that it takes, and n."""
+        """The table of ``robots.kinematics.rigid_bodies``, the scratch that it takes, and n."""
         inertia = self._known_inertia("dynamics")
         return rigid_bodies(self), work_size(len(inertia.mass)), self.configuration_size
 
@@ -422,10 +418,10 @@ def paired_rows(q: Array, field: str, other: Array) -> tuple[tuple[int, ...], Ar
             f"{field}: leading axes {other.shape[:-1]} do not fit those of q, {q.shape[:-1]}"
         ) from None
     first, second = (
-        np.ascontiguousarray(np.broadcast_to(values, (*batch_shape, values.shape[-1]))).reshape(
-            -1, values.shape[-1]
+        np.ascontiguousarray(
+            np.broadcast_to(each, (*batch_shape, each.shape[-1])).reshape(-1, each.shape[-1])
         )
-        for values in (q, other)
+        for each in (q, other)
     )
     return batch_shape, first, second
 
@@ -436,3 +432,11 @@ def base_coordinates(robot: Robot) -> NDArray[np.bool_]:
     for first, _ in robot.bases:
         found[first : first + 3] = True
     return found
+
+
+def distinct_names(names: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return all names; those that occur twice after the label of their part."""
+    counts = Counter(name for each in names.values() for name in each)
+    return [
+        name if counts[name] == 1 else f"{label}/{name}" for label, each in names.items() for name in each
+    ]

@@ -3,172 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
-from dqcontrol.robots.chain_robot import Kinematics
-from dqcontrol.robots.dh import JOINT_TYPES, chain_from_denso, chain_from_dh, compose, rotation_x, shift
-from dqcontrol.robots.inverse.inverse_kinematics import Solution
+from dqcontrol.robots.dh import JOINT_TYPES, chain_from_denso, chain_from_dh
 from dqcontrol.robots.kinematics.driving import DRIVE_COLUMNS
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.link_shapes import carried_shapes, mirrored_shapes, shapes_in_a_row
-from dqcontrol.robots.poses import inverse7, pose7
-from dqcontrol.robots.robot import Robot
-
-
-def join(arm_class: type[SerialArm], parts: Sequence[SerialArm | ArrayLike], name: str | None) -> SerialArm:
-    """Return one arm of several in a row; see `SerialArm.join`."""
-    arms: list[SerialArm] = []
-    fixed = [shift()]
-    for i, part in enumerate(parts):
-        if isinstance(part, arm_class):
-            arms.append(part)
-            fixed[-1] = compose(fixed[-1], part.chain[0, :7])
-            fixed.extend(part.chain[1:, :7])
-        else:
-            fixed[-1] = compose(fixed[-1], pose7(f"parts[{i}]", cast(ArrayLike, part)))
-    if not arms:
-        raise ShapeError(f"parts: expected at least one SerialArm, got {len(parts)} parts without any")
-    joined = arm_class(
-        np.array(fixed),
-        [kind for arm in arms for kind in arm.joint_types],
-        limits=joined_limits([arm.limits for arm in arms]),
-        joint_names=_distinct_names(arms),
-        name=name or "+".join(arm.name for arm in arms),
-        inertia=joined_inertia([arm.inertia for arm in arms]),
-    )
-    firsts = np.cumsum([0, *(arm.configuration_size for arm in arms)])
-    if len(arms) == 1:
-        joined.bare = arms[0].bare or arms[0]
-    joined.shapes = shapes_in_a_row(
-        (int(first), carried_shapes(arm.shapes, arm.chain[0, :7], joined.chain[first, :7]))
-        for first, arm in zip(firsts, arms, strict=False)
-    )
-    return joined
-
-
-def up_to(arm_class: type[SerialArm], arm: SerialArm, joint: str | int) -> SerialArm:
-    """Return the arm that ends after a joint; see `SerialArm.up_to`."""
-    n = arm.configuration_size
-    if isinstance(joint, str):
-        if joint not in arm.joint_names:
-            raise unknown_name("joint", joint, arm.joint_names)
-        count = arm.joint_names.index(joint) + 1
-    elif isinstance(joint, int | np.integer) and not isinstance(joint, bool) and 1 <= joint <= n:
-        count = int(joint)
-    else:
-        raise ValueRangeError(f"joint: must be the name of a joint or a number from 1 to {n}, got {joint!r}")
-    inertia = arm.inertia
-    return arm_class(
-        np.vstack([arm.chain[:count, :7], shift()]),
-        arm.joint_types[:count],
-        limits=_limits_at(arm.limits, slice(count)),
-        joint_names=arm.joint_names[:count],
-        name=arm.name if count == n else f"{arm.name} up to {arm.joint_names[count - 1]}",
-        inertia=inertia and Inertia(inertia.mass[:count], inertia.center[:count], inertia.tensor[:count]),
-    )
-
-
-def reverse(arm_class: type[SerialArm], arm: SerialArm) -> SerialArm:
-    """Return the arm seen from its tool; see `SerialArm.reversed`.
-
-    The conjugate of a screw by q is one by −q; a half turn about x makes that one by q again.
-    """
-    back = [inverse7(row) for row in arm.chain[::-1, :7]]
-    turn = rotation_x(np.pi)
-    fixed = [compose(inverse7(turn), pose, turn) for pose in back]
-    fixed[0], fixed[-1] = compose(back[0], turn), compose(inverse7(turn), back[-1])
-    return arm_class(
-        np.array(fixed),
-        arm.joint_types[::-1],
-        limits=_limits_at(arm.limits, slice(None, None, -1)),
-        joint_names=arm.joint_names[::-1],
-        name=f"{arm.name} reversed",
-    )
-
-
-def _limits_at(limits: Limits, part: slice) -> Limits:
-    return Limits(limits.lower[part], limits.upper[part], limits.velocity[part], limits.effort[part])
-
-
-def mirror(arm_class: type[SerialArm], arm: SerialArm) -> SerialArm:
-    """Return the mirror image of an arm in the plane y = 0; see `SerialArm.mirrored`.
-
-    Reflection of a frame in y takes (w, x, y, z) to (w, −x, y, −z) and y to −y. It turns rotations about z around, but
-    not displacements along it: a half turn of each revolute joint's frame about its own x axis makes its angle the
-    same, and the reflected axis the opposite one.
-    """
-    flip = np.array([1.0, -1, 1, -1, 1, -1, 1])
-    fixed = [row * flip for row in arm.chain[:, :7]]
-    turn = rotation_x(np.pi)
-    for i, kind in enumerate(arm.joint_types):
-        if kind == "revolute":
-            fixed[i], fixed[i + 1] = compose(fixed[i], turn), compose(inverse7(turn), fixed[i + 1])
-    flips = _mirrored_axes(arm.joint_types)
-    image = arm_class(
-        np.array(fixed),
-        arm.joint_types,
-        limits=arm.limits,
-        joint_names=[_other_side(name) for name in arm.joint_names],
-        name=arm.name,
-        inertia=arm.inertia and _mirrored_inertia(arm.inertia, flips),
-    )
-    image.shapes = mirrored_shapes(arm.shapes, np.vstack([[1.0, -1, 1], flips]))
-    return image
-
-
-def _other_side(name: str) -> str:
-    """Return a joint's name with left and right changed for each other."""
-    return re.sub("left|right", lambda side: "right" if side[0] == "left" else "left", name)
-
-
-def _mirrored_axes(joint_types: Sequence[str]) -> Array:
-    """Return the signs of the axes of each joint's frame in the mirror image."""
-    return np.array(
-        [
-            np.array([1.0, -1, 1]) * (np.array([1.0, -1, -1]) if kind == "revolute" else 1.0)
-            for kind in joint_types
-        ]
-    )
-
-
-def _mirrored_inertia(inertia: Inertia, flip: Array) -> Inertia:
-    return Inertia(inertia.mass, inertia.center * flip, inertia.tensor * flip[:, :, None] * flip[:, None, :])
-
-
-def joined_limits(limits: list[Limits]) -> Limits:
-    """Return the limits of several robots, one after the other."""
-    fields = ("lower", "upper", "velocity", "effort")
-    return Limits(*(np.concatenate([getattr(lim, field) for lim in limits]) for field in fields))
-
-
-def joined_inertia(bodies: list[Inertia | None]) -> Inertia | None:
-    """Return the bodies of several robots, one after the other; None if those of one are not known."""
-    known = [body for body in bodies if body is not None]
-    if len(known) < len(bodies):
-        return None
-    return Inertia(
-        *(np.concatenate([getattr(b, field) for b in known]) for field in ("mass", "center", "tensor"))
-    )
-
-
-def _distinct_names(arms: list[SerialArm]) -> list[str]:
-    counts = Counter(name for arm in arms for name in arm.joint_names)
-    return [
-        name if counts[name] == 1 else f"{number}/{name}"
-        for number, arm in enumerate(arms, 1)
-        for name in arm.joint_names
-    ]
-
-
-__all__ = ["Kinematics", "SerialArm", "Solution"]
+from dqcontrol.robots.poses import compose, inverse7, pose7, rotation_x, shift
+from dqcontrol.robots.robot import Robot, distinct_names
 
 
 class SerialArm(Robot):
@@ -211,9 +59,6 @@ class SerialArm(Robot):
     [2.0, 0.0, 0.0]
     """
 
-    input_names: tuple[str, ...]
-    input_types: tuple[str, ...]
-
     def __init__(
         self,
         fixed: ArrayLike,
@@ -245,10 +90,9 @@ class SerialArm(Robot):
         self.joint_names: tuple[str, ...] = tuple(joint_names or (f"joint_{i + 1}" for i in range(n)))
         if not isinstance(limits, Limits | None):
             raise ShapeError(f"limits: expected Limits or None, got {limits!r:.80}")
-        self.limits: Limits = limits if limits is not None else Limits.none(n)
+        self.limits: Limits = limits or Limits.none(n)
         self.inertia = inertia
-        self.configuration_size = n
-        self.input_size = n
+        self.configuration_size = self.input_size = n
         self.input_names, self.input_types = self.joint_names, self.joint_types
         self.input_coordinates: NDArray[np.intp] = np.arange(n)
         self.drives: Array = np.zeros((0, DRIVE_COLUMNS))
@@ -365,7 +209,33 @@ class SerialArm(Robot):
         >>> dqc.SerialArm.join([arm, dqc.DualQuaternion.from_translation([0, 0, 0.1]), arm]).joint_names[7]
         '2/joint_1'
         """
-        return join(SerialArm, parts, name)
+        arms: list[SerialArm] = []
+        fixed = [shift()]
+        for i, part in enumerate(parts):
+            if isinstance(part, SerialArm):
+                arms.append(part)
+                fixed[-1] = compose(fixed[-1], part.chain[0, :7])
+                fixed.extend(part.chain[1:, :7])
+            else:
+                fixed[-1] = compose(fixed[-1], pose7(f"parts[{i}]", part))
+        if not arms:
+            raise ShapeError(f"parts: expected at least one SerialArm, got {len(parts)} parts without any")
+        joined = SerialArm(
+            np.array(fixed),
+            [kind for arm in arms for kind in arm.joint_types],
+            limits=joined_limits([arm.limits for arm in arms]),
+            joint_names=distinct_names({str(i): arm.joint_names for i, arm in enumerate(arms, 1)}),
+            name=name or "+".join(arm.name for arm in arms),
+            inertia=joined_inertia([arm.inertia for arm in arms]),
+        )
+        firsts = np.cumsum([0, *(arm.configuration_size for arm in arms)]).tolist()
+        if len(arms) == 1:
+            joined.bare = arms[0].bare or arms[0]
+        joined.shapes = shapes_in_a_row(
+            (first, carried_shapes(arm.shapes, arm.chain[0, :7], joined.chain[first, :7]))
+            for first, arm in zip(firsts, arms, strict=False)
+        )
+        return joined
 
     def up_to(self, joint: str | int) -> SerialArm:
         """Return the arm that ends after a joint: its pose and Jacobians are those of that joint's frame.
@@ -386,7 +256,26 @@ class SerialArm(Robot):
         >>> dqc.load_robot("iiwa7").up_to("joint_4").fkm([0.1, 0.2, 0.3, 0.4]).shape
         (8,)
         """
-        return up_to(SerialArm, self, joint)
+        n = self.configuration_size
+        if isinstance(joint, str):
+            if joint not in self.joint_names:
+                raise unknown_name("joint", joint, self.joint_names)
+            count = self.joint_names.index(joint) + 1
+        elif isinstance(joint, int | np.integer) and not isinstance(joint, bool) and 1 <= joint <= n:
+            count = int(joint)
+        else:
+            raise ValueRangeError(
+                f"joint: must be the name of a joint or a number from 1 to {n}, got {joint!r}"
+            )
+        inertia = self.inertia
+        return SerialArm(
+            np.vstack([self.chain[:count, :7], shift()]),
+            self.joint_types[:count],
+            limits=self._limits_of(slice(count)),
+            joint_names=self.joint_names[:count],
+            name=self.name if count == n else f"{self.name} up to {self.joint_names[count - 1]}",
+            inertia=inertia and Inertia(inertia.mass[:count], inertia.center[:count], inertia.tensor[:count]),
+        )
 
     def reversed(self) -> SerialArm:
         """Return the arm seen from its tool: fkm is the conjugate of this one's, joints come in reverse order.
@@ -401,7 +290,18 @@ class SerialArm(Robot):
         >>> bool((back * dqc.DualQuaternion(arm.fkm([0.1] * 7))).isclose(dqc.DualQuaternion.identity()))
         True
         """
-        return reverse(SerialArm, self)
+        # the conjugate of a screw by q is one by −q; a half turn about x makes that one by q again
+        back = [inverse7(row) for row in self.chain[::-1, :7]]
+        turn = rotation_x(np.pi)
+        fixed = [compose(inverse7(turn), pose, turn) for pose in back]
+        fixed[0], fixed[-1] = compose(back[0], turn), compose(inverse7(turn), back[-1])
+        return SerialArm(
+            np.array(fixed),
+            self.joint_types[::-1],
+            limits=self._limits_of(slice(None, None, -1)),
+            joint_names=self.joint_names[::-1],
+            name=f"{self.name} reversed",
+        )
 
     def mirrored(self) -> SerialArm:
         """Return the mirror image in the plane y = 0 of the base frame: a left arm of a right one.
@@ -418,7 +318,52 @@ class SerialArm(Robot):
         >>> abs(left - right * [1, -1, 1]).round(12).tolist()
         [0.0, 0.0, 0.0]
         """
-        return mirror(SerialArm, self)
+        # Reflection of a frame in y takes (w, x, y, z) to (w, −x, y, −z) and y to −y. It turns rotations about z
+        # around, but not displacements along it: a half turn of each revolute joint's frame about its own x axis makes
+        # its angle the same, and the reflected axis the opposite one.
+        fixed = [row * np.array([1.0, -1, 1, -1, 1, -1, 1]) for row in self.chain[:, :7]]
+        turn = rotation_x(np.pi)
+        for i, kind in enumerate(self.joint_types):
+            if kind == "revolute":
+                fixed[i], fixed[i + 1] = compose(fixed[i], turn), compose(inverse7(turn), fixed[i + 1])
+        flips = np.array([[1.0, 1, -1] if kind == "revolute" else [1.0, -1, 1] for kind in self.joint_types])
+        tensor_flips, body = flips[:, :, None] * flips[:, None, :], self.inertia
+        image = SerialArm(
+            np.array(fixed),
+            self.joint_types,
+            limits=self.limits,
+            joint_names=[
+                re.sub("left|right", lambda side: _OTHER[side[0]], name) for name in self.joint_names
+            ],
+            name=self.name,
+            inertia=body and Inertia(body.mass, body.center * flips, body.tensor * tensor_flips),
+        )
+        image.shapes = mirrored_shapes(self.shapes, np.vstack([[1.0, -1, 1], flips]))
+        return image
+
+    def _limits_of(self, joints: slice) -> Limits:
+        limits = self.limits
+        return Limits(
+            limits.lower[joints], limits.upper[joints], limits.velocity[joints], limits.effort[joints]
+        )
+
+
+_OTHER = {"left": "right", "right": "left"}
+
+
+def joined_limits(limits: list[Limits]) -> Limits:
+    """Return the limits of several robots, one after the other."""
+    fields = ("lower", "upper", "velocity", "effort")
+    return Limits(*(np.concatenate([getattr(lim, field) for lim in limits]) for field in fields))
+
+
+def joined_inertia(bodies: list[Inertia | None]) -> Inertia | None:
+    """Return the bodies of several robots, one after the other; None if those of one are not known."""
+    known = [body for body in bodies if body is not None]
+    if len(known) < len(bodies):
+        return None
+    fields = ("mass", "center", "tensor")
+    return Inertia(*(np.concatenate([getattr(body, field) for body in known]) for field in fields))
 
 
 def _with_ends(fixed: list[Array], base: ArrayLike | None, tool: ArrayLike | None) -> Array:

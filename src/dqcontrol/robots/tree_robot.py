@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from itertools import takewhile
+from types import ModuleType
 from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
@@ -14,47 +16,20 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import SINGULAR
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
-from dqcontrol.robots.chain_robot import Kinematics, RobotKernels
-from dqcontrol.robots.dh import compose
-from dqcontrol.robots.inverse.inverse_kinematics import (
-    Problem,
-    Solution,
-    as_tolerance,
-    as_whole_number,
-    prepare_inverse,
-)
-from dqcontrol.robots.inverse.tree_inverse_kernels import solve_tasks, task_solver_work
+from dqcontrol.robots.chain_robot import Kinematics
+from dqcontrol.robots.inverse.inverse_kernels import solve_tasks, task_solver_work
+from dqcontrol.robots.inverse.inverse_kinematics import Problem, Solution
 from dqcontrol.robots.kinematics import pose_task_kernels as task_kernels
-from dqcontrol.robots.kinematics.axes import z_onto
 from dqcontrol.robots.kinematics.driving import DRIVE_COLUMNS
 from dqcontrol.robots.kinematics.kinematics_kernels import HEADING, PRISMATIC
-from dqcontrol.robots.kinematics.pose_task_kernels import (
-    CENTER_OF_MASS,
-    COLUMNS,
-    COORDINATE,
-    COORDINATES,
-    FIRST_ROWS,
-    FIXED,
-    FRAME,
-    INPUT_COLUMN,
-    KIND,
-    MIDPOINT,
-    MULTIPLIER,
-    OFFSET,
-    PARENT,
-    RELATIVE,
-    SCREW,
-    SECOND_ROWS,
-    SIGN,
-)
 from dqcontrol.robots.limits import Inertia, Limits
-from dqcontrol.robots.poses import positions, unit_poses
-from dqcontrol.robots.robot import NamedFrame, Robot
+from dqcontrol.robots.poses import compose, positions, shift, unit_pose, z_onto
+from dqcontrol.robots.robot import NamedFrame, Robot, distinct_names
 
 Root: TypeAlias = Literal["midpoint", "screw"]
 TaskKind: TypeAlias = Literal["frame", "relative", "absolute", "center_of_mass"]
 
-_BASE, _MASS = "base", "center_of_mass"
+_BASE, _HAND, _MASS = "base", "hand", "center_of_mass"
 
 
 @dataclass(frozen=True)
@@ -213,13 +188,7 @@ class TreeRobot(Robot):
         Shown in tables.
     """
 
-    kernels: ClassVar[RobotKernels] = RobotKernels(
-        task_kernels.forward,
-        task_kernels.kinematics,
-        task_kernels.twist_kinematics,
-        task_kernels.hand_kinematics,
-        task_kernels.kinematics_apart,
-    )
+    kernels: ClassVar[ModuleType] = task_kernels
 
     def __init__(
         self,
@@ -253,6 +222,9 @@ class TreeRobot(Robot):
         self.input_names: tuple[str, ...] = tuple(self.joint_names[i] for i in self.input_coordinates)
         self.input_types: tuple[str, ...] = tuple(self.joint_types[i] for i in self.input_coordinates)
         self.drives: Array = np.zeros((0, DRIVE_COLUMNS)) if drives is None else drives
+        used, factors = joints.coordinate.tolist(), joints.multiplier
+        followed = {i for i, factor in zip(used, factors, strict=True) if factor != 1 or used.count(i) > 1}
+        self.follows = tuple(name for i, name in enumerate(self.joint_names) if i in followed)
         self._tree = self._tree_table()
         self.chain: Array = self._tree[1:, :8]
         self.chain.flags.writeable = False
@@ -272,7 +244,7 @@ class TreeRobot(Robot):
     @property
     def parents(self) -> NDArray[np.intp]:
         """For each row of ``chain`` and `frames` the row that carries it, −1 for the base: joints, then frames."""
-        return self._tree[1:, PARENT].astype(np.intp)
+        return self._tree[1:, task_kernels.PARENT].astype(np.intp)
 
     @property
     def joint_table(self) -> Array:
@@ -287,8 +259,9 @@ class TreeRobot(Robot):
     @property
     def table_with_hands(self) -> Array:
         """Those rows, and those of the frames of the task."""
-        hands = [self.named_frames[name] for name in self.task.frames]
-        return np.vstack([self.joint_table, *(_frame_row(hand.pose, hand.joint) for hand in hands)])
+        return np.vstack(
+            [self.joint_table, *(_frame_row(self.named_frames[name]) for name in self.task.frames)]
+        )
 
     @property
     def row_coordinates(self) -> NDArray[np.intp]:
@@ -299,19 +272,20 @@ class TreeRobot(Robot):
     def columns_outwards(self) -> list[int]:
         """Columns of the task's twist Jacobian as joints carry each other; see `Robot`."""
         task = self.table
-        middle = 1 + int(task[0, FIRST_ROWS])
+        middle = 1 + int(task[0, task_kernels.FIRST_ROWS])
         first, second = task[1 : middle - 1], task[middle:-1]
-        if task[0, KIND] == FRAME:
+        if task[0, task_kernels.KIND] == task_kernels.FRAME:
             path = first
-        elif (
-            task[0, KIND] == RELATIVE
-        ):  # from the second frame back along its arm, then out along the first's
+        elif task[0, task_kernels.KIND] == task_kernels.RELATIVE:
+            # from the second frame back along its arm, then out along the first's
             path = np.vstack([second[::-1], first])
             if (path[:, 7] == HEADING).any():  # a heading does not turn with its own base as seen from there
                 return []
         else:
             return []
-        columns = path[path[:, INPUT_COLUMN] >= 0, INPUT_COLUMN].astype(int).tolist()
+        columns = (
+            path[path[:, task_kernels.INPUT_COLUMN] >= 0, task_kernels.INPUT_COLUMN].astype(int).tolist()
+        )
         return columns if len(set(columns)) == len(columns) else []
 
     @property
@@ -323,13 +297,6 @@ class TreeRobot(Robot):
         leaves = set(last) - set(self.joints.parent.tolist()) - driven - {-1}
         rows = {count + names.index(name) for name in self.task.frames}
         return tuple(sorted(rows | {last[joint] for joint in leaves}))
-
-    @property
-    def follows(self) -> tuple[str, ...]:
-        """Coordinates that more than one joint follows, or one by a factor."""
-        used, factors = self.joints.coordinate.tolist(), self.joints.multiplier
-        followed = {i for i, factor in zip(used, factors, strict=True) if factor != 1 or used.count(i) > 1}
-        return tuple(name for i, name in enumerate(self.joint_names) if i in followed)
 
     @property
     def row_names(self) -> tuple[str, ...]:
@@ -442,13 +409,13 @@ class TreeRobot(Robot):
         return max(self._path_length(self._frame(name)) for name in self.task.frames)
 
     def _path_length(self, frame: NamedFrame) -> float:
-        rows = self.joints.path(frame.joint)
-        steps = [float(np.linalg.norm(self.joints.fixed[row, 4:7])) for row in rows[1:]]
+        joints, limits = self.joints, self.limits
+        rows = joints.path(frame.joint)
+        steps = [float(np.linalg.norm(joints.fixed[row, 4:7])) for row in rows[1:]]
         slides = [
-            float(np.abs(self.joints.multiplier[row] * np.array([limits.lower[c], limits.upper[c]])).max())
-            for limits, row in ((self.limits, row) for row in rows)
-            for c in [self.joints.coordinate[row]]
-            if self.joints.kind[row] == PRISMATIC
+            float(np.abs(joints.multiplier[row] * np.array([limits.lower[c], limits.upper[c]])).max())
+            for row, c in zip(rows, joints.coordinate[rows], strict=True)
+            if joints.kind[row] == PRISMATIC
         ]
         return sum(steps) + sum(slides) + float(np.linalg.norm(frame.pose[4:7]))
 
@@ -484,16 +451,9 @@ class TreeRobot(Robot):
         tasks = [self.as_task(task) for task in poses]
         if not tasks:
             raise ShapeError("poses: expected the pose of at least one task, got none")
-        problem = prepare_inverse(
-            self.limits,
-            self.joint_types,
-            as_tolerance("position_tolerance", position_tolerance),
-            as_tolerance("orientation_tolerance", orientation_tolerance),
-            as_whole_number("restarts", restarts),
-            as_whole_number("seed", seed),
-        )
+        problem = self._problem(position_tolerance, orientation_tolerance, restarts, seed)
         targets = [
-            _one_pose(f"poses[{task.label}]", pose) for task, pose in zip(tasks, poses.values(), strict=True)
+            unit_pose(f"poses[{task.label}]", pose) for task, pose in zip(tasks, poses.values(), strict=True)
         ]
         guess = problem.middle if start is None else self._rows("start", start)
         if guess.ndim != 1:
@@ -537,8 +497,8 @@ class TreeRobot(Robot):
         rows = table[1:]
         drives = rows[:, 7] > PRISMATIC
         rows[drives, 7] = PRISMATIC
-        joints = rows[:, 7] != FIXED
-        rows[joints, INPUT_COLUMN] = rows[joints, COORDINATE]
+        joints = rows[:, 7] != task_kernels.FIXED
+        rows[joints, task_kernels.INPUT_COLUMN] = rows[joints, task_kernels.COORDINATE]
         return table
 
     def table_of(self, task: PoseTask | str) -> Array:
@@ -574,26 +534,22 @@ class TreeRobot(Robot):
 
     def _tree_table(self) -> Array:
         """Return the table of all joints and named frames."""
-        named = self.named_frames.values()
-        head = np.zeros((1, COLUMNS))
-        head[0, COORDINATES] = self.configuration_size
-        rows = self._rows_of(np.arange(len(self.joints.kind)))
-        return np.vstack([head, rows, *(_frame_row(frame.pose, frame.joint) for frame in named)])
+        joints = self.joints
+        moved = joints.kind, joints.coordinate, joints.column, joints.multiplier, joints.offset, joints.parent
+        rows = np.column_stack([joints.fixed, *moved]).astype(
+            np.float64
+        )  # in the order of `pose_task_kernels`
+        return np.vstack([self._head(), rows, *map(_frame_row, self.named_frames.values())])
 
-    def _rows_of(self, chosen: ArrayLike) -> Array:
-        """Return the rows of joints."""
-        index, joints = np.asarray(chosen, dtype=np.intp), self.joints
-        rows = np.zeros((len(index), COLUMNS))
-        rows[:, :7], rows[:, 7] = joints.fixed[index], joints.kind[index]
-        for column, values in (
-            (COORDINATE, joints.coordinate),
-            (INPUT_COLUMN, joints.column),
-            (MULTIPLIER, joints.multiplier),
-            (OFFSET, joints.offset),
-            (PARENT, joints.parent),
-        ):
-            rows[:, column] = values[index]
-        return rows
+    def _head(self, kind: int = 0, sign: int = 0, first_rows: int = 0, second_rows: int = 0) -> Array:
+        """Return the first row of a table, in the order of `pose_task_kernels`."""
+        row = np.zeros((1, task_kernels.COLUMNS))
+        row[0, :5] = kind, sign, first_rows, second_rows, self.configuration_size
+        return row
+
+    def _path_to(self, frame: NamedFrame, joints: Sequence[int]) -> Array:
+        """Return the rows of joints that carry a frame, and its own."""
+        return np.vstack([self._tree[1 + np.array(joints, dtype=np.intp)], _frame_row(frame)])
 
     def _task_table(self, task: PoseTask) -> Array:
         """Return the table of a task; a relative one leaves out the joints that carry both frames."""
@@ -602,36 +558,23 @@ class TreeRobot(Robot):
         frames = [self._frame(name) for name in task.frames]
         paths = [self.joints.path(frame.joint) for frame in frames]
         if task.kind == "relative":
-            shared = 0
-            for one, other in zip(*paths, strict=False):
-                if one != other:
-                    break
-                shared += 1
+            shared = sum(1 for _ in takewhile(lambda each: each[0] == each[1], zip(*paths, strict=False)))
             paths = [path[shared:] for path in paths]
-        parts = [
-            np.vstack([self._rows_of(path), _frame_row(frame.pose, frame.joint)])
-            for path, frame in zip(paths, frames, strict=True)
-        ]
+        parts = [self._path_to(frame, path) for frame, path in zip(frames, paths, strict=True)]
         if not task.on_frame:
             parts[0][-1, :7] = compose(parts[0][-1, :7], task.offset)
-        head = np.zeros((1, COLUMNS))
-        head[0, KIND] = _KINDS[task.kind, task.root if task.kind == "absolute" else ""]
-        head[0, SIGN], head[0, COORDINATES] = task.sign, self.configuration_size
-        head[0, FIRST_ROWS] = len(parts[0])
-        head[0, SECOND_ROWS] = len(parts[1]) if len(parts) > 1 else 0
-        return np.vstack([head, *parts])
+        kind = getattr(task_kernels, (task.root if task.kind == "absolute" else task.kind).upper())
+        return np.vstack([self._head(kind, task.sign, *map(len, parts)), *parts])
 
     def _mass_table(self) -> Array:
         """Return the table of the centre of mass: a path to each body that a joint moves."""
         if self.inertia is None:
             raise ValueRangeError(f"task: {self.name} has no inertia, so its centre of mass is unknown")
-        head = np.zeros((1, COLUMNS))
-        head[0, KIND], head[0, COORDINATES] = CENTER_OF_MASS, self.configuration_size
-        parts = [head]
+        parts = [self._head(task_kernels.CENTER_OF_MASS)]
         for row in np.flatnonzero(self.inertia.mass):
-            body = _frame_row(np.array([1.0, 0, 0, 0, *self.inertia.center[row]]), int(row))
-            body[0, MULTIPLIER] = self.inertia.mass[row] / self.inertia.mass.sum()
-            parts += [self._rows_of(self.joints.path(int(row))), body]
+            centre = NamedFrame(int(row), np.array([1.0, 0, 0, 0, *self.inertia.center[row]]))
+            parts.append(self._path_to(centre, self.joints.path(centre.joint)))
+            parts[-1][-1, task_kernels.MULTIPLIER] = self.inertia.mass[row] / self.inertia.mass.sum()
         return np.vstack(parts)
 
 
@@ -641,22 +584,59 @@ def seen_from(frame: str, base: str | None) -> PoseTask:
 
 
 _HYSTERESIS = 0.2  # −cos of half of 203°
-_KINDS = {
-    ("frame", ""): FRAME,
-    ("relative", ""): RELATIVE,
-    ("absolute", "midpoint"): MIDPOINT,
-    ("absolute", "screw"): SCREW,
-}
 
 
-def _one_pose(field: str, pose: ArrayLike) -> Array:
-    found = unit_poses(field, pose)
-    if found.ndim != 1:
-        raise ShapeError(f"{field}: expected one pose, shape (8,), got {found.shape}")
-    return found
-
-
-def _frame_row(pose: Array, joint: int) -> Array:
-    row = np.zeros((1, COLUMNS))
-    row[0, :7], row[0, 7], row[0, PARENT], row[0, INPUT_COLUMN] = pose, FIXED, joint, -1
+def _frame_row(frame: NamedFrame) -> Array:
+    row = np.zeros((1, task_kernels.COLUMNS))
+    row[0, :7], row[0, 7] = frame.pose, task_kernels.FIXED
+    row[0, task_kernels.PARENT], row[0, task_kernels.INPUT_COLUMN] = frame.joint, -1
     return row
+
+
+def chain_as_tree(robot: Robot) -> TreeRobot:
+    """Return a chain as a tree of one branch, whose frames are ``hand`` and, by its name, that of each joint.
+
+    q, inputs and limits are the same. A tree is returned as it is.
+    """
+    if isinstance(robot, TreeRobot):
+        return robot
+    joints, frames = joined_chains({_HAND: robot})
+    own = {name: NamedFrame(i, shift()) for i, name in enumerate(robot.joint_names) if name != _HAND}
+    tree = TreeRobot(
+        joints,
+        {**frames, **own},
+        PoseTask("frame", (_HAND,)),
+        joint_names=robot.joint_names,
+        joint_types=robot.joint_types,
+        limits=robot.limits,
+        input_coordinates=robot.input_coordinates,
+        drives=robot.drives,
+        inertia=robot.inertia,
+        name=robot.name,
+    )
+    tree.input_names = robot.input_names
+    return tree
+
+
+def joined_chains(parts: Mapping[str, Robot]) -> tuple[TreeJoints, dict[str, NamedFrame]]:
+    """Return the joints of a base and of two chains at its end, and the frame at the end of each."""
+    rows: list[tuple[Any, ...]] = []
+    frames, coordinates, inputs = {}, 0, 0
+    start, mount = -1, shift()
+    for label, part in parts.items():
+        columns = np.full(part.configuration_size, -1)
+        columns[part.input_coordinates] = inputs + np.arange(part.input_size)
+        parent, fixed = start, mount
+        for i in range(part.configuration_size):
+            row = part.chain[i]
+            at = compose(fixed, row[:7]) if i == 0 else row[:7]
+            rows.append((at, row[7], parent, coordinates + i, columns[i], 1.0, 0.0))
+            parent, fixed = len(rows) - 1, shift()
+        end = compose(fixed, part.chain[-1, :7])
+        frames[label] = NamedFrame(parent, end)
+        if label == _BASE:
+            start, mount = parent, end
+        coordinates, inputs = coordinates + part.configuration_size, inputs + part.input_size
+    names = tuple(distinct_names({label: part.joint_names for label, part in parts.items()}))
+    poses, kinds, parents, moved, driven, multipliers, offsets = map(np.array, zip(*rows, strict=True))
+    return TreeJoints(poses, kinds, parents, moved, driven, multipliers, offsets, names), frames

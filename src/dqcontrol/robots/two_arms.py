@@ -8,19 +8,17 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, cast, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dqcontrol.algebra.conversions import pose
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
-from dqcontrol.robots.dh import shift
 from dqcontrol.robots.kinematics.driving import DRIVE_COLUMNS
-from dqcontrol.robots.kinematics.joined_chains import distinct_names, joined_chains
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
-from dqcontrol.robots.robot import Form, Robot
+from dqcontrol.robots.poses import pose8, shift
+from dqcontrol.robots.robot import Form, Robot, distinct_names
 from dqcontrol.robots.serial_arm import joined_inertia, joined_limits
-from dqcontrol.robots.tree_robot import PoseTask, Root, TaskKind, TreeRobot
+from dqcontrol.robots.tree_robot import PoseTask, Root, TaskKind, TreeRobot, joined_chains
 
 if TYPE_CHECKING:
-    from dqcontrol.robots.whole_body import Drive
+    pass
 
 TwoArmsTask: TypeAlias = Literal["relative", "absolute", "left", "right"]
 _LEFT, _RIGHT = "left", "right"
@@ -51,6 +49,8 @@ class TwoArms(TreeRobot):
     ----------
     left, right, base
         As given.
+    parts
+        What it was made of, in the order of the coordinates.
 
     Raises
     ------
@@ -93,11 +93,8 @@ class TwoArms(TreeRobot):
         known = {label: part for label, part in parts.items() if part is not None}
         joints, frames = joined_chains(known)
         robots = list(known.values())
-        offsets = np.cumsum([0, *(robot.configuration_size for robot in robots)])
-        drives = [
-            robot.drives + np.array([offset, *[0] * (DRIVE_COLUMNS - 1)])
-            for robot, offset in zip(robots, offsets[:-1], strict=True)
-        ]
+        firsts = np.cumsum([0, *(robot.configuration_size for robot in robots)]).tolist()
+        placed = list(zip(firsts, robots, strict=False))
         super().__init__(
             joints,
             frames,
@@ -105,13 +102,14 @@ class TwoArms(TreeRobot):
             joint_names=distinct_names({label: robot.joint_names for label, robot in known.items()}),
             joint_types=[kind for robot in robots for kind in robot.joint_types],
             limits=joined_limits([robot.limits for robot in robots]),
-            input_coordinates=np.concatenate(
-                [robot.input_coordinates + offset for robot, offset in zip(robots, offsets[:-1], strict=True)]
-            ),
-            drives=np.vstack(drives),
+            input_coordinates=np.concatenate([robot.input_coordinates + first for first, robot in placed]),
+            drives=np.vstack([robot.drives + first * np.eye(1, DRIVE_COLUMNS) for first, robot in placed]),
             inertia=joined_inertia([robot.inertia for robot in robots]),
             name=name or "+".join(robot.name for robot in robots),
         )
+        self.parts: tuple[Robot, ...] = tuple(robots)
+        self.bases = tuple((first + at, kind) for first, part in placed for at, kind in part.bases)
+        self.driven_bases = tuple(base for part in robots for base in part.driven_bases)
         self.shapes: LinkShapes | None = _joined_shapes(known)
         self.input_names: tuple[str, ...] = tuple(
             distinct_names({label: robot.input_names for label, robot in known.items()})
@@ -130,25 +128,6 @@ class TwoArms(TreeRobot):
         if isinstance(task, str) and task in get_args(TwoArmsTask):
             return self._named_task(task, self.task.root)
         return super().as_task(task)
-
-    @property
-    def parts(self) -> tuple[Robot, ...]:
-        """What it was made of, in the order of the coordinates."""
-        return tuple(part for part in (self.base, self.left, self.right) if part is not None)
-
-    @property
-    def bases(self) -> tuple[tuple[int, str], ...]:
-        """Index of the first coordinate of each mobile base, and its kind."""
-        found, first = [], 0
-        for part in self.parts:
-            found += [(first + at, kind) for at, kind in part.bases]
-            first += part.configuration_size
-        return tuple(found)
-
-    @property
-    def driven_bases(self) -> tuple[Drive, ...]:
-        """The bases that cannot move sideways, in the order of ``drives``."""
-        return tuple(base for part in self.parts for base in part.driven_bases)
 
     def in_form(self, form: Form) -> TreeRobot:
         """Return the same robot with constrained or unconstrained inputs of its bases; see `WholeBody`."""
@@ -184,13 +163,8 @@ class TwoArms(TreeRobot):
         ShapeError, ValueRangeError, UnknownNameError
             If a size, value or name is wrong, or the end effectors are a full turn apart with the sign given.
         """
-        if sign is None and root in self._short:
-            return self._map(self.kernels.forward, q, self.configuration_size, 8, self._short[root])
-
-        def absolute(rows: ArrayLike, table: Array) -> Array:
-            return self._map(self.kernels.forward, rows, self.configuration_size, 8, table)
-
-        return self._by_sign(absolute, q, root, sign)
+        forward, n = self.kernels.forward, self.configuration_size
+        return self._by_sign(lambda rows, table: self._map(forward, rows, n, 8, table), q, root, sign)
 
     def relative_pose_jacobian(self, q: ArrayLike) -> Array:
         """Return J with vec8(ẋ_r) = J u, shape (…, 8, m)."""
@@ -200,13 +174,8 @@ class TwoArms(TreeRobot):
         self, q: ArrayLike, root: Root = "midpoint", sign: ArrayLike | None = None
     ) -> Array:
         """Return J with vec8(ẋ_a) = J u, shape (…, 8, m); parameters as of `absolute_pose`."""
-        if sign is None and root in self._short:
-            return self._columns(q, self.kernels.kinematics, 0, 8, self._short[root])
-
-        def jacobian(rows: ArrayLike, table: Array) -> Array:
-            return self._columns(rows, self.kernels.kinematics, 0, 8, table)
-
-        return self._by_sign(jacobian, q, root, sign)
+        kinematics = self.kernels.kinematics
+        return self._by_sign(lambda rows, table: self._columns(rows, kinematics, 0, 8, table), q, root, sign)
 
     def hands_sign(self, q: ArrayLike, previous: ArrayLike = 0) -> Any:
         """Return the sign h of x_r to take the root of, 1 or −1, shape (…).
@@ -235,6 +204,8 @@ class TwoArms(TreeRobot):
         """Return what a function makes of configurations and the absolute pose's table of each one's sign."""
         if root not in get_args(Root):
             raise unknown_name("root", str(root), get_args(Root))
+        if sign is None:
+            return function(q, self._short[root])
         signs = np.asarray(sign, dtype=np.float64)
         if not (np.abs(signs) == 1).all():
             raise ValueRangeError(f"sign: must be 1 or -1, got {sign!r:.80}")
@@ -260,7 +231,7 @@ def _joined_shapes(parts: dict[str, Robot]) -> LinkShapes | None:
     first, start, mount = 0, 0, shift()
     for label, part in parts.items():
         own, count = part.shapes or LinkShapes(()), len(found)
-        move = pose(mount[:4], mount[4:])
+        move = pose8(mount)
         for each in own.shapes:
             frame = each.frame + first if each.frame else start
             shape = each.shape if each.frame else each.shape.moved(move)

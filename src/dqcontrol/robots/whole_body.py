@@ -72,11 +72,6 @@ class WholeBody(Robot):
     (10, 9, ('v', 'omega', 'panda_joint1'))
     """
 
-    configuration_size: int
-    input_size: int
-    joint_names: tuple[str, ...]
-    joint_types: tuple[str, ...]
-
     def __init__(self, parts: Sequence[Part], name: str | None = None, form: Form = "constrained") -> None:
         if form not in get_args(Form):
             raise unknown_name("form", str(form), get_args(Form))
@@ -86,7 +81,9 @@ class WholeBody(Robot):
             raise ShapeError(
                 f"parts: expected at least one base or arm, got {len(self.parts)} parts without any"
             )
-        whole = SerialArm.join([_as_joints(part) for part in self.parts], name)
+        whole = SerialArm.join(
+            [each.joints() if isinstance(each, Base) else each for each in self.parts], name
+        )
         n = whole.configuration_size
         self.drives: Array = _drives(self.parts)
         firsts = self.drives[:, 0].astype(np.intp) if form == "constrained" else np.zeros(0, dtype=np.intp)
@@ -108,36 +105,21 @@ class WholeBody(Robot):
         limits = whole.limits
         self.limits: Limits = Limits(limits.lower, limits.upper, limits.velocity[kept], limits.effort[kept])
         self.inertia: Inertia | None = whole.inertia
+        placed = list(parts_with_offsets(self.parts))
+        self.bases = tuple((first, part.kind) for first, part in placed if not isinstance(part, SerialArm))
+        self.driven_bases = tuple(part for _, part in placed if isinstance(part, Drive))
+        rows = [
+            [np.searchsorted(kept, first), first + 2, *row]
+            for first, part in placed
+            if isinstance(part, RollerBase) and np.isfinite(part.rim_speed)
+            for row in part.wheel_matrix * part.wheel_radius / part.rim_speed
+        ]
+        self.rollers = np.array(rows, dtype=np.float64).reshape(-1, driving.ROLLER_COLUMNS)
         self.shapes: LinkShapes | None = whole_body_shapes(self.parts, self.chain)
         self.placed_links = _placed_links(parts)
 
     def __repr__(self) -> str:
         return f"WholeBody({self.name!r}, {self.configuration_size} coordinates, {self.input_size} inputs)"
-
-    @property
-    def bases(self) -> tuple[tuple[int, str], ...]:
-        """Index of the first coordinate of each mobile base, and its kind."""
-        return tuple(
-            (first, part.kind)
-            for first, part in parts_with_offsets(self.parts)
-            if not isinstance(part, SerialArm)
-        )
-
-    @property
-    def driven_bases(self) -> tuple[Drive, ...]:
-        """The bases that cannot move sideways, in the order of ``drives``."""
-        return tuple(part for part in self.parts if isinstance(part, Drive))
-
-    @property
-    def rollers(self) -> Array:
-        """Table of its wheels with rollers that have a rim speed, shape (k, 5), see ``robots.kinematics.driving``."""
-        rows = [
-            [np.searchsorted(self.input_coordinates, first), first + 2, *row]
-            for first, part in parts_with_offsets(self.parts)
-            if isinstance(part, RollerBase) and np.isfinite(part.rim_speed)
-            for row in part.wheel_matrix * part.wheel_radius / part.rim_speed
-        ]
-        return np.array(rows, dtype=np.float64).reshape(-1, driving.ROLLER_COLUMNS)
 
     def in_form(self, form: Form) -> WholeBody:
         """Return the same robot with constrained or unconstrained inputs."""
@@ -181,20 +163,14 @@ class WholeBody(Robot):
         driving.feasible_inputs(self.drives, starts, wanted, out)
         return out.reshape(*batch_shape, size)
 
-    @property
-    def largest_acceleration(self) -> Array:
-        """Largest rate of each input in the constrained form, shape (n − k,), m/s² or rad/s²; infinite for joints."""
-        body = self if self.form == "constrained" else self.in_form("constrained")
+    def _base_accelerations(self) -> Array:
         rates = np.full(self.configuration_size, np.inf)
+        if self.input_size == self.configuration_size and len(self.drives):
+            return rates  # of drives that they cannot all follow
         for first, part in parts_with_offsets(self.parts):
             if not isinstance(part, SerialArm):
                 rates[first : first + 3] = part.acceleration, part.acceleration, part.turn_acceleration
-        return rates[body.input_coordinates]
-
-    def _base_accelerations(self) -> Array:
-        if self.input_size == self.configuration_size and len(self.drives):
-            return np.full(self.input_size, np.inf)  # rates of drives that they cannot all follow
-        return self.largest_acceleration
+        return rates[self.input_coordinates]
 
     def input_map(self, q: ArrayLike) -> Array:
         """Return F, shape (…, n − k, n), from rates of the configuration to wheel and joint speeds. [S17 4.27]
@@ -240,10 +216,8 @@ class WholeBody(Robot):
         out = self._constrained("speeds", speeds)
         for j, radius, half_track in self._pairs():
             right, left = out[..., j].copy(), out[..., j + 1].copy()
-            out[..., j], out[..., j + 1] = (
-                radius * (right + left) / 2,
-                radius * (right - left) / (2 * half_track),
-            )
+            out[..., j] = radius * (right + left) / 2
+            out[..., j + 1] = radius * (right - left) / (2 * half_track)
         return out
 
     def _inputs(self, field: str, value: ArrayLike) -> Array:
@@ -345,21 +319,10 @@ def _shape(part: ArrayLike) -> tuple[int, ...] | None:
         return None
 
 
-def _as_joints(part: Mover | ArrayLike) -> SerialArm | ArrayLike:
-    return part.joints() if isinstance(part, Base) else part
-
-
 def _drives(parts: Sequence[object]) -> Array:
     """Return the table of drives."""
     rows = [
-        [
-            first,
-            part.displacement,
-            part.wheel_radius,
-            part.half_track,
-            part.turning_radius,
-            part.rim_lever,
-        ]
+        [first, part.displacement, part.wheel_radius, part.half_track, part.turning_radius, part.rim_lever]
         for first, part in parts_with_offsets(parts)
         if isinstance(part, Drive)
     ]

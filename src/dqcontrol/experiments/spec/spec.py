@@ -72,8 +72,7 @@ from dqcontrol.robots import (
 )
 from dqcontrol.robots.files.load import robot_from
 from dqcontrol.robots.files.robot_file import plain_arm
-from dqcontrol.robots.kinematics.joined_chains import chain_as_tree
-from dqcontrol.robots.tree_robot import Root, TaskKind
+from dqcontrol.robots.tree_robot import Root, TaskKind, chain_as_tree
 from dqcontrol.supervisor import Supervisor
 from dqcontrol.world import World
 from dqcontrol.world.world import Bodies

@@ -25,7 +25,7 @@ from dqcontrol.files.yaml_file import convert, read_text
 from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, Plane, Shape, Sphere
 from dqcontrol.plants.mujoco.world_model import add_world
 from dqcontrol.references import position_path
-from dqcontrol.robots.files.mujoco_package import import_mujoco
+from dqcontrol.robots.files.mjcf import import_mujoco
 from dqcontrol.world import Body, Solid, World
 from dqcontrol.world.world import Bodies, plain_world
 

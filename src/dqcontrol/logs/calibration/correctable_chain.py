@@ -15,8 +15,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.robots import SerialArm
-from dqcontrol.robots.dh import compose, rotation_x, rotation_y, rotation_z, shift
-from dqcontrol.robots.poses import inverse7
+from dqcontrol.robots.poses import compose, inverse7, rotation_x, rotation_y, rotation_z, shift
 
 BASE, TOOL = "base", "tool"
 FRAME = ("x", "y", "z", "rz", "ry", "rx")

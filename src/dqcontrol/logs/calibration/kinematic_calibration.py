@@ -23,9 +23,8 @@ from dqcontrol.logs.calibration.correctable_chain import BASE, TOOL, Correctable
 from dqcontrol.logs.calibration.measured_poses import MeasuredPoses, read_measured_poses, searched_frames
 from dqcontrol.logs.joint_table import Angles
 from dqcontrol.robots import Robot, SerialArm, load_robot
-from dqcontrol.robots.dh import shift
 from dqcontrol.robots.files.robot_file import plain_arm
-from dqcontrol.robots.poses import positions
+from dqcontrol.robots.poses import positions, shift
 from dqcontrol.tables.tables import Cell, Column, PlusMinus, Table
 from dqcontrol.version import __version__
 

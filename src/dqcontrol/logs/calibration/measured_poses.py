@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.algebra import matrix_from_rotation, rotation, rotation_from_matrix, translation
-from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
+from dqcontrol.algebra.functions import WRITTEN_TOLERANCE
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError
 from dqcontrol.files.input_file import as_number, read_text
@@ -20,8 +20,7 @@ from dqcontrol.logs.joint_table import DEGREES_NOTE, Angles, must_be_degrees
 from dqcontrol.logs.text_table import ANGLES, LENGTHS, find_columns, name_and_unit, table_rows, unit_scale
 from dqcontrol.references.points import POSITION, QUATERNION
 from dqcontrol.robots import Robot, SerialArm
-from dqcontrol.robots.dh import shift
-from dqcontrol.robots.poses import positions
+from dqcontrol.robots.poses import positions, shift
 
 _FARTHEST = 20.0  # m; no tracker sees an arm so far away, so such numbers without a unit are mm
 _GAP = 0.1  # s without joint states beside a pose, at most

@@ -17,8 +17,8 @@ from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.mobile.odometry import Odometry, RollerOdometry
 from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
 from dqcontrol.robots.bases import CLEARANCE, Chassis, DifferentialDrive, RollerBase, RollerWheel
-from dqcontrol.robots.kinematics.axes import z_onto
 from dqcontrol.robots.limits import Inertia
+from dqcontrol.robots.poses import z_onto
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.whole_body import WholeBody
 

@@ -15,7 +15,7 @@ from dqcontrol.errors import ValueRangeError
 from dqcontrol.geometry import Capsule, Shape
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.plant import Channel
-from dqcontrol.robots.files.mujoco_package import import_mujoco
+from dqcontrol.robots.files.mjcf import import_mujoco
 from dqcontrol.robots.kinematics.kinematics_kernels import REVOLUTE
 from dqcontrol.robots.poses import positions
 

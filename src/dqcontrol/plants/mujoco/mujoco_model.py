@@ -23,7 +23,7 @@ from dqcontrol.plants.servo.servo_file import (
 from dqcontrol.plants.servo.servo_plant import Each, EachAboveZero
 from dqcontrol.robots.command_mode import CommandMode
 from dqcontrol.robots.files.description import drawn_reach, foot_below, joint_range, rod_radii
-from dqcontrol.robots.files.mujoco_package import import_mujoco as import_mujoco
+from dqcontrol.robots.files.mjcf import import_mujoco as import_mujoco
 from dqcontrol.robots.kinematics.kinematics_kernels import PRISMATIC
 
 if TYPE_CHECKING:

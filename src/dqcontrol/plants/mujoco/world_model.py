@@ -18,7 +18,7 @@ from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
 from dqcontrol.plants.mujoco.gripper import BODIES, GRIP_FORCE, PADS, Gripper, fingers
 from dqcontrol.plants.mujoco.wrist_sensor import TOOL
 from dqcontrol.plants.plant import Channel, begun_periods
-from dqcontrol.robots.files.mujoco_package import import_mujoco
+from dqcontrol.robots.files.mjcf import import_mujoco
 from dqcontrol.world import Body, World
 from dqcontrol.world.mesh import convex_parts
 from dqcontrol.world.world import FLOOR

@@ -9,7 +9,7 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.plants.mujoco.gripper import BODIES
-from dqcontrol.robots.files.mujoco_package import import_mujoco
+from dqcontrol.robots.files.mjcf import import_mujoco
 
 if TYPE_CHECKING:
     from dqcontrol.plants.wrist import Wrist

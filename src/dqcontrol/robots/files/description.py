@@ -81,11 +81,10 @@ def describe(robot: Robot) -> Description:
     for i, (name, kind) in enumerate(zip(robot.joint_names, robot.joint_types, strict=True)):
         unit = np.pi / 180 if kind == "revolute" else 1.0
         lower, upper, j = float(limits.lower[i] / unit), float(limits.upper[i] / unit), inputs.get(i)
-        if j is None:
-            rows.append(JointRow(name, kind, lower, upper, "", None, None))
-            continue
-        velocity, effort = float(limits.velocity[j] / unit), float(limits.effort[j])
-        rows.append(JointRow(name, kind, lower, upper, robot.input_names[j], velocity, effort))
+        moved = "", None, None
+        if j is not None:
+            moved = robot.input_names[j], float(limits.velocity[j] / unit), float(limits.effort[j])
+        rows.append(JointRow(name, kind, lower, upper, *moved))
     mass = float(robot.inertia.mass.sum()) if robot.inertia is not None else None
     bases = " + ".join(kind for _, kind in robot.bases)
     return Description(robot.name, bases, tuple(rows), robot.reach, mass, getattr(robot, "links", ()))

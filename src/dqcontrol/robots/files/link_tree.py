@@ -1,31 +1,40 @@
-"""Links and joints as files describe them, and the trees and chains that are made of them."""
+"""Links and joints as files describe them, the trees and chains that are made of them, and where a chain ends."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+import re
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise, takewhile
 from pathlib import Path
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import Error, FileFormatError, UnknownNameError, suggest
-from dqcontrol.robots.dh import compose, shift
-from dqcontrol.robots.files.default_tip import default_tip, ways_down
-from dqcontrol.robots.kinematics.axes import rotation_matrix
+from dqcontrol.errors import Error, FileFormatError, NoteWarning, UnknownNameError, suggest
 from dqcontrol.robots.kinematics.kinematics_kernels import PRISMATIC, REVOLUTE
 from dqcontrol.robots.limits import Inertia, Limits
-from dqcontrol.robots.poses import inverse7
+from dqcontrol.robots.poses import compose, inverse7, rotation_matrix, shift
 from dqcontrol.robots.robot import NamedFrame, PlacedLinks
 from dqcontrol.robots.serial_arm import SerialArm
-from dqcontrol.robots.tree_robot import PoseTask, TreeJoints, TreeRobot
+from dqcontrol.robots.tree_robot import TreeJoints, TreeRobot, seen_from
 
 LinkJointKind: TypeAlias = Literal["revolute", "prismatic", "fixed", "floating", "other"]
 _MOVING = ("revolute", "prismatic")
-_FLOATING = (("x", "prismatic"), ("y", "prismatic"), ("z", "prismatic"), ("yaw", "revolute"), ("pitch", "revolute"),
-             ("roll", "revolute"))  # fmt: skip
+_HALF = math.sqrt(0.5)
+_ALONG_X, _ALONG_Y, _ALONG_Z = (_HALF, 0.0, _HALF, 0.0), (_HALF, -_HALF, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+# joints of a floating root, and the turns of their frames, whose z axes they are along or about
+_FLOATING: dict[str, tuple[LinkJointKind, tuple[float, ...]]] = {
+    "x": ("prismatic", _ALONG_X),
+    "y": ("prismatic", _ALONG_Y),
+    "z": ("prismatic", _ALONG_Z),
+    "yaw": ("revolute", _ALONG_Z),
+    "pitch": ("revolute", _ALONG_Y),
+    "roll": ("revolute", _ALONG_X),
+}
 
 
 class Mimic(NamedTuple):
@@ -34,6 +43,13 @@ class Mimic(NamedTuple):
     joint: str
     multiplier: float = 1.0
     offset: float = 0.0
+
+
+class RoundLink(NamedTuple):
+    """The round shape of a link: its radius, m, and its middle in the link's frame, (3,), m."""
+
+    radius: float
+    middle: Array
 
 
 class LinkBody(NamedTuple):
@@ -140,7 +156,7 @@ class LinkTree:
             If a joint follows one that does not exist, or that follows another itself, or cannot move by itself.
         """
         for name in (*(tips or ()), *([base] if base else ())):
-            self._check(name)
+            known_link("frame", name, self.links, self.where)
         joints = [*self._free_base(floating), *self.joints]
         kept = _ancestors(joints, tips) if tips else {joint.name for joint in joints}
         self._check_free(kept)
@@ -153,32 +169,29 @@ class LinkTree:
             raise FileFormatError(f"{self.where}: has no joint that turns or slides{above}")
         index = {joint.name: i for i, joint in enumerate(coordinates)}
         stands, at, parts = self._placed(joints, free, _ground(joints, self.root))
-        rows: list[tuple[object, ...]] = []
-        for joint, (row, pose) in zip(free, stands, strict=True):
-            mimic = joint.mimic or Mimic(joint.name)
-            kind = REVOLUTE if joint.kind == "revolute" else PRISMATIC
-            coordinate = index[mimic.joint]
-            offset = mimic.offset + joint.offset
-            rows.append((pose, kind, row, coordinate, coordinate, mimic.multiplier, offset))
-        limits = [(joint.lower, joint.upper, joint.velocity, joint.effort) for joint in coordinates]
+        mimics = [joint.mimic or Mimic(joint.name) for joint in free]
+        moved = np.array([index[mimic.joint] for mimic in mimics])
         frames = {name: NamedFrame(*at[name]) for name in self.links}
         first = tips[0] if tips else _first_leaf(self._joints_of_bodies(), self.root)
-        task = (
-            PoseTask("frame", (first,))
-            if base in (None, self.root)
-            else PoseTask("relative", (first, str(base)))
-        )
         robot = TreeRobot(
             TreeJoints(
-                *(np.array(values) for values in zip(*rows, strict=True)),
+                fixed=np.array([pose for _, pose in stands]),
+                kind=np.array([REVOLUTE if joint.kind == "revolute" else PRISMATIC for joint in free]),
+                parent=np.array([row for row, _ in stands]),
+                coordinate=moved,
+                column=moved,
+                multiplier=np.array([mimic.multiplier for mimic in mimics]),
+                offset=np.array(
+                    [mimic.offset + joint.offset for mimic, joint in zip(mimics, free, strict=True)]
+                ),
                 names=tuple(joint.name for joint in free),
             ),
             frames,
-            task,
+            seen_from(first, None if base == self.root else base),
             joint_names=[joint.name for joint in coordinates],
             joint_types=[joint.kind for joint in coordinates],
-            limits=Limits(*np.array(limits).T),
-            inertia=_lumped(parts, len(rows)),
+            limits=_limits(coordinates),
+            inertia=_lumped(parts, len(free)),
             name=self.name,
         )
         robot.placed_links = PlacedLinks(Path(self.where), frames)
@@ -194,20 +207,14 @@ class LinkTree:
         UnknownNameError, FileFormatError
             As for `load_urdf`.
         """
-        start = self._check(base, "base_link") if base is not None else self.root
-        end = self._check(tip, "tip_link") if tip is not None else self.default_tip(start)
+        start = known_link("base_link", base or self.root, self.links, self.where)
+        end = (
+            known_link("tip_link", tip, self.links, self.where)
+            if tip is not None
+            else self.default_tip(start)
+        )
         carried = {joint.child: joint for joint in self.joints}
-        path: list[LinkJoint] = []
-        link = end
-        while link != start:
-            if link not in carried:
-                way = " < ".join([end, *(joint.parent for joint in path)])
-                raise UnknownNameError(
-                    f"tip_link: '{end}' is not below base link '{start}' in {self.where}, but on {way}"
-                )
-            path.append(carried[link])
-            link = path[-1].parent
-        path.reverse()
+        path = way_between(carried, start, end, self.where)
         self._check_free({joint.name for joint in path})
         moving = [joint for joint in path if joint.kind in _MOVING]
         if not moving:
@@ -224,11 +231,10 @@ class LinkTree:
                 fixed.append(pose)
                 pose = _screw(joint, joint.offset)
             pose = compose(pose, joint.link)
-        limits = np.array([(joint.lower, joint.upper, joint.velocity, joint.effort) for joint in moving])
         arm = SerialArm(
             np.array([*fixed, pose]),
             [joint.kind for joint in moving],
-            limits=Limits(*limits.T),
+            limits=_limits(moving),
             joint_names=[joint.name for joint in moving],
             name=self.name,
         )
@@ -277,14 +283,6 @@ class LinkTree:
             if name in joints:
                 raise error
 
-    def _check(self, name: str, field: str = "frame") -> str:
-        if name not in self.links:
-            raise UnknownNameError(
-                f"{field}: unknown link '{name}'{suggest(name, self.links)} "
-                f"(links of {self.where}: {', '.join(self.links)})"
-            )
-        return name
-
     def _leaders(self, free: Sequence[LinkJoint]) -> dict[str, LinkJoint]:
         """Return the joints that others follow, checked."""
         by_name = {joint.name: joint for joint in self.joints}
@@ -310,27 +308,13 @@ class LinkTree:
     def _free_base(self, floating: bool) -> list[LinkJoint]:
         if not floating:
             return []
-        names = [f"base_{name}" for name, _ in _FLOATING]
-        links = [f"{self.root} {name}" for name, _ in _FLOATING[:-1]]
-        half = math.sqrt(0.5)
-        turned = {  # frames with z along x and y, and back
-            "x": (half, 0.0, half, 0.0),
-            "y": (half, -half, 0.0, 0.0),
-            "z": (1.0, 0.0, 0.0, 0.0),
-        }
-        axes = dict(zip("xyz", turned.values(), strict=True)) | {
-            "yaw": turned["z"],
-            "pitch": turned["y"],
-            "roll": turned["x"],
-        }
-        carriers = [f"{self.root} ground", *links]
-        out = []
-        for (axis, kind), name, parent, child in zip(
-            _FLOATING, names, carriers, [*links, self.root], strict=True
-        ):
-            turn = np.array([*axes[axis], 0, 0, 0])
-            out.append(LinkJoint(name, kind, parent, child, turn, inverse7(turn)))  # type: ignore[arg-type]
-        return out
+        links = [f"{self.root} {name}" for name in ("ground", *_FLOATING)]
+        links[-1] = self.root
+        turns = {name: np.array([*turn, 0, 0, 0]) for name, (_, turn) in _FLOATING.items()}
+        return [
+            LinkJoint(f"base_{name}", kind, parent, child, turns[name], inverse7(turns[name]))
+            for (name, (kind, _)), (parent, child) in zip(_FLOATING.items(), pairwise(links), strict=True)
+        ]
 
     def _placed(
         self,
@@ -385,6 +369,10 @@ def _screw(joint: LinkJoint, value: float) -> Array:
     return np.array([math.cos(value / 2), 0, 0, math.sin(value / 2), 0, 0, 0])
 
 
+def _limits(joints: Sequence[LinkJoint]) -> Limits:
+    return Limits(*np.array([(joint.lower, joint.upper, joint.velocity, joint.effort) for joint in joints]).T)
+
+
 def _ground(joints: Sequence[LinkJoint], root: str) -> str:
     return joints[0].parent if joints and joints[0].parent.endswith(" ground") else root
 
@@ -421,3 +409,140 @@ def _lumped(parts: Mapping[int, Sequence[tuple[Array, LinkBody]]], count: int) -
                 off @ off * np.eye(3) - np.outer(off, off)
             )
     return Inertia(mass, center, tensor) if mass.any() else None
+
+
+_GRIPPER = re.compile("grip|finger|thumb|jaw|claw|knuckle", re.IGNORECASE)
+
+Joint: TypeAlias = Any
+"""What joins two links, whatever kind of file it is from: it has a name, ``parent``, ``child`` and ``mimic``."""
+
+
+class PartedWay(NamedTuple):
+    """The joints from a link to an end of the tree: those of the arm, and the moving ones of the gripper at its end."""
+
+    arm: list[Joint]
+    gripper: list[Joint]
+
+
+def known_link(field: str, name: str, links: Iterable[str], where: str) -> str:
+    """Return a link's name, or say that there is none such in a file."""
+    if name not in links:
+        raise UnknownNameError(
+            f"{field}: unknown link '{name}'{suggest(name, links)} (links of {where}: {', '.join(links)})"
+        )
+    return name
+
+
+def way_between(carried: Mapping[str, Joint], base: str, tip: str, where: str) -> list[Joint]:
+    """Return the joints from one link down to another, of those by the links that they carry."""
+    joints, link = list[Joint](), tip
+    while link != base:
+        if link not in carried:
+            way = " < ".join([tip, *(joint.parent for joint in joints)])
+            raise UnknownNameError(
+                f"tip_link: '{tip}' is not below base link '{base}' in {where}, but on {way}"
+            )
+        joints.append(carried[link])
+        link = joints[-1].parent
+    return joints[::-1]
+
+
+def ways_down(joints: Iterable[Joint], base: str) -> Iterator[list[Joint]]:
+    """Yield the joints from a link down to each end below it; ``joints`` has parents before children."""
+    ways: dict[str, list[Joint]] = {base: []}
+    parents = set()
+    for joint in joints:
+        parents.add(joint.parent)
+        if joint.parent in ways:
+            ways[joint.child] = [*ways[joint.parent], joint]
+    yield from (way for link, way in ways.items() if link not in parents)
+
+
+def longest_arms(
+    ways: Iterable[list[Joint]], moves: Callable[[Joint], bool], held: Callable[[Joint], bool]
+) -> tuple[int, list[PartedWay]]:
+    """Return the ways with most joints before their grippers, and how many joints these are.
+
+    A gripper is what moves last, if it is named like one or held: by a loop, or by another joint that it follows, but
+    none of the arm's. It has no more joints than the arm that carries it.
+
+    Parameters
+    ----------
+    ways
+        From `ways_down`.
+    moves
+        Whether a joint would be one of the arm's.
+    held
+        Whether a joint moves with others only.
+    """
+    parted = [_parted(way, moves, held) for way in ways]
+    counts = [sum(map(moves, way.arm)) for way in parted]
+    most = max(counts, default=0)
+    return most, [way for way, count in zip(parted, counts, strict=True) if count == most]
+
+
+def default_tip(
+    where: str,
+    name: str,
+    base: str,
+    ways: Iterable[list[Joint]],
+    moves: Callable[[Joint], bool],
+    held: Callable[[Joint], bool],
+) -> str:
+    """Return the link where a chain ends if nobody says; a `NoteWarning` tells which gripper is left out.
+
+    Raises
+    ------
+    UnknownNameError
+        If several links may be meant.
+    """
+    most, best = longest_arms(ways, moves, held)
+    ends: dict[str, list[str]] = {}
+    for hand in _hands(best, moves):
+        holding = [way for way in hand if way.gripper]
+        if holding:
+            tip = shared([way.arm for way in holding])[-1].child
+            ends[tip] = list(dict.fromkeys(joint.name for way in holding for joint in way.gripper))
+        else:
+            ends |= {way.arm[-1].child: [] for way in hand if way.arm}
+    if not ends:
+        return base
+    tip, gripper = next(iter(ends.items()))
+    if len(ends) > 1:
+        raise UnknownNameError(
+            f"tip_link: must be given for {where}; {len(ends)} links end a chain of {most} joints: "
+            f"{', '.join(ends)} (--tip-link {tip}; in a spec robot: {{source: …, tip_link: {tip}}})"
+        )
+    if gripper:
+        warnings.warn(
+            f"{name}: the arm ends at {tip}, without the joints of its gripper ({', '.join(gripper)}); "
+            "for another end: --tip-link LINK; in a spec robot: {source: …, tip_link: LINK}",
+            NoteWarning,
+            stacklevel=4,
+        )
+    return tip
+
+
+def shared(ways: Sequence[list[Joint]]) -> list[Joint]:
+    """Return the joints with which all of some ways begin."""
+    steps = takewhile(lambda each: len({joint.name for joint in each}) == 1, zip(*ways, strict=False))
+    return [each[0] for each in steps]
+
+
+def _parted(way: list[Joint], moves: Callable[[Joint], bool], held: Callable[[Joint], bool]) -> PartedWay:
+    moving = [i for i, joint in enumerate(way) if moves(joint) or held(joint)]
+    last = list(takewhile(lambda i: held(way[i]) or _GRIPPER.search(way[i].name), reversed(moving)))
+    if not last or 2 * len(last) > len(moving):
+        return PartedWay(way, [])
+    arm, gripper = way[: last[-1]], [way[i] for i in reversed(last)]
+    followed = {joint.mimic.joint for joint in gripper if joint.mimic is not None}
+    return PartedWay(way, []) if followed & {joint.name for joint in arm} else PartedWay(arm, gripper)
+
+
+def _hands(ways: Iterable[PartedWay], moves: Callable[[Joint], bool]) -> Iterable[list[PartedWay]]:
+    """Return ways by the joint that moves their ends."""
+    hands: dict[str, list[PartedWay]] = {}
+    for way in ways:
+        last = next((joint.name for joint in reversed(way.arm) if moves(joint)), "")
+        hands.setdefault(last, []).append(way)
+    return hands.values()

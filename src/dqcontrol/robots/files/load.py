@@ -26,8 +26,8 @@ from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.serial_arm import SerialArm
 
 if TYPE_CHECKING:
+    from dqcontrol.robots.bases import DriveKind
     from dqcontrol.robots.files.link_tree import LinkTree
-    from dqcontrol.robots.inverse.found_base import DriveKind
     from dqcontrol.robots.tree_robot import TreeRobot
     from dqcontrol.robots.whole_body import WholeBody
 
@@ -294,13 +294,11 @@ def load_robot(
     if drive is not None:
         if tips is not None or floating or base_link is not None:
             raise ShapeError("drive: makes a base on wheels; leave out 'tips', 'floating' and 'base_link'")
-        from dqcontrol.robots.files.mobile_robot_file import (
-            mobile_robot_from,  # as other readers: when a file needs it
-        )
+        # as other readers: when a file needs it
+        from dqcontrol.robots.files.mobile_robot_file import DriveHints, mobile_robot_from
 
-        return mobile_robot_from(
-            file_of(source), tip_link, drive=None if drive == "found" else drive, **wheels
-        )
+        hints = DriveHints(None if drive == "found" else drive, **wheels)
+        return mobile_robot_from(file_of(source), tip_link, hints)
     if given := [name for name, value in wheels.items() if value is not None]:
         raise ShapeError(f"{given[0]}: is that of a drive; give drive='found' beside it")
     text = str(source)
@@ -322,7 +320,7 @@ def load_robot(
     return robot
 
 
-def file_of(source: str | Path) -> Path:
+def file_of(source: str | Path, what: str = "which could have wheels") -> Path:
     """Return the URDF, xacro or MJCF file that a source names.
 
     Raises
@@ -330,33 +328,21 @@ def file_of(source: str | Path) -> Path:
     UnknownNameError
         If it names none.
     """
-    text = str(source)
-    path = installed_file(text) or Path(text)
+    path = installed_file(str(source)) or Path(source)
     if path.suffix.lower() not in (URDF, XACRO, MJCF):
-        raise UnknownNameError(
-            f"robot: '{text}' is no .urdf, .xacro or .xml (MJCF) file, which could have wheels"
-        )
+        raise UnknownNameError(f"robot: '{source}' is no .urdf, .xacro or .xml (MJCF) file, {what}")
     return path
 
 
 def _links(source: str | Path) -> LinkTree:
-    text = str(installed_file(str(source)) or source)
-    suffix = Path(text).suffix.lower()
-    if suffix in (URDF, XACRO):
-        from dqcontrol.robots.files.urdf import urdf_tree
+    path = file_of(source, "whose links form a tree")
+    if path.suffix.lower() == MJCF:
+        from dqcontrol.robots.files.mjcf import mjcf_tree
 
-        return urdf_tree(text)
-    if suffix == MJCF:
-        return _mjcf_tree(text)
-    raise UnknownNameError(
-        f"robot: '{text}' is no .urdf, .xacro or .xml (MJCF) file, whose links form a tree"
-    )
+        return mjcf_tree(path)
+    from dqcontrol.robots.files.urdf import urdf_tree
 
-
-def _mjcf_tree(path: str) -> LinkTree:
-    from dqcontrol.robots.files.mjcf import mjcf_tree
-
-    return mjcf_tree(path)
+    return urdf_tree(path)
 
 
 def robot_from(path: str | Path, data: Any) -> Robot:
@@ -394,7 +380,7 @@ def _read(source: str | Path, base_link: str | None, tip_link: str | None) -> Se
 
         return load_urdf(text, base_link, tip_link)
     if suffix == MJCF:
-        return _mjcf_tree(text).chain(base_link, tip_link)
+        return _links(text).chain(base_link, tip_link)
     if suffix not in (".yaml", ".yml") and text not in robot_names():
         raise UnknownNameError(
             f"{unknown_name('robot', text, robot_names())}; or give the path of a "

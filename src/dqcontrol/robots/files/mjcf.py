@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import re
 import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.algebra.conversions import matrix_from_pose, pose
 from dqcontrol.arrays import Array
-from dqcontrol.errors import Error, FileFormatError
-from dqcontrol.robots.dh import compose, shift
-from dqcontrol.robots.files.link_tree import LinkBody, LinkJoint, LinkTree, Mimic
-from dqcontrol.robots.files.mujoco_package import import_mujoco
-from dqcontrol.robots.inverse.found_base import RoundLink
-from dqcontrol.robots.kinematics.axes import z_onto
-from dqcontrol.robots.poses import inverse7
+from dqcontrol.errors import Error, FileFormatError, from_extra
+from dqcontrol.robots.files.link_tree import LinkBody, LinkJoint, LinkTree, Mimic, RoundLink
+from dqcontrol.robots.poses import compose, inverse7, shift, z_onto
 
 _FREE, _BALL, _SLIDE, _HINGE = range(4)  # mjtJoint
 _CONNECT, _WELD, _JOINT, _TENDON = range(4)  # mjtEq
@@ -46,6 +43,20 @@ class ServoGains:
     damping: float
     effort: float
     armature: float
+
+
+def import_mujoco(what: str = "physics and models of MuJoCo") -> Any:
+    """Return the mujoco package.
+
+    Raises
+    ------
+    MissingExtraError
+        If it is not installed; ``what``, in the plural, needs it.
+    """
+    mujoco = from_extra("mujoco", "physics", what)
+    if mujoco.get_mju_user_warning() is None:  # by default MuJoCo writes a log file to the working folder
+        mujoco.set_mju_user_warning(logging.getLogger("dqcontrol.mujoco").info)
+    return mujoco
 
 
 def mjcf_tree(path: str | Path) -> LinkTree:
@@ -113,13 +124,6 @@ def mjcf_round_links(path: str | Path) -> dict[str, RoundLink]:
         if body not in found or found[body].radius < radius:
             found[body] = RoundLink(radius, model.geom_pos[i].copy())
     return found
-
-
-class _JointLimits(NamedTuple):
-    lower: float
-    upper: float
-    velocity: float
-    effort: float
 
 
 class MjcfFile:
@@ -218,25 +222,14 @@ class MjcfFile:
                 parent, place = child, shift()
                 continue
             anchor = compose(shift(*model.jnt_pos[j]), z_onto(model.jnt_axis[j]))
-            limits = self._limits(j)
-            yield LinkJoint(
-                name,
-                "revolute" if kind == _HINGE else "prismatic",
-                parent,
-                child,
-                compose(place, anchor),
-                inverse7(anchor),
-                limits.lower,
-                limits.upper,
-                limits.velocity,
-                limits.effort,
-                mimic=follows.get(j),
-                offset=-float(model.qpos0[model.jnt_qposadr[j]]),
-            )
+            frames = compose(place, anchor), inverse7(anchor)
+            moves = "revolute" if kind == _HINGE else "prismatic"
+            start = float(model.qpos0[model.jnt_qposadr[j]])
+            yield LinkJoint(name, moves, parent, child, *frames, *self._limits(j), follows.get(j), -start)
             parent, place = child, shift()
 
-    def _limits(self, joint: int) -> _JointLimits:
-        """Return the limits of a joint: its own, and those of what its actuators may be told.
+    def _limits(self, joint: int) -> tuple[float, float, float, float]:
+        """Return lower and upper limit, velocity and effort: a joint's own, and of what its actuators may be told.
 
         With gain g and bias b of an actuator (f = g u + b₁ q + b₂ q̇, by MuJoCo's documentation) its u is a torque where
         b = 0, a position where b₁ = −g, a velocity where b₂ = −g and b₁ = 0; gears scale all.
@@ -265,7 +258,7 @@ class MjcfFile:
                 velocity = min(velocity, largest / abs(gear))
             elif bias[1] == -gain and not model.jnt_limited[joint]:
                 lower, upper = sorted((low / gear, high / gear))
-        return _JointLimits(float(lower), float(upper), float(velocity), float(effort))
+        return float(lower), float(upper), float(velocity), float(effort)
 
     def _equalities(self) -> tuple[dict[int, Mimic], dict[str, Error]]:
         """Return what joints follow, by their numbers, and what else ties joints, by their names."""
@@ -277,14 +270,15 @@ class MjcfFile:
                 continue
             kind = int(model.eq_type[i])
             if kind in (_CONNECT, _WELD):
-                if kind == _WELD and self._is_mocap(i):
+                bodies = self._bodies(i)
+                if kind == _WELD and not self._ties_sites(i) and (model.body_mocapid[bodies] >= 0).any():
                     continue  # what drags a body about from outside
-                tied = self._between(self._bodies(i))
+                tied = self._between(bodies)
                 free = {j for j in tied if int(model.jnt_type[j]) == _FREE} - placed
                 if free:
                     placed.add(min(free))
                     continue  # what is free goes where it is tied to
-                pair = " and ".join(f"'{self._object_name(model, i, side)}'" for side in (1, 2))
+                pair = " and ".join(f"'{name}'" for name in self._tied_names(i))
                 text = f"{'connects' if kind == _CONNECT else 'welds'} {pair}: that closes a loop, and a tree has none"
             elif kind == _JOINT:
                 text, tied = self._tie(i, follows)
@@ -300,7 +294,7 @@ class MjcfFile:
     def _tie(self, equality: int, follows: dict[int, Mimic]) -> tuple[str, set[int]]:
         """Note a joint that follows another; or return which does so in another way, and what to say."""
         model = self.model
-        first, second = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
+        first, second = self._ends(equality)
         poly, name = model.eq_data[equality, :5], self.joint_name(first)
         if second < 0:
             return f"holds joint '{name}' at a value; make it a fixed body", {first}
@@ -316,12 +310,20 @@ class MjcfFile:
         )
         return "", set()
 
+    def _ends(self, equality: int) -> tuple[int, int]:
+        return int(self.model.eq_obj1id[equality]), int(self.model.eq_obj2id[equality])
+
+    def _ties_sites(self, equality: int) -> bool:
+        return int(self.model.eq_objtype[equality]) == int(self.mujoco.mjtObj.mjOBJ_SITE)
+
     def _bodies(self, equality: int) -> list[int]:
         """Return the bodies that an equality of bodies or sites ties."""
-        model = self.model
-        sites = int(model.eq_objtype[equality]) == int(self.mujoco.mjtObj.mjOBJ_SITE)
-        pair = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
-        return [int(model.site_bodyid[each]) if sites else each for each in pair]
+        sites, ends = self._ties_sites(equality), self._ends(equality)
+        return [int(self.model.site_bodyid[each]) if sites else each for each in ends]
+
+    def _tied_names(self, equality: int) -> list[str]:
+        kind = "SITE" if self._ties_sites(equality) else "BODY"
+        return [self.name(kind, each) if each else "world" for each in self._ends(equality)]
 
     def _between(self, bodies: Iterable[int]) -> set[int]:
         """Return the joints that move some of some bodies against others."""
@@ -341,7 +343,7 @@ class MjcfFile:
         """Return the joints that the tendons of an equality pull at."""
         model, wraps = self.model, self.mujoco.mjtWrap
         tied, bodies = set[int](), list[int]()
-        for tendon in (int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])):
+        for tendon in self._ends(equality):
             if tendon < 0:
                 continue
             first = int(model.tendon_adr[tendon])
@@ -352,19 +354,6 @@ class MjcfFile:
                 elif kind == int(wraps.mjWRAP_SITE):
                     bodies.append(int(model.site_bodyid[index]))
         return tied | self._between(bodies) if bodies else tied
-
-    def _is_mocap(self, equality: int) -> bool:
-        """Return whether one of two welded bodies is moved by hand."""
-        model = self.model
-        if int(model.eq_objtype[equality]) != int(self.mujoco.mjtObj.mjOBJ_BODY):
-            return False
-        pair = int(model.eq_obj1id[equality]), int(model.eq_obj2id[equality])
-        return any(body >= 0 and model.body_mocapid[body] >= 0 for body in pair)
-
-    def _object_name(self, model: Any, equality: int, side: int) -> str:
-        sites = int(model.eq_objtype[equality]) == int(self.mujoco.mjtObj.mjOBJ_SITE)
-        index = int((model.eq_obj1id if side == 1 else model.eq_obj2id)[equality])
-        return self.name("SITE" if sites else "BODY", index) if index else "world"
 
 
 def _rotated(quaternion: Array, moments: Array) -> Array:

@@ -16,19 +16,19 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, error_prefix, unknown_name
 from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
 from dqcontrol.geometry import Box, Capsule, Sphere
-from dqcontrol.robots.dh import (
-    chain_from_denso,
-    chain_from_dh,
+from dqcontrol.robots.dh import chain_from_denso, chain_from_dh
+from dqcontrol.robots.limits import Inertia, Limits
+from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
+from dqcontrol.robots.poses import (
+    chain_from_axes,
     compose,
+    pose7,
+    rotation_matrix,
     rotation_x,
     rotation_y,
     rotation_z,
     shift,
 )
-from dqcontrol.robots.kinematics.axes import chain_from_axes, rotation_matrix
-from dqcontrol.robots.limits import Inertia, Limits
-from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
-from dqcontrol.robots.poses import pose7
 from dqcontrol.robots.serial_arm import SerialArm
 
 Length = Annotated[float, Meta(ge=-1e3, le=1e3, description="m")]
@@ -44,6 +44,18 @@ _ROWS = {"dh": "DH", "denso": "DENSO"}  # keys of table rows
 
 class FilePart(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """Base of all parts of a robot file."""
+
+
+class NamedFile(FilePart):
+    """What all robots' files begin with; ``angles`` is the unit of every angle in one."""
+
+    name: Annotated[str, Meta(min_length=1)]
+    angles: Literal["degrees", "radians"]
+
+    @property
+    def unit(self) -> float:
+        """Its unit of angles, rad."""
+        return math.pi / 180 if self.angles == "degrees" else 1.0
 
 
 class DHRow(FilePart):
@@ -84,6 +96,15 @@ class JointLimits(FilePart):
     ) = None
     effort: Annotated[Positive, Meta(description="N·m, or N if prismatic")] | None = None
 
+    def bounds(self, unit: float) -> tuple[float, float, float, float]:
+        """Return lower and upper limit, velocity and effort of a joint whose positions are in a unit, rad or m."""
+        return (
+            -math.inf if self.lower is None else self.lower * unit,
+            math.inf if self.upper is None else self.upper * unit,
+            math.inf if self.velocity is None else self.velocity * unit,
+            math.inf if self.effort is None else self.effort,
+        )
+
 
 class Tensor(FilePart):
     """Inertia about the centre of mass, axes of the joint's frame."""
@@ -94,6 +115,13 @@ class Tensor(FilePart):
     xy: Moment = 0.0
     xz: Moment = 0.0
     yz: Moment = 0.0
+
+    @property
+    def matrix(self) -> Array:
+        """The same as a matrix, shape (3, 3)."""
+        return np.array(
+            [[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]]
+        )
 
 
 class JointInertia(FilePart):
@@ -150,7 +178,7 @@ class CollisionShape(FilePart):
     box: BoxShape | None = None
 
 
-class RobotFile(FilePart):
+class RobotFile(NamedFile):
     """A robot file.
 
     ``angles`` is the unit of every angle in it, also of limits and per second of velocity limits.
@@ -160,8 +188,6 @@ class RobotFile(FilePart):
     kept apart.
     """
 
-    name: Annotated[str, Meta(min_length=1)]
-    angles: Literal["degrees", "radians"]
     joints: Annotated[list[Joint], Meta(min_length=1, max_length=1000)]
     convention: Literal["standard", "modified", "denso"] | None = None
     base: FixedPose = msgspec.field(default_factory=FixedPose)
@@ -226,17 +252,16 @@ def load_robot_file(path: str | Path) -> SerialArm:
 
 def plain_arm(arm: SerialArm) -> dict[str, Any]:
     """Return the content of a robot file for an arm, from which `arm_from` makes it again."""
-    joints: list[dict[str, Any]] = []
-    for i, name in enumerate(arm.joint_names):
-        joint = {
+    joints = [
+        {
             "name": name,
             "type": arm.joint_types[i],
             "pose": plain_pose(arm.chain[i]),
             "limits": plain_limits(arm.limits, i),
+            **({"inertia": plain_inertia(arm.inertia, i)} if arm.inertia is not None else {}),
         }
-        if arm.inertia is not None:
-            joint["inertia"] = plain_inertia(arm.inertia, i)
-        joints.append(joint)
+        for i, name in enumerate(arm.joint_names)
+    ]
     plain = {"name": arm.name, "angles": "radians", "joints": joints, "tool": plain_pose(arm.chain[-1])}
     return plain | (plain_shapes(arm) if arm.shapes else {})
 
@@ -289,7 +314,7 @@ def plain_inertia(bodies: Inertia, i: int) -> dict[str, Any]:
 def arm_from(path: str | Path, plain: Any) -> SerialArm:
     """Make an arm of the plain data of a file; ``path`` is for the messages."""
     data = convert(path, plain, RobotFile)
-    unit = math.pi / 180 if data.angles == "degrees" else 1.0
+    unit = data.unit
     try:
         fixed, turns = _chain(data, unit)
         arm = SerialArm(
@@ -410,19 +435,13 @@ def _shapes(data: RobotFile) -> LinkShapes | None:
 
 
 def _limits(data: RobotFile, unit: float) -> Limits:
-    table = np.empty((4, len(data.joints)))
-    for i, joint in enumerate(data.joints):
-        lim = joint.limits
-        scale = unit if joint.type == "revolute" else 1.0
-        lower = -math.inf if lim.lower is None else lim.lower * scale
-        upper = math.inf if lim.upper is None else lim.upper * scale
-        if lower >= upper:
-            raise FileFormatError(
-                f"joints[{i}].limits: lower {lim.lower:g} ≥ upper {lim.upper:g}; lower must be below upper"
-            )
-        velocity = math.inf if lim.velocity is None else lim.velocity * scale
-        table[:, i] = lower, upper, velocity, math.inf if lim.effort is None else lim.effort
-    return Limits(table[0], table[1], table[2], table[3])
+    table = np.array([each.limits.bounds(unit if each.type == "revolute" else 1.0) for each in data.joints]).T
+    for i in np.flatnonzero(table[0] >= table[1])[:1]:
+        lim = data.joints[i].limits
+        raise FileFormatError(
+            f"joints[{i}].limits: lower {lim.lower:g} ≥ upper {lim.upper:g}; lower must be below upper"
+        )
+    return Limits(*table)
 
 
 def _inertia(data: RobotFile, turns: list[Array] | None) -> Inertia | None:
@@ -434,8 +453,7 @@ def _inertia(data: RobotFile, turns: list[Array] | None) -> Inertia | None:
     for i, body in enumerate(bodies):
         if body is None:
             raise FileFormatError(f"joints[{i}]: missing key 'inertia', other joints have it")
-        t = body.tensor
-        matrix = np.array([[t.xx, t.xy, t.xz], [t.xy, t.yy, t.yz], [t.xz, t.yz, t.zz]])
+        matrix = body.tensor.matrix
         if np.linalg.eigvalsh(matrix)[0] < 0:
             raise FileFormatError(
                 f"joints[{i}].inertia.tensor: must not be negative in any direction, got {matrix}"

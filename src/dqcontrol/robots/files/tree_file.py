@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,23 +10,22 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from dqcontrol.algebra.conversions import pose
-from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, ValueRangeError, error_prefix, unknown_name
 from dqcontrol.files.yaml_file import convert
-from dqcontrol.robots.dh import shift
 from dqcontrol.robots.files.link_tree import LinkBody, LinkJoint, LinkTree, Mimic
 from dqcontrol.robots.files.robot_file import (
     FilePart,
     FixedPose,
     JointInertia,
     JointLimits,
+    NamedFile,
     Position,
     fixed_pose,
     plain_inertia,
     plain_limits,
     plain_pose,
 )
+from dqcontrol.robots.poses import pose8, shift
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.tree_robot import Root, TreeRobot
@@ -52,11 +50,9 @@ class ArmOfTwo(FilePart):
     mirrored: bool = False
 
 
-class TwoArmsFile(FilePart):
+class TwoArmsFile(NamedFile):
     """A file of two arms. ``angles`` is the unit of every angle in it; ``base`` carries both arms."""
 
-    name: Annotated[str, Meta(min_length=1)]
-    angles: Literal["degrees", "radians"]
     left: ArmOfTwo
     right: ArmOfTwo
     base: ArmOfTwo | None = None
@@ -84,13 +80,12 @@ def two_arms_from(path: str | Path, data: Any, load: LoadRobot) -> TwoArms:
         If the data is malformed, or says something impossible: ``path: field: …``.
     """
     file = convert(path, data, TwoArmsFile)
-    unit = math.pi / 180 if file.angles == "degrees" else 1.0
     try:
         parts = {}
         for field in ("left", "right", "base"):
             part = getattr(file, field)
             with error_prefix(field):
-                parts[field] = part and _arm(part, Path(path).parent, unit, load)
+                parts[field] = part and _arm(part, Path(path).parent, file.unit, load)
         return TwoArms(**parts, task=file.task, root=file.root, name=file.name)
     except Error as error:
         raise FileFormatError(f"{path}: {error}") from None
@@ -101,7 +96,7 @@ def _arm(part: ArmOfTwo, folder: Path, unit: float, load: LoadRobot) -> Robot:
     robot = load(near if near.is_file() else part.robot, part.base_link, part.tip_link)
     if isinstance(robot, TreeRobot):
         raise ValueRangeError(f"robot: '{part.robot}' is a tree; an arm is a chain of it: give 'tip_link'")
-    base, tool = _pose("base", part.base, unit), _pose("tool", part.tool, unit)
+    base, tool = (pose8(fixed_pose(key, getattr(part, key), unit)) for key in ("base", "tool"))
     if isinstance(robot, WholeBody):
         if part.mirrored:
             raise ValueRangeError(f"mirrored: '{part.robot}' is a whole body; only arms have mirror images")
@@ -112,11 +107,6 @@ def _arm(part: ArmOfTwo, folder: Path, unit: float, load: LoadRobot) -> Robot:
         raise ValueRangeError(f"robot: '{part.robot}' is no arm")
     joined = SerialArm.join([base, robot, tool], robot.name)
     return joined.mirrored() if part.mirrored else joined
-
-
-def _pose(field: str, given: FixedPose, unit: float) -> Array:
-    at = fixed_pose(field, given, unit)
-    return pose(at[:4], at[4:])
 
 
 _BASE = "base"
@@ -151,11 +141,9 @@ class TreeFrame(FilePart):
     pose: FixedPose = msgspec.field(default_factory=FixedPose)
 
 
-class TreeFile(FilePart):
+class TreeFile(NamedFile):
     """A file of a tree. ``angles`` is the unit of every angle in it; joints come after what carries them."""
 
-    name: Annotated[str, Meta(min_length=1)]
-    angles: Literal["degrees", "radians"]
     joints: Annotated[list[TreeJoint], Meta(min_length=1, max_length=1000)]
     frames: Annotated[list[TreeFrame], Meta(min_length=1, max_length=10_000)]
     task: str | None = None
@@ -172,9 +160,8 @@ def tree_from(path: str | Path, data: Any) -> TreeRobot:
         If the data is malformed, or says something impossible: ``path: field: …``.
     """
     file = convert(path, data, TreeFile)
-    unit = math.pi / 180 if file.angles == "degrees" else 1.0
     try:
-        robot = _links(path, file, unit).tree()
+        robot = _links(path, file).tree()
         return robot.with_task(file.task or file.frames[0].name)
     except Error as error:
         text = str(error)
@@ -215,10 +202,10 @@ def plain_tree(robot: TreeRobot) -> dict[str, Any]:
     }
 
 
-def _links(path: str | Path, file: TreeFile, unit: float) -> LinkTree:
+def _links(path: str | Path, file: TreeFile) -> LinkTree:
     """Return a file as links and joints: each joint carries a link of its name, each frame is one."""
     links: list[LinkJoint] = []
-    bodies, known = {}, [_BASE]
+    bodies, known, unit = {}, [_BASE], file.unit
     for i, joint in enumerate(file.joints):
         where = f"joints[{i}]"
         if joint.name in known:
@@ -227,11 +214,7 @@ def _links(path: str | Path, file: TreeFile, unit: float) -> LinkTree:
         if carrier not in known:
             raise unknown_name(f"{where}.carrier", carrier, known)
         scale = unit if joint.type == "revolute" else 1.0
-        limits, mimic = joint.limits, joint.mimic
-        bounds = [
-            math.copysign(math.inf, sign) if value is None else value * scale
-            for value, sign in ((limits.lower, -1), (limits.upper, 1), (limits.velocity, 1))
-        ]
+        mimic = joint.mimic
         links.append(
             LinkJoint(
                 joint.name,
@@ -240,16 +223,16 @@ def _links(path: str | Path, file: TreeFile, unit: float) -> LinkTree:
                 f"{joint.name} link",
                 fixed_pose(f"{where}.pose", joint.pose, unit),
                 shift(),
-                bounds[0],
-                bounds[1],
-                bounds[2],
-                math.inf if limits.effort is None else limits.effort,
+                *joint.limits.bounds(scale),
                 mimic and Mimic(mimic.joint, mimic.multiplier, mimic.offset * scale),
                 joint.offset * scale,
             )
         )
         if joint.inertia is not None:
-            bodies[f"{joint.name} link"] = _body(joint.inertia)
+            body = joint.inertia
+            bodies[f"{joint.name} link"] = LinkBody(
+                body.mass, np.array(body.center, np.float64), body.tensor.matrix
+            )
         known.append(joint.name)
     for i, frame in enumerate(file.frames):
         with error_prefix(f"frames[{i}]"):
@@ -262,10 +245,3 @@ def _links(path: str | Path, file: TreeFile, unit: float) -> LinkTree:
         return FileFormatError(f"{path}: joint '{name}': {text}")
 
     return LinkTree(file.name, str(path), f"{_BASE} link", tuple(links), bodies, error)
-
-
-def _body(given: JointInertia) -> LinkBody:
-    t = given.tensor
-    tensor = np.array([[t.xx, t.xy, t.xz], [t.xy, t.yy, t.yz], [t.xz, t.yz, t.zz]])
-    center: Array = np.array(given.center, dtype=np.float64)
-    return LinkBody(given.mass, center, tensor)

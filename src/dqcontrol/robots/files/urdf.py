@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,73 +12,20 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, UnknownNameError, suggest
-from dqcontrol.robots.dh import compose
-from dqcontrol.robots.files.default_tip import default_tip, ways_down
-from dqcontrol.robots.files.link_tree import LinkBody, LinkJoint, LinkTree, Mimic
+from dqcontrol.robots.files.link_tree import (
+    LinkBody,
+    LinkJoint,
+    LinkTree,
+    Mimic,
+    default_tip,
+    known_link,
+    way_between,
+    ways_down,
+)
 from dqcontrol.robots.files.urdf_xml import CheckedXml
-from dqcontrol.robots.kinematics.axes import chain_from_axes, inverse_turn, rotation_matrix, z_onto
 from dqcontrol.robots.limits import Inertia, Limits
+from dqcontrol.robots.poses import chain_from_axes, compose, inverse_turn, rotation_matrix, z_onto
 from dqcontrol.robots.serial_arm import SerialArm
-
-
-def lump(
-    chain: Sequence[Any],
-    children: Mapping[str, Sequence[Any]],
-    links: Mapping[str, Any],
-    turns: Sequence[Array],
-) -> Inertia | None:
-    """Return the body of each moving joint: its link and all links below, without those of the next joint.
-
-    Parameters
-    ----------
-    chain
-        The moving joints of the arm, from base to tip.
-    children
-        The joints below each link; those off the chain are held at zero.
-    links
-        The links, with their inertials.
-    turns
-        For each moving joint the pose (7,) of the arm's joint frame in the URDF's.
-
-    Returns
-    -------
-    Inertia
-        In the arm's joint frames, or None if there is no mass at all.
-    """
-    n = len(chain)
-    mass, center, tensor = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3, 3))
-    for i, joint in enumerate(chain):
-        parts = []
-        pending = [(joint.child, np.eye(4))]
-        while pending:
-            link, pose = pending.pop()
-            if (part := _part(links[link], pose)) is not None:
-                parts.append(part)
-            for below in children[link]:
-                if i + 1 == n or below is not chain[i + 1]:
-                    pending.append((below.child, pose if below.origin is None else pose @ below.origin))
-        turn = rotation_matrix(turns[i])
-        mass[i] = sum(m for m, _, _ in parts)
-        if mass[i] > 0:
-            middle = sum(m * c for m, c, _ in parts) / mass[i]
-            about = sum(t + m * _steiner(c - middle) for m, c, t in parts)
-            center[i], tensor[i] = turn.T @ middle, turn.T @ about @ turn
-    return Inertia(mass, center, tensor) if mass.any() else None
-
-
-def _part(link: Any, pose: Array) -> tuple[float, Array, Array] | None:
-    """Return mass, centre and tensor of one link, in the frame in which its pose is given."""
-    inertial = link.inertial
-    if inertial is None or not inertial.mass:
-        return None
-    frame = pose if inertial.origin is None else pose @ inertial.origin
-    own = np.zeros((3, 3)) if inertial.inertia is None else inertial.inertia
-    return inertial.mass, frame[:3, 3], frame[:3, :3] @ own @ frame[:3, :3].T
-
-
-def _steiner(offset: Array) -> Array:
-    return (offset @ offset) * np.eye(3) - np.outer(offset, offset)
-
 
 _MOVABLE = ("revolute", "continuous", "prismatic")
 _FREE = ("floating", "planar")  # what stands on the ground by one; a tree keeps it where the file has it
@@ -129,9 +76,13 @@ def load_urdf(
     SerialArm('lever', 1 joints)
     """
     tree = UrdfTree(CheckedXml(path))
-    base = tree.link("base_link", base_link) if base_link is not None else tree.root
-    tip = tree.link("tip_link", tip_link) if tip_link is not None else tree.default_tip(base)
-    joints = tree.path(base, tip)
+    base = known_link("base_link", base_link or tree.root, tree.links, str(path))
+    tip = (
+        known_link("tip_link", tip_link, tree.links, str(path))
+        if tip_link is not None
+        else tree.default_tip(base)
+    )
+    joints = way_between(tree.parent, base, tip, str(path))
 
     poses, axes, moving, before = [], [], [], np.eye(4)
     for joint in joints:
@@ -149,13 +100,67 @@ def load_urdf(
     arm = SerialArm(
         np.array(fixed),
         ["prismatic" if joint.type == "prismatic" else "revolute" for joint in moving],
-        limits=_limits(tree, moving),
+        limits=Limits(*np.array([_bounds(tree, joint) for joint in moving]).T),
         joint_names=[joint.name for joint in moving],
         name=name or tree.name,
-        inertia=lump(moving, tree.children, tree.links, turns),
+        inertia=_lumped(tree, moving, turns),
     )
     arm.urdf, arm.links = (Path(path), base), (base, *(joint.child for joint in joints))
     return arm
+
+
+def _lumped(tree: UrdfTree, chain: Sequence[Any], turns: Sequence[Array]) -> Inertia | None:
+    """Return the body of each moving joint: its link and all links below, without those of the next joint.
+
+    Parameters
+    ----------
+    tree
+        Joints off the chain are held at zero.
+    chain
+        The moving joints of the arm, from base to tip.
+    turns
+        For each moving joint the pose (7,) of the arm's joint frame in the URDF's.
+
+    Returns
+    -------
+    Inertia
+        In the arm's joint frames, or None if there is no mass at all.
+    """
+    n = len(chain)
+    mass, center, tensor = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3, 3))
+    for i, joint in enumerate(chain):
+        parts = []
+        pending = [(joint.child, np.eye(4))]
+        while pending:
+            link, pose = pending.pop()
+            if (part := _body(tree.links[link], pose)) is not None:
+                parts.append(part)
+            pending += [
+                (below.child, pose if below.origin is None else pose @ below.origin)
+                for below in tree.children[link]
+                if i + 1 == n or below is not chain[i + 1]
+            ]
+        turn = rotation_matrix(turns[i])
+        mass[i] = sum(part.mass for part in parts)
+        if mass[i] > 0:
+            middle = sum(part.mass * part.center for part in parts) / mass[i]
+            offsets = [(part, part.center - middle) for part in parts]
+            about = sum(
+                part.tensor + part.mass * ((off @ off) * np.eye(3) - np.outer(off, off))
+                for part, off in offsets
+            )
+            center[i], tensor[i] = turn.T @ middle, turn.T @ about @ turn
+    return Inertia(mass, center, tensor) if mass.any() else None
+
+
+def _body(link: Any, pose: Array) -> LinkBody | None:
+    """Return mass, centre and tensor of one link, in the frame in which its pose is given."""
+    inertial = link.inertial
+    if inertial is None or not inertial.mass:
+        return None
+    frame = pose if inertial.origin is None else pose @ inertial.origin
+    own = np.zeros((3, 3)) if inertial.inertia is None else inertial.inertia
+    return LinkBody(inertial.mass, frame[:3, 3], frame[:3, :3] @ own @ frame[:3, :3].T)
 
 
 def urdf_tree(path: str | Path) -> LinkTree:
@@ -168,13 +173,7 @@ def urdf_tree(path: str | Path) -> LinkTree:
     """
     tree = UrdfTree(CheckedXml(path))
     joints = [_link_joint(tree, tree.parent[link]) for link in tree.below(tree.root) if link != tree.root]
-    bodies = {}
-    for name, link in tree.links.items():
-        if link.inertial is not None and link.inertial.mass:
-            frame = np.eye(4) if link.inertial.origin is None else link.inertial.origin
-            own = np.zeros((3, 3)) if link.inertial.inertia is None else link.inertial.inertia
-            tensor = frame[:3, :3] @ own @ frame[:3, :3].T
-            bodies[name] = LinkBody(float(link.inertial.mass), frame[:3, 3].copy(), tensor)
+    bodies = {name: body for name, link in tree.links.items() if (body := _body(link, np.eye(4))) is not None}
 
     def error(joint: str, text: str) -> Error:
         return tree.xml.error("joint", joint, text)
@@ -189,24 +188,13 @@ def _link_joint(tree: UrdfTree, joint: Any) -> LinkJoint:
         kind = "fixed" if joint.type == "fixed" else "floating"
         return LinkJoint(joint.name, kind, joint.parent, joint.child, place)
     turn = z_onto(_axis(tree, joint))
-    limits, mimic = _limits(tree, [joint]), joint.mimic
-    follows = None
+    mimic, follows = joint.mimic, None
     if mimic is not None:
         multiplier = 1.0 if mimic.multiplier is None else float(mimic.multiplier)
         follows = Mimic(mimic.joint, multiplier, float(mimic.offset or 0.0))
-    return LinkJoint(
-        joint.name,
-        "prismatic" if joint.type == "prismatic" else "revolute",
-        joint.parent,
-        joint.child,
-        compose(place, turn),
-        inverse_turn(turn),
-        float(limits.lower[0]),
-        float(limits.upper[0]),
-        float(limits.velocity[0]),
-        float(limits.effort[0]),
-        follows,
-    )
+    kind = "prismatic" if joint.type == "prismatic" else "revolute"
+    frames = compose(place, turn), inverse_turn(turn)
+    return LinkJoint(joint.name, kind, joint.parent, joint.child, *frames, *_bounds(tree, joint), follows)
 
 
 class UrdfTree:
@@ -230,14 +218,10 @@ class UrdfTree:
         for joint in model.robot.joints:
             for field, link in (("parent", joint.parent), ("child", joint.child)):
                 if link not in self.links:
-                    raise xml.error(
-                        "joint", joint.name, f"unknown {field} link '{link}'{suggest(link, self.links)}"
-                    )
+                    raise self.error(joint, f"unknown {field} link '{link}'{suggest(link, self.links)}")
             if joint.child in self.parent:
                 other = self.parent[joint.child].name
-                raise xml.error(
-                    "joint", joint.name, f"link '{joint.child}' is already the child of '{other}'"
-                )
+                raise self.error(joint, f"link '{joint.child}' is already the child of '{other}'")
             self.parent[joint.child] = joint
             self.children[joint.parent].append(joint)
         if not self.links:
@@ -251,14 +235,9 @@ class UrdfTree:
             loop = ", ".join(link for link in self.links if link not in reached)
             raise FileFormatError(f"{xml.path}: the links are not a tree: {loop} form a loop")
 
-    def link(self, field: str, name: str) -> str:
-        """Return a link's name, or say that there is none such."""
-        if name not in self.links:
-            raise UnknownNameError(
-                f"{field}: unknown link '{name}'{suggest(name, self.links)} "
-                f"(links of {self.xml.path}: {', '.join(self.links)})"
-            )
-        return name
+    def error(self, joint: Any, text: str) -> FileFormatError:
+        """Return an error about a joint, with its line."""
+        return self.xml.error("joint", joint.name, text)
 
     def below(self, link: str) -> Iterator[str]:
         """Yield a link and all links below it."""
@@ -278,19 +257,6 @@ class UrdfTree:
                 number = moving.index(joint.name) + 1 if joint.name in moving else carrier
                 pending.append((joint.child, place @ origin_matrix(joint), number))
 
-    def path(self, base: str, tip: str) -> list[Any]:
-        """Return the joints from one link down to another."""
-        joints, link = [], tip
-        while link != base:
-            if link not in self.parent:
-                way = " < ".join([tip, *(joint.parent for joint in joints)])
-                raise UnknownNameError(
-                    f"tip_link: '{tip}' is not below base link '{base}' in {self.xml.path}, but on {way}"
-                )
-            joints.append(self.parent[link])
-            link = joints[-1].parent
-        return joints[::-1]
-
     def default_tip(self, base: str) -> str:
         """Return the end of the chain with most joints, without its gripper."""
         joints = (self.parent[link] for link in self.below(base) if link != base)
@@ -300,15 +266,12 @@ class UrdfTree:
     def check_movable(self, joint: Any) -> None:
         """Raise if a serial arm cannot have this joint."""
         if joint.mimic is not None:
-            raise self.xml.error(
-                "joint",
-                joint.name,
-                f"follows joint '{joint.mimic.joint}' (mimic), which a serial arm cannot hold",
+            raise self.error(
+                joint, f"follows joint '{joint.mimic.joint}' (mimic), which a serial arm cannot hold"
             )
         if joint.type not in _MOVABLE:
-            raise self.xml.error(
-                "joint",
-                joint.name,
+            raise self.error(
+                joint,
                 f"is {joint.type}; a serial arm has only {', '.join(_MOVABLE)} and fixed joints "
                 f"(--base-link {joint.child} begins below it)",
             )
@@ -336,29 +299,22 @@ def _pose7(matrix: Array) -> Array:
 
 def _axis(tree: UrdfTree, joint: Any) -> Array:
     if np.linalg.norm(joint.axis) < 1e-9:
-        raise tree.xml.error("joint", joint.name, f"axis must not be zero, got {joint.axis}")
+        raise tree.error(joint, f"axis must not be zero, got {joint.axis}")
     return joint.axis
 
 
-def _limits(tree: UrdfTree, joints: list[Any]) -> Limits:
-    table = np.full((4, len(joints)), np.inf)
-    for i, joint in enumerate(joints):
-        limit = joint.limit
-        table[0, i] = -math.inf
-        if joint.type != "continuous":
-            lower, upper = (limit.lower or 0.0, limit.upper or 0.0) if limit is not None else (0.0, 0.0)
-            if lower >= upper:
-                hint = "; a joint without limits has type 'continuous'" if joint.type == "revolute" else ""
-                raise tree.xml.error(
-                    "joint",
-                    joint.name,
-                    f"limit: lower {lower:g} ≥ upper {upper:g}; lower must be below upper{hint}",
-                )
-            table[:2, i] = lower, upper
-        for row, value in ((2, limit and limit.velocity), (3, limit and limit.effort)):
-            if value is not None and value < 0:
-                raise tree.xml.error(
-                    "joint", joint.name, f"limit: velocity and effort must be ≥ 0, got {value:g}"
-                )
-            table[row, i] = value or math.inf
-    return Limits(table[0], table[1], table[2], table[3])
+def _bounds(tree: UrdfTree, joint: Any) -> tuple[float, float, float, float]:
+    """Return lower and upper limit, velocity and effort of a joint."""
+    limit, lower, upper = joint.limit, -math.inf, math.inf
+    if joint.type != "continuous":
+        lower, upper = (limit.lower or 0.0, limit.upper or 0.0) if limit is not None else (0.0, 0.0)
+        if lower >= upper:
+            hint = "; a joint without limits has type 'continuous'" if joint.type == "revolute" else ""
+            raise tree.error(
+                joint, f"limit: lower {lower:g} ≥ upper {upper:g}; lower must be below upper{hint}"
+            )
+    velocity, effort = (limit.velocity or 0.0, limit.effort or 0.0) if limit is not None else (0.0, 0.0)
+    for value in (velocity, effort):
+        if value < 0:
+            raise tree.error(joint, f"limit: velocity and effort must be ≥ 0, got {value:g}")
+    return lower, upper, velocity or math.inf, effort or math.inf

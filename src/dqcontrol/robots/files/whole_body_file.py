@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 from msgspec import Meta
 from msgspec.structs import asdict
 
-from dqcontrol.algebra.conversions import pose
 from dqcontrol.errors import Error, FileFormatError, error_prefix
 from dqcontrol.files.yaml_file import convert
 from dqcontrol.robots.bases import (
     CarLikeBase,
     Chassis,
     DifferentialDrive,
+    DriveKind,
     HolonomicBase,
     MecanumBase,
     OmniBase,
     SteeredTricycle,
 )
-from dqcontrol.robots.files.robot_file import FilePart, FixedPose, Length, Positive, fixed_pose
-from dqcontrol.robots.inverse.found_base import DriveKind
+from dqcontrol.robots.files.robot_file import FilePart, FixedPose, Length, NamedFile, Positive, fixed_pose
+from dqcontrol.robots.poses import pose8
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.whole_body import Form, WholeBody
 
@@ -164,11 +163,9 @@ AnyPart: TypeAlias = (
 )
 
 
-class WholeBodyFile(FilePart):
+class WholeBodyFile(NamedFile):
     """A file of a whole body. ``angles`` is the unit of every angle in it; ``parts`` are in order from the ground."""
 
-    name: Annotated[str, Meta(min_length=1)]
-    angles: Literal["degrees", "radians"]
     parts: Annotated[list[AnyPart], Meta(min_length=1, max_length=100)]
     form: Form = "constrained"
     description: str = ""
@@ -195,15 +192,15 @@ def whole_body_from(path: str | Path, data: Any, load_arm: LoadArm, load_mobile:
         If the data is malformed, or says something impossible: ``path: field: …``.
     """
     file = convert(path, data, WholeBodyFile)
-    unit = math.pi / 180 if file.angles == "degrees" else 1.0
+    folder = Path(path).parent
     try:
         parts = []
         for i, part in enumerate(file.parts):
             with error_prefix(f"parts[{i}]"):
                 if isinstance(part, MobileRobotPart):
-                    parts.append(_mobile(part, Path(path).parent, unit, load_mobile))
+                    parts.append(_mobile(part, folder, file.unit, load_mobile))
                 else:
-                    parts.append(_part(f"parts[{i}]", part, Path(path).parent, unit, load_arm))
+                    parts.append(_part(f"parts[{i}]", part, folder, file.unit, load_arm))
         return WholeBody(parts, file.name, file.form)
     except Error as error:
         raise FileFormatError(f"{path}: {error}") from None
@@ -227,8 +224,7 @@ def _part(field: str, part: Any, folder: Path, unit: float, load_arm: LoadArm) -
             given["chassis"] = Chassis(**_given(given["chassis"]))
         return _BASES[type(part)](**given)
     if isinstance(part, PosePart):
-        at = fixed_pose(field, part, unit)
-        return pose(at[:4], at[4:])
+        return pose8(fixed_pose(field, part, unit))
     near = folder / part.robot
     arm = load_arm(near if near.is_file() else part.robot, part.base_link, part.tip_link)
     return arm.reversed() if part.reversed else arm

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.robots.chain_robot import ChainRobot
 from dqcontrol.robots.inverse import inverse_kernels
-from dqcontrol.robots.limits import Limits
+from dqcontrol.robots.limits import Limits, as_limit
 from dqcontrol.robots.poses import unit_poses
 
 _SHOWN = 20  # rows in notebooks
@@ -128,14 +128,7 @@ class InverseKinematics(ChainRobot):
         >>> arm.solve(dqc.DualQuaternion.from_translation([2.0, 0, 0])).reason
         'unreachable: the position is 1.1 m beyond the reach of iiwa7'
         """
-        problem = prepare_inverse(
-            self.limits,
-            self.joint_types,
-            as_tolerance("position_tolerance", position_tolerance),
-            as_tolerance("orientation_tolerance", orientation_tolerance),
-            as_whole_number("restarts", restarts),
-            as_whole_number("seed", seed),
-        )
+        problem = self._problem(position_tolerance, orientation_tolerance, restarts, seed)
         n, poses, guess = self.configuration_size, unit_poses("pose", pose), problem.middle
         if start is not None:
             guess = np.minimum(
@@ -166,6 +159,17 @@ class InverseKinematics(ChainRobot):
             iterations.astype(int),
             tried.astype(int),
             reasons.reshape(batch_shape),
+        )
+
+    def _problem(self, position: float, orientation: float, restarts: int, seed: int) -> Problem:
+        """Return what does not depend on the pose, of checked tolerances and numbers."""
+        return prepare_inverse(
+            self.limits,
+            self.joint_types,
+            as_limit("position_tolerance", position),
+            as_limit("orientation_tolerance", orientation),
+            _as_whole_number("restarts", restarts),
+            _as_whole_number("seed", seed),
         )
 
     def _newton(self, problem: Problem, poses: Array, q: Array) -> Array:
@@ -322,12 +326,7 @@ def _common_lead(poses: Array, guess: Array) -> tuple[int, ...]:
         ) from None
 
 
-def as_tolerance(field: str, value: float) -> float:
-    """Return a tolerance > 0, or raise a `ValueRangeError`."""
-    return value if isinstance(value, float) and value > 0 else as_positive(field, value)  # inf is allowed
-
-
-def as_whole_number(field: str, value: int) -> int:
+def _as_whole_number(field: str, value: int) -> int:
     """Return a whole number ≥ 0, or raise a `ValueRangeError`."""
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < 0:
         raise ValueRangeError(f"{field}: must be a whole number ≥ 0, got {value!r}")

@@ -15,7 +15,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ReachError, ShapeError, ValueRangeError, as_array
 from dqcontrol.robots.files.load import load_robot
 from dqcontrol.robots.inverse.inverse_kinematics import ranges, solutions
-from dqcontrol.robots.poses import unit_poses
+from dqcontrol.robots.poses import unit_pose, unit_poses
 from dqcontrol.robots.robot import Robot, base_coordinates
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.whole_body import WholeBody
@@ -239,9 +239,7 @@ def postures(
     >>> best.manipulability > 0.05, len(others) > 2
     (True, True)
     """
-    target = unit_poses("pose", pose)
-    if target.shape != (8,):
-        raise ShapeError(f"pose: expected one pose, shape (8,), got shape {target.shape}")
+    target = unit_pose("pose", pose)
     lower, upper = ranges(robot.limits, robot.joint_types)
     guesses = np.random.default_rng(seed).uniform(lower, upper, (starts, len(lower)))
     guesses[0] = 0.5 * (lower + upper)

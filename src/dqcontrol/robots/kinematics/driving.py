@@ -26,11 +26,6 @@ DRIVE_COLUMNS = 6
 HALF_TRACK, TURNING_RADIUS, RIM_LEVER = 3, 4, 5  # columns of the table of drives
 ROLLER_COLUMNS = 5
 
-# drives, configurations (N × n), inputs (N × m or N × n), period, out
-INTEGRATE = STATUS(READ2, READ2, READ2, types.float64, WRITE2)
-# drives, configurations (N × n), rates (N × n), out (N × m)
-FEASIBLE = STATUS(READ2, READ2, READ2, WRITE2)
-
 
 @inline
 def feasible(xdot, ydot, phidot, phi, displacement):
@@ -118,7 +113,8 @@ def to_inputs(drives, q, rates, out):
         i, j = i + 1, j + 1
 
 
-@kernel(INTEGRATE)
+# drives, configurations (N × n), inputs (N × m or N × n), period, out
+@kernel(STATUS(READ2, READ2, READ2, types.float64, WRITE2))
 def integrate(drives, q, u, dt, out):
     """Write where each configuration is after its inputs have acted for dt."""
     for row in range(q.shape[0]):
@@ -133,7 +129,8 @@ def integrate(drives, q, u, dt, out):
     return OK
 
 
-@kernel(FEASIBLE)
+# drives, configurations (N × n), rates (N × n), out (N × m)
+@kernel(STATUS(READ2, READ2, READ2, WRITE2))
 def feasible_inputs(drives, q, rates, out):
     """Write `to_inputs` for each configuration."""
     for row in range(q.shape[0]):

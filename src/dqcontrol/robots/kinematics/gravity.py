@@ -23,15 +23,14 @@ from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.robots.kinematics.kinematics_kernels import (
     REVOLUTE,
     compose_fixed,
-    half_sine_cosine,
     halves,
     move_joint,
+    moved,
     z_axis,
 )
 from dqcontrol.robots.kinematics.pose_task_kernels import COLUMNS, COORDINATE, MULTIPLIER, OFFSET, PARENT
 
 GRAVITY_FORCES = STATUS(READ2, READ2, READ, READ, WRITE, WRITE)
-BATCH_GRAVITY = STATUS(READ2, READ2, READ2, READ, WRITE2, WRITE)
 
 WORK = 18  # numbers for each joint; trees need 11
 
@@ -102,9 +101,7 @@ def tree_gravity_torque(tree, bodies, q, gravity, out, work):
         angle = row[MULTIPLIER] * q[int(row[COORDINATE])] + row[OFFSET]
         check += 0.0 * angle
         w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, row)
-        zx, zy, zz = z_axis(w, x, y, z)
-        sine, cosine = half_sine_cosine(angle)
-        w, x, y, z, px, py, pz = move_joint(w, x, y, z, px, py, pz, zx, zy, zz, row[7], angle, sine, cosine)
+        w, x, y, z, px, py, pz = moved(w, x, y, z, px, py, pz, row[7], angle)
         at = placed[i]
         at[0], at[1], at[2], at[3], at[4], at[5], at[6] = w, x, y, z, px, py, pz
         m, cx, cy, cz = bodies[i, 0], bodies[i, 1], bodies[i, 2], bodies[i, 3]
@@ -144,7 +141,7 @@ def gravity_forces(table, bodies, q, gravity, out, work):
     return robot_gravity_torque(table, bodies, q, gravity, out, work)
 
 
-@kernel(BATCH_GRAVITY)
+@kernel(STATUS(READ2, READ2, READ2, READ, WRITE2, WRITE))
 def gravity_torques(table, bodies, q, gravity, out, work):
     """Write the gravity torque of a chain or a tree for every row of q; stop at the first that fails."""
     for i in range(q.shape[0]):

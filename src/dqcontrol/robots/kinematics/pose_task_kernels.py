@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.algebra.dual_quaternion_kernels import position
+from dqcontrol.algebra.dual_quaternion_kernels import position, rotated, set_pose
 from dqcontrol.compiled.compile import (
     INPUT,
     NOT_FINITE,
@@ -51,8 +51,8 @@ from dqcontrol.robots.kinematics.kinematics_kernels import (
     hand_jacobian,
     heading_axis,
     move_joint,
+    moved,
     split,
-    store_pose,
     z_axis,
 )
 from dqcontrol.robots.kinematics.sin_cos import FARTHEST, sines_cosines
@@ -142,9 +142,7 @@ def _path_end(rows, q):
         row, angle = rows[i], _angle(rows[i], q)
         check += 0.0 * angle
         w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, row)
-        zx, zy, zz = z_axis(w, x, y, z)
-        sine, cosine = half_sine_cosine(angle)
-        w, x, y, z, px, py, pz = move_joint(w, x, y, z, px, py, pz, zx, zy, zz, row[7], angle, sine, cosine)
+        w, x, y, z, px, py, pz = moved(w, x, y, z, px, py, pz, row[7], angle)
     w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, rows[last])
     return (w, x, y, z), (px, py, pz), check
 
@@ -152,16 +150,7 @@ def _path_end(rows, q):
 @inline
 def _turned_back(r, v):
     """Return Im(r* v r)."""
-    w, x, y, z = r[0], -r[1], -r[2], -r[3]
-    a, b, c = v[0], v[1], v[2]
-    tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
-    return a + w * tx + y * tz - z * ty, b + w * ty + z * tx - x * tz, c + w * tz + x * ty - y * tx
-
-
-@inline
-def _turned(r, v):
-    """Return Im(r v r*)."""
-    return _turned_back((r[0], -r[1], -r[2], -r[3]), v)
+    return rotated((r[0], -r[1], -r[2], -r[3]), v)
 
 
 @inline
@@ -188,16 +177,11 @@ def _relative(r1, p1, r2, p2):
 
 
 @inline
-def _store(r, p, pose):
-    store_pose(r[0], r[1], r[2], r[3], p[0], p[1], p[2], pose)
-
-
-@inline
 def _common_pose(kind, sign, r1, p1, r2, p2, pose):
     """Write the relative or absolute pose; return 1 + Re of the signed relative rotation and K's parts."""
     r, p = _relative(r1, p1, r2, p2)
     if kind == RELATIVE:
-        _store(r, p, pose)
+        set_pose(r, p, pose)
         return 1.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     if sign == 0.0:
         sign = 1.0 if r[0] >= 0.0 else -1.0
@@ -206,10 +190,10 @@ def _common_pose(kind, sign, r1, p1, r2, p2, pose):
     scale = 1.0 / half
     norm = 1.0 / math.sqrt(2.0 * half)
     root = half * norm, r[1] * norm, r[2] * norm, r[3] * norm
-    k = _turned(r2, (r[1] * scale, r[2] * scale, r[3] * scale))
+    k = rotated(r2, (r[1] * scale, r[2] * scale, r[3] * scale))
     ra = _product(r2, root)
     if kind == MIDPOINT:
-        _store(ra, (0.5 * (p1[0] + p2[0]), 0.5 * (p1[1] + p2[1]), 0.5 * (p1[2] + p2[2])), pose)
+        set_pose(ra, (0.5 * (p1[0] + p2[0]), 0.5 * (p1[1] + p2[1]), 0.5 * (p1[2] + p2[2])), pose)
         return half, k, (0.0, 0.0, 0.0)
     # x_r = r + ε d, d = ½ p r; its half s = (1 + x_r)/|1 + x_r|, |1 + x_r| = √(2(1 + w)) + ε w'/√(2(1 + w))
     d = _product((0.0, 0.5 * p[0], 0.5 * p[1], 0.5 * p[2]), r)
@@ -221,10 +205,10 @@ def _common_pose(kind, sign, r1, p1, r2, p2, pose):
         d[3] * norm - r[3] * less,
     )
     step = _product(dual, (root[0], -root[1], -root[2], -root[3]))  # half the translation of s
-    a, b, c = _turned(r2, (2.0 * step[1], 2.0 * step[2], 2.0 * step[3]))
-    _store(ra, (p2[0] + a, p2[1] + b, p2[2] + c), pose)
+    a, b, c = rotated(r2, (2.0 * step[1], 2.0 * step[2], 2.0 * step[3]))
+    set_pose(ra, (p2[0] + a, p2[1] + b, p2[2] + c), pose)
     less = d[0] * scale * scale
-    a, b, c = _turned(
+    a, b, c = rotated(
         r2, (d[1] * scale - r[1] * less, d[2] * scale - r[2] * less, d[3] * scale - r[3] * less)
     )
     x, y, z = _crossed(p2, k)
@@ -296,7 +280,7 @@ def _center_of_mass(task, q, pose):
         _, p, bad = _path_end(task[begin:end], q)
         x, y, z, check = x + share * p[0], y + share * p[1], z + share * p[2], check + bad
         begin = end
-    _store((1.0, 0.0, 0.0, 0.0), (x, y, z), pose)
+    set_pose((1.0, 0.0, 0.0, 0.0), (x, y, z), pose)
     return check
 
 
@@ -320,7 +304,7 @@ def _center_of_mass_columns(task, q, pose, twist_jacobian, workspace):
             twist_jacobian[4, j] += share * (own[4, j] + c * p[0] - a * p[2])
             twist_jacobian[5, j] += share * (own[5, j] + a * p[1] - b * p[0])
         begin = end
-    _store((1.0, 0.0, 0.0, 0.0), (x, y, z), pose)
+    set_pose((1.0, 0.0, 0.0, 0.0), (x, y, z), pose)
     return check
 
 
@@ -335,7 +319,7 @@ def task_pose(task, q, pose):
         return OK if _center_of_mass(task, q, pose) == 0.0 else NOT_FINITE
     r1, p1, check = _path_end(task[1:middle], q)
     if kind == FRAME:
-        _store(r1, p1, pose)
+        set_pose(r1, p1, pose)
         return OK if check == 0.0 else NOT_FINITE
     r2, p2, other = _path_end(task[middle:], q)
     half, _, _ = _common_pose(kind, head[SIGN], r1, p1, r2, p2, pose)
@@ -355,7 +339,7 @@ def task_twist_kinematics(task, q, pose, twist_jacobian, workspace):
         return OK if _center_of_mass_columns(task, q, pose, twist_jacobian, workspace) == 0.0 else NOT_FINITE
     r1, p1, check = _path(task[1:middle], q, twist_jacobian, workspace)
     if kind == FRAME:
-        _store(r1, p1, pose)
+        set_pose(r1, p1, pose)
         return OK if check == 0.0 else NOT_FINITE
     second = as_matrix(workspace[0 : 6 * m], 6, m)
     r2, p2, other = _path(task[middle:], q, second, workspace[6 * m :])
@@ -437,12 +421,8 @@ def place_tree(tree, q, out):
         if row[7] != FIXED:
             angle = _angle(row, q)
             check += 0.0 * angle
-            zx, zy, zz = z_axis(w, x, y, z)
-            sine, cosine = half_sine_cosine(angle)
-            w, x, y, z, px, py, pz = move_joint(
-                w, x, y, z, px, py, pz, zx, zy, zz, row[7], angle, sine, cosine
-            )
-        store_pose(w, x, y, z, px, py, pz, out[8 * i : 8 * i + 8])
+            w, x, y, z, px, py, pz = moved(w, x, y, z, px, py, pz, row[7], angle)
+        set_pose((w, x, y, z), (px, py, pz), out[8 * i : 8 * i + 8])
     return OK if check == 0.0 else NOT_FINITE
 
 

@@ -6,7 +6,7 @@ The format is described in ``docs/drawing-files.md``.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -16,32 +16,16 @@ from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.algebra import pose
-from dqcontrol.algebra.batch import WRITTEN_TOLERANCE
+from dqcontrol.algebra.functions import WRITTEN_TOLERANCE
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ValueRangeError, as_positive, suggest, unknown_name
 from dqcontrol.files.input_file import as_number, read_text
 from dqcontrol.references.planar import PLANES, PlanarReference, Plane, plane_axes
 from dqcontrol.references.sample import as_pose
-from dqcontrol.references.strokes import Arc, PenPath, Rest, StraightStroke, Stroke, distance_home
+from dqcontrol.references.strokes import Arc, PenPath, PenStroke, Rest, StraightStroke, Stroke, distance_home
 from dqcontrol.references.yaml_form import FileName, SpecStart
 
 _SAME = 1e-9  # m: no way to go
-
-
-@dataclass(frozen=True)
-class PenStroke:
-    """What is drawn without lifting the pen.
-
-    Attributes
-    ----------
-    start
-        Where the pen is put down, paper coordinates.
-    strokes
-        Lines and arcs from there on, in the same coordinates.
-    """
-
-    start: tuple[float, float]
-    strokes: tuple[Stroke, ...]
 
 
 def relative(pen: PenStroke, origin: Array, scale: float, pace: float) -> tuple[Stroke, ...]:
@@ -153,13 +137,11 @@ class Drawing(PlanarReference):
     orientation: str = "fixed"
     turn_speed: float = TURN_SPEED
     repeat: int = 1
-    duration: float = field(init=False)
-    corners: NDArray[np.float64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         start = as_pose("start", self.start)
         strokes = tuple(self.strokes)
-        object.__setattr__(self, "strokes", strokes)
+        vars(self).update(strokes=strokes)
         if self.orientation not in ORIENTATIONS:
             raise unknown_name("orientation", self.orientation, ORIENTATIONS)
         if not isinstance(self.repeat, int) or self.repeat < 1:
@@ -200,8 +182,6 @@ class Drawing(PlanarReference):
         for key, value in (("width", width), ("speed", speed), ("plane", plane)):
             if value is not None:
                 raise ValueRangeError(f"{start.place}.{key}: is for SVG files; {path} says it itself")
-        from dqcontrol.references.drawing.drawing import parse_drawing
-
         said = parse_drawing(read_text(path), str(path))
         if said.position is not None:
             start.refuse_position(path)
@@ -211,7 +191,7 @@ class Drawing(PlanarReference):
 
     @classmethod
     def _of_svg(cls, start: SpecStart, path: Path, width: float, speed: float, plane: Plane) -> Drawing:
-        from dqcontrol.references.drawing.svg_file import load_svg
+        from dqcontrol.references.svg_file import load_svg
 
         pens = load_svg(path)
         low, high = box_of(pens)
@@ -352,8 +332,11 @@ def parse_drawing(text: str, path: str = "drawing") -> DrawingFile:
     return parser.finish()
 
 
+_COMMANDS = ("start", "plane", "orientation", "speed", "line", "arc", "pause", "repeat")
+
+
 class _Parser:
-    """Reads command after command; `settings` are those that may stand only once."""
+    """Reads command after command, by the method of its name; `settings` are those that may stand only once."""
 
     def __init__(self, path: str) -> None:
         self.path = path
@@ -370,7 +353,7 @@ class _Parser:
                 f"{self.path}:{number}: {name:.40}: unknown command{near} (allowed: {allowed})"
             )
         self.where = f"{self.path}:{number}: {name}"
-        _COMMANDS[name](self, words)
+        getattr(self, name)(words)
 
     def finish(self) -> DrawingFile:
         if not any(isinstance(stroke, StraightStroke | Arc) for stroke in self.strokes):
@@ -403,22 +386,20 @@ class _Parser:
 
     def _set(self, name: str, value: Any) -> None:
         if name in self.settings:
-            raise FileFormatError(f"{self.where}: given twice, first in {self.settings[name][0]}")
+            raise self._fail(f"given twice, first in {self.settings[name][0]}")
         self.settings[name] = (self.where, value)
 
     def _numbers(self, words: list[str], usage: str) -> list[float]:
         """Return the words as numbers, as many as the usage has names in it."""
         count = len(usage.split())
         if len(words) != count:
-            raise FileFormatError(
-                f"{self.where}: expected {usage}, got {len(words)} instead of {count} words"
-            )
+            raise self._fail(f"expected {usage}, got {len(words)} instead of {count} words")
         return [as_number(self.where, word) for word in words]
 
     def _positive(self, word: str) -> float:
         number = as_number(self.where, word)
         if number <= 0:
-            raise FileFormatError(f"{self.where}: must be > 0, got {word}")
+            raise self._fail(f"must be > 0, got {word}")
         return number
 
     def _fail(self, what: str) -> FileFormatError:
@@ -490,15 +471,3 @@ class _Parser:
     def _draw(self, stroke: Stroke) -> None:
         self.strokes.append(stroke)
         self.labels.append(self.where)
-
-
-_COMMANDS: dict[str, Callable[[_Parser, list[str]], None]] = {
-    "start": _Parser.start,
-    "plane": _Parser.plane,
-    "orientation": _Parser.orientation,
-    "speed": _Parser.speed,
-    "line": _Parser.line,
-    "arc": _Parser.arc,
-    "pause": _Parser.pause,
-    "repeat": _Parser.repeat,
-}

@@ -305,11 +305,7 @@ def bias_force(bodies, q, rates, gravity, out, work):
     return fill_joint_forces(bodies, q, rates, gravity[0:0], gravity, out, work)
 
 
-MASS_MATRICES = STATUS(READ2, READ2, WRITE, WRITE)
-JOINT_FORCES = STATUS(READ2, READ2, READ2, READ, WRITE, WRITE)
-
-
-@kernel(MASS_MATRICES)
+@kernel(STATUS(READ2, READ2, WRITE, WRITE))
 def mass_matrices(bodies, q, out, work):
     """Write the mass matrix, n² numbers, for every row of q; stop at the first that fails."""
     n = q.shape[1]
@@ -320,7 +316,7 @@ def mass_matrices(bodies, q, out, work):
     return OK
 
 
-@kernel(JOINT_FORCES)
+@kernel(STATUS(READ2, READ2, READ2, READ, WRITE, WRITE))
 def bias_forces(bodies, q, rates, gravity, out, work):
     """Write the bias forces, n numbers, for every row of q and rates; stop at the first that fails."""
     n = q.shape[1]

@@ -13,8 +13,7 @@ from xml.parsers import expat
 
 from dqcontrol.errors import FileFormatError, NoteWarning, from_extra
 from dqcontrol.files.input_file import read_whole
-from dqcontrol.references.drawing.drawing import PenStroke
-from dqcontrol.references.strokes import Arc, StraightStroke, Stroke
+from dqcontrol.references.strokes import Arc, PenStroke, StraightStroke, Stroke
 
 _LARGEST = 2_000_000  # bytes
 _MOST_STROKES = 20_000  # more are a picture, no drawing

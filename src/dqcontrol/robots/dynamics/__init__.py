@@ -1,1 +1,0 @@
-"""Dynamics of chains and trees of rigid bodies, compiled."""
