@@ -34,7 +34,7 @@ from dqcontrol.files.plain_data import yaml_text
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.logs.joint_log import JointLog, read_joint_log
 from dqcontrol.logs.joint_messages import is_recording, read_wrenches
-from dqcontrol.logs.servos.excitation import write_joint_motion
+from dqcontrol.logs.servos.excitation import middle_of_limits, write_joint_motion
 from dqcontrol.references.straight import PEAK_SPEED, progress
 from dqcontrol.robots import Robot, SerialArm, load_robot
 from dqcontrol.tables.tables import Cell, Column, Table
@@ -161,9 +161,7 @@ def tool_motion(
     period, fall = as_positive("period", period), as_array("gravity", gravity, (3,))
     if not fall.any():
         raise ValueRangeError("gravity: is 0, so nothing weighs anything")
-    lower, upper = arm.limits.lower, arm.limits.upper
-    middle = np.where(np.isfinite(lower + upper), 0.5 * np.nan_to_num(lower + upper), 0.0)
-    begin = middle if start is None else as_array("start", start, (arm.configuration_size,))
+    begin = middle_of_limits(arm) if start is None else as_array("start", start, (arm.configuration_size,))
     at_sensor = (sensor or ForceSensor()).pose
     place = algebra.pose(_STRAIGHT, algebra.translation(arm.fkm(begin)))
     back = algebra.conjugate(algebra.pose(algebra.rotation(at_sensor), np.zeros(3)))
@@ -289,8 +287,9 @@ class ToolIdentification:
             "force_left": round(found.force_left, 6),
             "torque_left": round(found.torque_left, 6),
         }
-        tool = msgspec.to_builtins(found.tool)
-        text = yaml_text({"tool": _rounded(tool), "identified": identified})
+        plain = msgspec.to_builtins(found.tool)
+        tool = {key: _rounded(value) for key, value in plain.items() if value is not None}
+        text = yaml_text({"tool": tool, "identified": identified})
         head = "# A tool on a force sensor, by dqcontrol identify tool: kg, m, N, N·m\n"
         with whole_file(target, overwrite=force) as draft:
             draft.write_text(head + text, encoding="utf-8")
@@ -396,12 +395,8 @@ def _wrenches(data: JointLog, topic: str | None) -> tuple[Array, Array]:
     )
 
 
-def _rounded(data: dict[str, Any]) -> dict[str, Any]:
+def _rounded(value: Any) -> Any:
     """Return plain data with the digits that a sensor has."""
-    out = dict[str, Any]()
-    for key, value in data.items():
-        if isinstance(value, list | tuple):
-            out[key] = [round(each, 9) for each in value]
-        elif value is not None:
-            out[key] = round(value, 9) if isinstance(value, float) else value
-    return out
+    if isinstance(value, list | tuple):
+        return [_rounded(each) for each in value]
+    return round(value, 9) if isinstance(value, float) else value

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +15,7 @@ from dqcontrol.loop.signals import Signal
 from dqcontrol.plants.plant import PlantProtocol, running_plant
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots.robot import Robot
-from dqcontrol.supervisor import supervisor_layout as layout
+from dqcontrol.supervisor import PreparedSupervisor, supervisor_layout as layout
 from dqcontrol.supervisor.interventions import (
     COMMAND,
     INTERVENTIONS,
@@ -25,10 +24,6 @@ from dqcontrol.supervisor.interventions import (
     reasons,
 )
 from dqcontrol.supervisor.supervisor_layout import END, FINISH, GO, STOP
-
-if TYPE_CHECKING:
-    from dqcontrol.supervisor import PreparedSupervisor
-
 
 SECONDS = 20.0  # before a stop: what led to it, and not more than a person looks at
 _MOST_ROWS = 20_000  # 20 s at 1 kHz

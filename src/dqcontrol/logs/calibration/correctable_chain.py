@@ -21,11 +21,8 @@ from dqcontrol.robots.poses import inverse7
 BASE, TOOL = "base", "tool"
 FRAME = ("x", "y", "z", "rz", "ry", "rx")
 _LENGTHS = {"x", "y", "z", "d", "a"}
-_AXIS = {  # what turns z into the axis of a correction
-    "x": rotation_y(np.pi / 2),
-    "y": rotation_x(-np.pi / 2),
-    "z": shift(),
-}
+# what turns z into the axis of a correction
+_AXIS = {"x": rotation_y(np.pi / 2), "y": rotation_x(-np.pi / 2), "z": shift()}
 _AXIS_OF = {"rx": "x", "ry": "y", "rz": "z", "theta": "z", "d": "z", "a": "x", "alpha": "x", "beta": "y"}
 
 

@@ -187,16 +187,14 @@ class Calibration:
     def remarks(self) -> list[str]:
         """What the tables do not show, a line each."""
         lines = list(self.notes)
-        for part, place, known in (
-            (BASE, self.base, self.base_is_known),
-            (TOOL, self.tool, self.tool_is_known),
+        for what, place, known in (
+            (f"{BASE}: the arm's base in the measuring frame", self.base, self.base_is_known),
+            (f"{TOOL}: the target in the arm's hand", self.tool, self.tool_is_known),
         ):
-            what = "the arm's base in the measuring frame" if part == BASE else "the target in the arm's hand"
             x, y, z = positions(place)
-            where = (
-                "is in the robot file" if known else "is not in the robot file: it is far from the arm's own"
-            )
-            lines.append(f"{part}: {what} is at {x:.4f}, {y:.4f}, {z:.4f} m; that {where}")
+            where = "is in" if known else "is not in"
+            why = "" if known else ": it is far from the arm's own"
+            lines.append(f"{what} is at {x:.4f}, {y:.4f}, {z:.4f} m; that {where} the robot file{why}")
         tied = [each for each in self.corrections if each.status == "tied"]
         if found := [f"{each} ({', '.join(each.tied_with)})" for each in tied if each.tied_with]:
             lines.append(f"kept at 0, as these poses cannot tell them from others: {'; '.join(found)}")
@@ -222,17 +220,7 @@ class Calibration:
             "base": {"pose": self.base.tolist(), "in_robot_file": self.base_is_known},
             "tool": {"pose": self.tool.tolist(), "in_robot_file": self.tool_is_known},
             "notes": list(self.notes),
-            "corrections": [
-                {
-                    "part": each.part,
-                    "name": each.name,
-                    "status": each.status,
-                    "value": each.value,
-                    "interval": finite_or_none(each.interval),
-                    "tied_with": list(each.tied_with),
-                }
-                for each in self.corrections
-            ],
+            "corrections": finite_or_none(self.corrections),
         }
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
@@ -341,27 +329,24 @@ def calibration_of(arm: SerialArm, measured: MeasuredPoses) -> Calibration:
         solution = _solved(chain, measured)
     before, after = _checked(chain, measured)
     corrections = tuple(_correction(chain, solution, k) for k in range(len(chain.parameters)))
-    ends = {part: chain.end(part, solution.values) for part in (BASE, TOOL)}
-    known = {
-        part: _is_small(end, turned=part == BASE or measured.rotation is not None)
-        for part, end in ends.items()
-    }
-    values = solution.values
+    values, turned = solution.values, measured.rotation is not None
+    base, tool = chain.end(BASE, values), chain.end(TOOL, values)
+    base_is_known, tool_is_known = _is_small(base, turned=True), _is_small(tool, turned=turned)
     if not after.position_rms < before.position_rms:
         values = _solved(chain, measured, frames_only=True).values
     return Calibration(
         robot=arm.name,
         path=measured.path,
-        arm=chain.corrected(values, base=known[BASE], tool=known[TOOL]),
+        arm=chain.corrected(values, base=base_is_known, tool=tool_is_known),
         corrections=corrections,
-        base=pose(ends[BASE][:4], ends[BASE][4:]),
-        tool=pose(ends[TOOL][:4], ends[TOOL][4:]),
-        base_is_known=known[BASE],
-        tool_is_known=known[TOOL],
+        base=pose(base[:4], base[4:]),
+        tool=pose(tool[:4], tool[4:]),
+        base_is_known=base_is_known,
+        tool_is_known=tool_is_known,
         before=before,
         after=after,
         poses=len(measured.q),
-        noise=(solution.noise[0], solution.noise[1] if measured.rotation is not None else math.nan),
+        noise=(solution.noise[0], solution.noise[1] if turned else math.nan),
         notes=tuple(notes),
     )
 
@@ -398,11 +383,9 @@ def _left(
     """Return what is left of all poses, in standard deviations: turns of all, then positions."""
     found = chain.poses(measured.q, values)
     moved = ((positions(found) - measured.position) / noise[0]).ravel()
-    return (
-        moved
-        if measured.rotation is None
-        else np.concatenate([_turns(found, measured).ravel() / noise[1], moved])
-    )
+    if measured.rotation is None:
+        return moved
+    return np.concatenate([_turns(found, measured).ravel() / noise[1], moved])
 
 
 def _turns(found: Array, measured: MeasuredPoses) -> Array:

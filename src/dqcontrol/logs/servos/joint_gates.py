@@ -17,8 +17,10 @@ from dqcontrol.logs.servos.joint_fit import (
     QUANTUM,
     Fit,
     Segment,
+    by_segment,
     fit,
     noise_of,
+    positions_of,
     predicted,
     resolution_of,
     second_order_fit,
@@ -179,7 +181,7 @@ def identify_joint(name: str, unit: str, segments: list[Segment], period: float)
     period
         Median time between commands, s.
     """
-    positions = np.concatenate([each.positions for each in segments])
+    positions = positions_of(segments)
     targets = np.concatenate([each.target.values for each in segments])
     resolution = resolution_of(positions)
     noise = max(noise_of(positions, 0.0), resolution)
@@ -223,7 +225,7 @@ def _judged(
     friction: float,
 ) -> JointIdentification:
     """Return the fit of a joint, or why it is none."""
-    spread = float(np.std(np.concatenate([each.positions for each in segments])))
+    spread = float(np.std(positions_of(segments)))
     # at the end of what is searched, within the little that the last steps of the fit leave
     if found.lag > 0.98 * MOST_LAG or found.delay > 0.998 * MOST_DELAY:
         what = f"lag of {MOST_LAG:g} s" if found.lag > 0.98 * MOST_LAG else f"delay of {MOST_DELAY:g} s"
@@ -330,12 +332,8 @@ def _chosen(
     if second.values[0] > _QUICKEST * _rapidity(segments, second):
         return first, played, friction
     if is_coarse:
-        likelihoods = [refined(played, each, resolution).likelihood for each in (first, second)]
-        return (
-            (second, played, friction)
-            if likelihoods[1] > likelihoods[0] + _LIKELIER
-            else (first, played, friction)
-        )
+        before, after = (refined(played, each, resolution).likelihood for each in (first, second))
+        return second if after > before + _LIKELIER else first, played, friction
     other = _with_play(segments, second, resolution)
     if other[0].residual @ other[0].residual > _BETTER * (residual @ residual):
         return first, played, friction
@@ -351,12 +349,9 @@ def _with_play(segments: list[Segment], found: Fit, resolution: float) -> tuple[
 
 def _rapidity(segments: list[Segment], found: Fit) -> float:
     """Return how fast the motion changes, rad/s: RMS acceleration over RMS speed."""
-    speeds, rates = list[Array](), list[Array]()
-    for each, output in zip(
-        segments, np.split(found.output, np.cumsum([len(each.times) for each in segments])[:-1]), strict=True
-    ):
-        speeds.append(np.gradient(output, each.times))
-        rates.append(np.gradient(speeds[-1], each.times))
+    times, outputs = [each.times for each in segments], by_segment(segments, found.output)
+    speeds = list(map(np.gradient, outputs, times))
+    rates = list(map(np.gradient, speeds, times))
     squares = [float(np.mean(np.concatenate(parts) ** 2)) for parts in (rates, speeds)]
     return math.sqrt(squares[0] / max(squares[1], 1e-300))
 
@@ -374,13 +369,13 @@ def _without_outliers(segments: list[Segment], found: Fit, resolution: float) ->
     far &= ~beside
     if not far.any():
         return segments, 0
-    parts = np.split(~far, np.cumsum([len(each.times) for each in segments])[:-1])
-    return [each.chosen(part) for each, part in zip(segments, parts, strict=True)], int(far.sum())
+    parts = zip(segments, by_segment(segments, ~far), strict=True)
+    return [each.chosen(part) for each, part in parts], int(far.sum())
 
 
 def _clamp(segments: list[Segment], found: Fit) -> _Clamp | None:
     """Return the limits of the targets that explain what is left, if they explain at least half of it."""
-    positions = np.concatenate([each.positions for each in segments])
+    positions = positions_of(segments)
     targets = np.concatenate([each.target.values for each in segments])
     some = thinned(segments, _CLAMP_SAMPLES)
     first = best = solved(some, found.kind, found.values).squares
@@ -437,7 +432,7 @@ def _checked(segments: list[Segment], found: Fit, period: float) -> tuple[float,
     trace = JointTrace(
         np.concatenate([each.times for each in segments]),
         np.concatenate([_held_at(each) for each in segments]),
-        np.concatenate([each.positions for each in segments]),
+        positions_of(segments),
         found.output,
         np.concatenate(foreseen),
     )

@@ -68,16 +68,6 @@ def _plan(constants, state):
     c[5] = (12.0 * way - 6.0 * v * d - a * d * d) / (2.0 * d**5)
 
 
-OFF, PWM, TORQUE, THETA = (
-    column.MODES["OFF"],
-    column.MODES["PWM"],
-    column.MODES["TORQUE"],
-    column.MODES["THETA"],
-)
-TORQUE_GC, THETA_GC = column.MODES["TORQUE_GC"], column.MODES["THETA_GC"]
-THETA_MJ, THETA_GC_MJ = column.MODES["THETA_MJ"], column.MODES["THETA_GC_MJ"]
-
-
 @inline
 def clamped(value, limit):
     """Return the value within ± the limit."""
@@ -180,26 +170,28 @@ def drive(constants, state, mode, ramp, rotor, rotor_velocity):
     """Write the motor torque of one joint, N·m at the joint."""
     state[column.DESIRED_TORQUE] = 0.0
     current = 0.0
-    if mode == PWM:
+    if mode == column.PWM:
         duty = ramp * constants[column.DUTY_ASKED] + (1.0 - ramp) * state[column.DUTY_AT_SWITCH]
         voltage = constants[column.VOLTAGE] * clamped(duty, constants[column.MAX_DUTY])
         current = (voltage - constants[column.TORQUE_CONSTANT] * rotor_velocity) / constants[
             column.RESISTANCE
         ]
-    elif mode in (THETA, THETA_MJ):
-        step_reference(constants, state, ramp, mode == THETA_MJ)
+    elif mode in (column.THETA, column.THETA_MJ):
+        step_reference(constants, state, ramp, mode == column.THETA_MJ)
         torque = (
             constants[column.SERVO_P] * (state[column.REFERENCE] - rotor)
             - constants[column.SERVO_D] * rotor_velocity
         )
         torque = ramp * torque + (1.0 - ramp) * state[column.TORQUE_AT_SWITCH]
         current = torque / constants[column.TORQUE_CONSTANT]
-    elif mode != OFF:
-        if mode in (THETA_GC, THETA_GC_MJ):
-            step_reference(constants, state, ramp, mode == THETA_GC_MJ)
+    elif mode != column.OFF:
+        if mode in (column.THETA_GC, column.THETA_GC_MJ):
+            step_reference(constants, state, ramp, mode == column.THETA_GC_MJ)
             torque = position_torque(constants, state)
         else:
-            torque = constants[column.TORQUE_ASKED] + (state[column.GRAVITY] if mode == TORQUE_GC else 0.0)
+            torque = constants[column.TORQUE_ASKED] + (
+                state[column.GRAVITY] if mode == column.TORQUE_GC else 0.0
+            )
         torque = ramp * torque + (1.0 - ramp) * state[column.TORQUE_AT_SWITCH]
         state[column.DESIRED_TORQUE] = clamped(torque, constants[column.MAX_TORQUE])
         current = torque_current(constants, state)
@@ -227,7 +219,7 @@ def watch(constants, state, shared):
         elif state[i, column.HOT_TICKS] >= constants[i, column.OVERLOAD_TICKS]:
             shared[column.FAULT], shared[column.FAULTY_JOINT] = column.OVERLOAD, i
     if shared[column.FAULT] != 0.0:
-        shared[column.ASKED_MODE] = OFF
+        shared[column.ASKED_MODE] = column.OFF
 
 
 @inline
@@ -259,7 +251,7 @@ def control(arm):
         switch(state, shared)
     shared[column.RAMP] = min(1.0, shared[column.RAMP] + shared[column.RAMP_STEP])
     mode = int(shared[column.MODE])
-    if mode in (TORQUE_GC, THETA_GC, THETA_GC_MJ):
+    if mode in (column.TORQUE_GC, column.THETA_GC, column.THETA_GC_MJ):
         for i in range(n):
             angles[i] = state[i, column.ANGLE]
         gravity_torque(arm.chain, arm.bodies, angles, arm.gravity, arm.torques, arm.work)

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from msgspec import Meta
 
 from dqcontrol.arrays import Array
-from dqcontrol.plants.drivers.driver import Driver, Link, check_period, client
-from dqcontrol.robots.robot import Robot
+from dqcontrol.plants.drivers.driver import ArmAtHost, Link, client
 
 _REALTIME = Path("/sys/kernel/realtime")  # of kernels with PREEMPT_RT, which libfranka asks for
 
 
-class FrankaArm(Driver, frozen=True, kw_only=True, tag="franka"):
+class FrankaArm(ArmAtHost, frozen=True, kw_only=True, tag="franka"):
     """A Franka FR3 (or Panda, with a ``franky`` built for it) over its control interface, FCI.
 
     Joint velocities go to ``franky``, whose own loop answers the robot each millisecond and keeps velocity,
@@ -40,17 +39,11 @@ class FrankaArm(Driver, frozen=True, kw_only=True, tag="franka"):
     'Franka at 172.16.0.2'
     """
 
-    host: str
+    maker: ClassVar[str] = "Franka"
     dynamics: Annotated[float, Meta(gt=0, le=1, description="share of the limits")] = 0.5
 
-    @property
-    def address(self) -> str:
-        """What the robot is called in messages."""
-        return f"Franka at {self.host}"
-
-    def open(self, robot: Robot, period: float) -> Link:
-        """Connect to the robot so that its state can be read; see `Driver.open`."""
-        check_period(period, "Franka")
+    def link(self, period: float) -> Link:
+        """Return what reads it."""
         return _Franky(self)
 
 

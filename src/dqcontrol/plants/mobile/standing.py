@@ -6,18 +6,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
-
-if TYPE_CHECKING:
-    from dqcontrol.plants.mobile.wheeled_base import Foot, RunningGear, SolidBase
-    from dqcontrol.robots.robot import Robot
-
+from dqcontrol.plants.mobile.wheeled_base import Foot, RunningGear, SolidBase
+from dqcontrol.robots.robot import Robot
 
 _STARTS, _SWEEPS = 8, 30  # of the search for the worst posture
 _SAMPLES = np.array([0.0, 2 * math.pi / 3, -2 * math.pi / 3])

@@ -6,7 +6,7 @@ import math
 from collections import deque
 from collections.abc import Iterator, Mapping
 from itertools import count
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,50 +18,15 @@ from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
 from dqcontrol.plants.mujoco.gripper import BODIES, GRIP_FORCE, PADS, Gripper, fingers
 from dqcontrol.plants.mujoco.wrist_sensor import TOOL
 from dqcontrol.plants.plant import Channel, begun_periods
+from dqcontrol.plants.wrist import AXES
 from dqcontrol.robots.files.mujoco_package import import_mujoco
+from dqcontrol.robots.link_shapes import LinkShape
+from dqcontrol.robots.robot import Robot
 from dqcontrol.world import Body, World
 from dqcontrol.world.mesh import convex_parts
 from dqcontrol.world.world import FLOOR
 
-if TYPE_CHECKING:
-    from dqcontrol.robots.link_shapes import LinkShape
-    from dqcontrol.robots.robot import Robot
-
-
 _SNAP = 1e-9  # periods; frames that are nearer to a sample than that are of it
-
-
-class WatchedBodies:
-    """Watched bodies at work.
-
-    Attributes
-    ----------
-    seen
-        By name the measured pose, unit dual quaternion (8,), updated in place.
-    """
-
-    def __init__(
-        self, watched: Mapping[str, Body], places: Mapping[str, Any], period: float, seed: int
-    ) -> None:
-        self._eyes = [
-            _Eye(name, body, place, period, np.random.default_rng([seed, 5, k]))
-            for k, ((name, body), place) in enumerate(zip(watched.items(), places.values(), strict=True))
-        ]
-        self.seen: dict[str, Array] = {eye.name: eye.pose for eye in self._eyes}
-
-    def look(self, out: Array) -> None:
-        """Take what arrives at the next sample, and write the readings."""
-        for k, eye in enumerate(self._eyes):
-            eye.look()
-            out[7 * k : 7 * k + 3] = algebra.translation(eye.pose)
-            out[7 * k + 3 : 7 * k + 7] = eye.pose[:4]
-
-
-def seen_channels(watched: Mapping[str, Body]) -> Iterator[Channel]:
-    """Yield what is recorded of watched bodies."""
-    for name in watched:
-        yield Channel(f"{name}_seen_position", ("x", "y", "z"), "m")
-        yield Channel(f"{name}_seen_quaternion", ("w", "x", "y", "z"), "")
 
 
 class _Eye:
@@ -168,8 +133,8 @@ def add_links(
         geom.contype, geom.conaffinity, geom.friction = 0, 0 if bare else BODIES, [0.0, 0.0, 0.0]
         geom.solref[:2] = _SOLREF * timestep, 1.0
     for a, b in robot.shapes.pairs:
-        names = [_geom_of_link(shapes[k], base) for k in (a, b)]
-        pair = spec.add_pair(geomname1=names[0], geomname2=names[1])
+        first, second = (_geom_of_link(shapes[k], base) for k in (a, b))
+        pair = spec.add_pair(geomname1=first, geomname2=second)
         pair.solref[:2] = _SOLREF * timestep, 1.0
 
 
@@ -183,7 +148,7 @@ def add_world(spec: Any, bodies: Mapping[str, Body], timestep: float) -> None:
     """
     mujoco, meshes = import_mujoco(), count(1)
     for name, body in bodies.items():
-        role = body.role
+        role, is_fixed = body.role, body.role in ("fixed", "moving")
         if body.held is not None and role != "free":
             raise ValueRangeError(
                 f"world.{name}.held: physics moves what hands hold by its mass; give it one"
@@ -196,12 +161,8 @@ def add_world(spec: Any, bodies: Mapping[str, Body], timestep: float) -> None:
         if role == "free":
             place.add_freejoint(name=_body_name(name))
         elif joint is not None:
-            kinds = mujoco.mjtJoint
-            added = place.add_joint(
-                name=_body_name(name),
-                type=kinds.mjJNT_HINGE if body.hinge else kinds.mjJNT_SLIDE,
-                axis=joint.axis,
-            )
+            kind = mujoco.mjtJoint.mjJNT_HINGE if body.hinge else mujoco.mjtJoint.mjJNT_SLIDE
+            added = place.add_joint(name=_body_name(name), type=kind, axis=joint.axis)
             added.pos = body.hinge.at if body.hinge else np.zeros(3)
             added.frictionloss, added.damping = joint.friction, _triple(added.damping, joint.damping)
             if joint.range is not None:
@@ -211,18 +172,17 @@ def add_world(spec: Any, bodies: Mapping[str, Body], timestep: float) -> None:
             if body.moves is not None:  # what moves as it says carries what gives way
                 place = place.add_body(name=_geoms_of(name, body))
             _hang(mujoco, place, name, body, timestep)
-        is_still = role in ("fixed", "moving", "free") or body.moves is not None
+        is_still = is_fixed or role == "free" or body.moves is not None
         if not is_still and hasattr(mujoco, "mjtSleepPolicy"):  # what is on its way, however slowly, moves on
             place.sleep = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
         geoms = list(_solid_geoms(spec, place, body, meshes))
         mass = body.mass or (_PLATE if role == "springy" else 1.0)
         volume = sum(each for _, each in geoms) or 1.0
         for geom, share in geoms:
-            geom.mass = mass * share / volume if role not in ("fixed", "moving") else 0.0
+            geom.mass = 0.0 if is_fixed else mass * share / volume
             geom.rgba, geom.contype, geom.conaffinity = _COLOURS[role], BODIES, BODIES
-            still = role in ("fixed", "moving")
-            across = 0.0 if still else 0.1 * _width(body) * body.friction  # of turning on a face, m
-            geom.friction, geom.condim = [body.friction, across, 0.0], 3 if still else 4
+            across = 0.0 if is_fixed else 0.1 * _width(body) * body.friction  # of turning on a face, m
+            geom.friction, geom.condim = [body.friction, across, 0.0], 3 if is_fixed else 4
             geom.solref[:2] = (2.0 if role == "springy" else _SOLREF) * timestep, 1.0
             if role == "springy":
                 geom.solimp[:3] = 0.99, 0.999, 1e-4
@@ -288,8 +248,7 @@ def _add_geom(body: Any, shape: Shape) -> Any:
         quaternion, middle = algebra.rotation(shape.pose), algebra.translation(shape.pose)
         return body.add_geom(type=kinds.mjGEOM_BOX, size=0.5 * shape.size, pos=middle, quat=quaternion)
     assert isinstance(shape, Plane)
-    quaternion = algebra.rotation_from_matrix(shape.axes)
-    at = shape.offset * shape.normal
+    at, quaternion = shape.offset * shape.normal, algebra.rotation_from_matrix(shape.axes)
     return body.add_geom(type=kinds.mjGEOM_PLANE, size=[0, 0, 1], pos=at, quat=quaternion)
 
 
@@ -322,6 +281,14 @@ def _geoms_of(name: str, body: Body) -> str:
     return f"{_body_name(name)} pad" if body.moves and body.role == "springy" else _body_name(name)
 
 
+def _pose_channels(name: str) -> tuple[Channel, Channel]:
+    position, quaternion = (
+        Channel(f"{name}_position", AXES, "m"),
+        Channel(f"{name}_quaternion", ("w", *AXES), ""),
+    )
+    return position, quaternion
+
+
 class WorldBodies:
     """The bodies of a world at work in MuJoCo: those that move as they say, and where physics moves the others.
 
@@ -338,13 +305,19 @@ class WorldBodies:
     def __init__(self, bodies: Mapping[str, Body], model: Any, data: Any, period: float, seed: int) -> None:
         self._data = data
         watched = {name: body for name, body in bodies.items() if body.watch is not None}
-        places = {name: data.body(_body_name(name)) for name in watched}
-        self._watched = WatchedBodies(watched, places, period, seed)
-        self.seen: dict[str, Array] = self._watched.seen
-        self.channels: tuple[Channel, ...] = (*body_channels(bodies), *seen_channels(watched))
+        self._eyes = [
+            _Eye(name, body, data.body(_body_name(name)), period, np.random.default_rng([seed, 5, k]))
+            for k, (name, body) in enumerate(watched.items())
+        ]
+        self.seen: dict[str, Array] = {eye.name: eye.pose for eye in self._eyes}
+        of_watched = [channel for name in watched for channel in _pose_channels(f"{name}_seen")]
+        self.channels: tuple[Channel, ...] = (*body_channels(bodies), *of_watched)
         self.size: int = sum(channel.size for channel in self.channels)
-        moving = {name: body for name, body in bodies.items() if body.moves is not None}
-        self._moving = [(int(model.body(_body_name(name)).mocapid[0]), body) for name, body in moving.items()]
+        self._moving = [
+            (int(model.body(_body_name(name)).mocapid[0]), body)
+            for name, body in bodies.items()
+            if body.moves is not None
+        ]
         self.moves: bool = bool(self._moving)
         self._at = _coordinates_at(bodies, model)
 
@@ -367,18 +340,18 @@ class WorldBodies:
         """Write the readings, shape (size,)."""
         moved = len(self._at)
         out[:moved] = self._data.qpos[self._at]
-        if self.seen:
-            self._watched.look(out[moved:])
+        for eye, row in zip(self._eyes, out[moved:].reshape(-1, 7), strict=True):
+            eye.look()
+            row[:3], row[3:] = algebra.translation(eye.pose), eye.pose[:4]
 
 
 def body_channels(bodies: Mapping[str, Body]) -> Iterator[Channel]:
     """Yield what is recorded of the bodies that physics moves."""
     for name, body in bodies.items():
         if body.role == "free":
-            yield Channel(f"{name}_position", ("x", "y", "z"), "m")
-            yield Channel(f"{name}_quaternion", ("w", "x", "y", "z"), "")
+            yield from _pose_channels(name)
         elif body.role == "springy":
-            yield Channel(f"{name}_displacement", ("x", "y", "z"), "m")
+            yield Channel(f"{name}_displacement", AXES, "m")
         elif body.is_moved_by_physics:
             what, unit = ("angle", "rad") if body.hinge else ("way", "m")
             yield Channel(f"{name}_{what}", (), unit)
@@ -448,10 +421,8 @@ class WorldContacts:
         for k, row in enumerate(robot.ends):  # what an end effector has counts as the link that carries it
             carrier = int(robot.parents[row]) + 1
             last = max((i for i, each in enumerate(shapes) if each.frame == carrier), default=0)
-            held = {
-                names.index(name): last for name in (*fingers(k), *PADS[k : k + 1], TOOL) if name in names
-            }
-            links.update(held)
+            own = (*fingers(k), *PADS[k : k + 1], TOOL)
+            links |= {names.index(name): last for name in own if name in names}
         self._link_of: NDArray[np.intp] = np.array([links.get(i, -1) for i in range(model.ngeom)])
         self._wrench = np.zeros(6)
         parts = (*self._names, ITSELF)

@@ -8,7 +8,7 @@ pressed in least, with Coulomb's friction along it, which speeds below 1 mm/s bu
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -21,10 +21,8 @@ from dqcontrol.plants.plant import PLANT, Channel, CompiledPlant
 from dqcontrol.plants.servo.servo_step import servo_kernel_inline
 from dqcontrol.plants.wrist import CHANNELS, Three, Wrist
 from dqcontrol.robots.kinematics.kinematics_kernels import joint_frames
+from dqcontrol.robots.robot import Robot
 from dqcontrol.world import World
-
-if TYPE_CHECKING:
-    from dqcontrol.robots.robot import Robot
 
 _SLIDING = 1e-3  # m/s from which on friction is whole
 
