@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dqcontrol.plants.compliant import joint_columns as column
-from dqcontrol.plants.compliant.arm_memory import arm_memory
+from dqcontrol.plants.compliant.compliant_step import arm_memory
 from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.joint_columns import butterworth
 from dqcontrol.plants.compliant.joint_controller import control, drive, integrated, sense, step_reference

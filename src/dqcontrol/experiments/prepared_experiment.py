@@ -54,7 +54,7 @@ from dqcontrol.laws.null_space import Posture
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.closed_loop import check_disturbed
 from dqcontrol.loop.simulate import step_count
-from dqcontrol.loop.trace import FARTHEST
+from dqcontrol.loop.closed_loop import FARTHEST
 from dqcontrol.measures.run_numbers import DesiredMotion
 from dqcontrol.measures.stability import LoopGain, loop_gains
 from dqcontrol.planning.certified_edges import CertifiedEdges

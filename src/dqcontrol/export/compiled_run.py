@@ -22,7 +22,7 @@ from dqcontrol.loop import Record, Timing
 from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.signals import Signal
 from dqcontrol.loop.supervision import SECONDS, Watch
-from dqcontrol.loop.trace import SampleSink
+from dqcontrol.loop.closed_loop import SampleSink
 from dqcontrol.plants.plant import CompiledPlant, running_plant
 from dqcontrol.references.sample import TIME
 from dqcontrol.supervisor.interventions import INTERVENTIONS, describe_stop, reasons

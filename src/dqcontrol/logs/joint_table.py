@@ -15,23 +15,7 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, suggest
 from dqcontrol.files.input_file import as_number, open_regular, read_text
-from dqcontrol.logs.text_table import (
-    ANGLES,
-    DELIMITERS,
-    EMPTY,
-    LENGTHS,
-    TIME_NAMES,
-    TIME_UNITS,
-    Missing,
-    fill_missing,
-    find_columns,
-    name_and_unit,
-    seconds_from,
-    table_rows,
-    time_unit,
-    unit_scale,
-    written_stamp,
-)
+from dqcontrol.logs import text_table
 from dqcontrol.robots import Robot
 
 Angles = Literal["rad", "deg"]
@@ -81,7 +65,7 @@ def read_joint_table(
     *,
     angles: Angles | None = None,
     targets: str | Sequence[str] | None = None,
-    missing: Missing = "interpolate",
+    missing: text_table.Missing = "interpolate",
 ) -> JointTable:
     """Return what a table holds of a robot's joints.
 
@@ -99,15 +83,15 @@ def read_joint_table(
     columns, stamps, values, notes = _read(path, joint_names, targets)
     unit = columns.units[columns.time]
     if not unit:
-        unit, said = time_unit(stamps)
+        unit, said = text_table.time_unit(stamps)
         notes += said
-    time = seconds_from(stamps, TIME_UNITS[unit])
+    time = text_table.seconds_from(stamps, text_table.TIME_UNITS[unit])
     if angles is None and must_be_degrees(path, robot, [columns.units[i] for i in columns.joints], values):
         angles = "deg"
         notes.append(DEGREES_NOTE)
     values *= _scales(columns, robot.joint_types, angles)
     n = len(joint_names)
-    time, values = fill_missing(
+    time, values = text_table.fill_missing(
         path, time, values, [columns.names[i] for i in columns.numbers], n, missing, notes
     )
     ends = np.cumsum([n, len(columns.commands), len(columns.targets)])
@@ -120,7 +104,8 @@ def column_names(path: Path, known: Sequence[str]) -> list[str]:
     """Return the names of the columns of a table without their units; raises as `read_joint_table`."""
     with _opened(path) as stream:
         return [
-            name_and_unit(cell, known)[0] for cell in next(table_rows(path, _text_lines(path, stream)))[1]
+            text_table.name_and_unit(cell, known)[0]
+            for cell in next(text_table.table_rows(path, _text_lines(path, stream)))[1]
         ]
 
 
@@ -132,7 +117,7 @@ def _read(
     if found is not None:
         return found[0], found[1], found[2], []
     text, notes = read_text(path), list[str]()
-    header, *rows = table_rows(path, text.splitlines())
+    header, *rows = text_table.table_rows(path, text.splitlines())
     columns = _chosen(path, header, joint_names, targets)
     width = len(columns.names)
     if rows and len(rows[-1][1]) < width and not text.endswith("\n"):
@@ -140,7 +125,7 @@ def _read(
     for number, cells in rows:
         if len(cells) != width:
             raise FileFormatError(f"{path}:{number}: expected {width} values, got {len(cells)}")
-    stamped = [row for row in rows if row[1][columns.time].lower() not in EMPTY]
+    stamped = [row for row in rows if row[1][columns.time].lower() not in text_table.EMPTY]
     if len(stamped) < len(rows):
         notes.append(f"{len(rows) - len(stamped)} of {len(rows)} lines have no time and are left out")
     if not stamped:
@@ -158,17 +143,19 @@ def _chosen(
     where, n = f"{path}:{header[0]}", len(joint_names)
     commanded = [f"command.{name}" for name in joint_names], [f"u{i + 1}" for i in range(n)]
     wanted = _target_names(joint_names, targets)
-    known = {*joint_names, *(f"q{i + 1}" for i in range(n)), *TIME_NAMES, *_WRENCH}.union(*commanded, *wanted)
-    cells = [name_and_unit(cell, known) for cell in header[1]]
+    known = {*joint_names, *(f"q{i + 1}" for i in range(n)), *text_table.TIME_NAMES, *_WRENCH}.union(
+        *commanded, *wanted
+    )
+    cells = [text_table.name_and_unit(cell, known) for cell in header[1]]
     names, units = [cell[0] for cell in cells], [cell[1] for cell in cells]
-    joints = find_columns(where, "joints", names, _measured_names(names, joint_names), "q")
+    joints = text_table.find_columns(where, "joints", names, _measured_names(names, joint_names), "q")
     commands = _find_commands(where, names, joint_names)
     lowered = [name.lower() for name in names]
-    time = next((name for name in TIME_NAMES if name in lowered), "time")
-    place = find_columns(where, "column", lowered, [time], "")[0]
-    if units[place] and units[place] not in TIME_UNITS:
+    time = next((name for name in text_table.TIME_NAMES if name in lowered), "time")
+    place = text_table.find_columns(where, "column", lowered, [time], "")[0]
+    if units[place] and units[place] not in text_table.TIME_UNITS:
         raise FileFormatError(
-            f"{where}: {names[place]}: unknown unit '{units[place]}' (allowed: {', '.join(TIME_UNITS)})"
+            f"{where}: {names[place]}: unknown unit '{units[place]}' (allowed: {', '.join(text_table.TIME_UNITS)})"
         )
     found = next((each for each in wanted if set(each) <= set(names)), None)
     if found is None and targets is not None:
@@ -176,7 +163,7 @@ def _chosen(
             f"targets or reference_joints: {where}: columns missing: {', '.join(wanted[0])}"
             f"{suggest(wanted[0][0], names)} (columns: {', '.join(names)})"
         )
-    held = find_columns(where, "commanded positions", names, found, "") if found else []
+    held = text_table.find_columns(where, "commanded positions", names, found, "") if found else []
     wrench = [lowered.index(name) for name in _WRENCH] if set(_WRENCH) <= set(lowered) else []
     return _Columns(where, names, units, place, joints, commands, held, wrench)
 
@@ -214,14 +201,18 @@ def _scales(columns: _Columns, joint_types: Sequence[str], angles: Angles | None
     scales = []
     for chosen, per in ((columns.joints, ""), (columns.commands, "/s"), (columns.targets, "")):
         for kind, i in zip(joint_types if chosen else (), chosen, strict=True):
-            table, default = (ANGLES, angles or "rad") if kind == "revolute" else (LENGTHS, "m")
+            table, default = (
+                (text_table.ANGLES, angles or "rad") if kind == "revolute" else (text_table.LENGTHS, "m")
+            )
             allowed = {unit + per: scale for unit, scale in table.items()}
             scales.append(
-                unit_scale(f"{columns.where}: {columns.names[i]}", columns.units[i], allowed, default + per)
+                text_table.unit_scale(
+                    f"{columns.where}: {columns.names[i]}", columns.units[i], allowed, default + per
+                )
             )
     for k, i in enumerate(columns.wrench):
         unit = "N" if k < 3 else "N·m"
-        unit_scale(f"{columns.where}: {columns.names[i]}", columns.units[i], {unit: 1.0}, unit)
+        text_table.unit_scale(f"{columns.where}: {columns.names[i]}", columns.units[i], {unit: 1.0}, unit)
         scales.append(1.0)
     return scales
 
@@ -298,7 +289,9 @@ def _plain(
                 lines = iter(block)
                 try:
                     header = next(
-                        table_rows(path, (line.decode("utf-8-sig").rstrip("\r\n") for line in lines))
+                        text_table.table_rows(
+                            path, (line.decode("utf-8-sig").rstrip("\r\n") for line in lines)
+                        )
                     )
                 except (StopIteration, UnicodeDecodeError, FileFormatError):
                     return None
@@ -321,7 +314,7 @@ def _plain_block(text: bytes, columns: _Columns) -> tuple[Array, list[Decimal]] 
     lines = [line for line in text.splitlines() if line.strip()]
     if not lines:
         return np.zeros((0, len(columns.numbers))), []
-    delimiter = max((each.encode() for each in DELIMITERS), key=lines[0].count)
+    delimiter = max((each.encode() for each in text_table.DELIMITERS), key=lines[0].count)
     try:
         content = b"[[" + b"],[".join(lines).replace(delimiter, b",").replace(b"nan", b"null") + b"]]"
         table = np.array(msgspec.json.decode(content, type=list[list[float | None]]), dtype=np.float64)
@@ -340,7 +333,7 @@ def _find_commands(where: str, names: Sequence[str], inputs: Sequence[str]) -> l
     named = [f"command.{name}" for name in inputs]
     if not any(name in names for name in (*named, *(f"u{i + 1}" for i in range(len(inputs))))):
         return []
-    return find_columns(where, "commands", names, named, "u")
+    return text_table.find_columns(where, "commands", names, named, "u")
 
 
 def _numbers(path: Path, rows: list[tuple[int, list[str]]], columns: _Columns) -> Array:
@@ -348,7 +341,10 @@ def _numbers(path: Path, rows: list[tuple[int, list[str]]], columns: _Columns) -
     places = columns.numbers
     try:
         table = np.array(
-            [[cells[i] if cells[i].lower() not in EMPTY else "nan" for i in places] for _, cells in rows],
+            [
+                [cells[i] if cells[i].lower() not in text_table.EMPTY else "nan" for i in places]
+                for _, cells in rows
+            ],
             dtype=np.float64,
         )
     except ValueError:
@@ -356,7 +352,7 @@ def _numbers(path: Path, rows: list[tuple[int, list[str]]], columns: _Columns) -
     if np.isinf(table).any():
         for number, cells in rows:
             for i in places:
-                if cells[i].lower() not in EMPTY:
+                if cells[i].lower() not in text_table.EMPTY:
                     as_number(f"{path}:{number}: {columns.names[i]}", cells[i])
     return table
 
@@ -364,7 +360,9 @@ def _numbers(path: Path, rows: list[tuple[int, list[str]]], columns: _Columns) -
 def _stamps(path: Path, rows: list[tuple[int, list[str]]], columns: _Columns) -> list[Decimal]:
     """Return the stamps with all digits: those of Unix time do not fit a float."""
     name = columns.names[columns.time]
-    stamps = [written_stamp(f"{path}:{number}: {name}", cells[columns.time]) for number, cells in rows]
+    stamps = [
+        text_table.written_stamp(f"{path}:{number}: {name}", cells[columns.time]) for number, cells in rows
+    ]
     for k in range(1, len(stamps)):
         if stamps[k] <= stamps[k - 1]:
             now, before = (rows[i][1][columns.time] for i in (k, k - 1))

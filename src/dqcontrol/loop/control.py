@@ -10,9 +10,9 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.controller import Controller
 from dqcontrol.errors import DivergedError, Error, FallenError, ValueRangeError
+from dqcontrol.loop.closed_loop import SampleSink
 from dqcontrol.loop.supervision import BlackBox
 from dqcontrol.loop.targets import JogTarget, Target
-from dqcontrol.loop.trace import SampleSink
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot
 from dqcontrol.supervisor import PreparedSupervisor, supervisor_layout as layout

@@ -17,12 +17,12 @@ from dqcontrol.controller import Controller, PreparedTasks
 from dqcontrol.errors import FallenError, ShapeError, as_array, as_positive
 from dqcontrol.laws.law import Law
 from dqcontrol.limits import CommandLimits
+from dqcontrol.loop.closed_loop import SampleSink
 from dqcontrol.loop.control import Control, Phase, warm_up
 from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.replanning import refuse_replanning
 from dqcontrol.loop.supervision import BlackBox, Senses
 from dqcontrol.loop.targets import PoseTarget, SampledTarget, Speeds, Target, TwistTarget
-from dqcontrol.loop.trace import SampleSink
 from dqcontrol.plants.plant import (
     Plant,
     PlantProtocol,

@@ -14,8 +14,8 @@ from dqcontrol.compiled.intrinsics import ADDRESS, caller
 from dqcontrol.compiled.memory_layout import Bundle
 from dqcontrol.contact.contact_layout import WRENCH
 from dqcontrol.controller.command_kernel import LAW_FAILED, PLAN, compute_command, note_sent, unpack
-from dqcontrol.plants.disturbance_step import DISTURBANCE, ROW
-from dqcontrol.plants.plant import PLANT
+from dqcontrol.plants.disturbance import DISTURBANCE, ROW
+from dqcontrol.plants.plant import PLANT, CompiledPlant
 from dqcontrol.supervisor.supervisor_layout import AT_REST, NOW, SUPERVISOR
 
 PLANT_FAILED = 2 * LAW_FAILED  # added to the status of what failed; the kinematics' own stays
@@ -170,6 +170,20 @@ UNSUPERVISED: SupervisorArrays = supervisor_arrays(
 UNDISTURBED: DisturbanceArrays = disturbance_arrays(
     rows=np.zeros((0, ROW)), parameters=_NOTHING, work=_NOTHING, realised=np.zeros((1, 6))
 )
+
+
+def moved_plant(plant: CompiledPlant) -> PlantArrays:
+    """Return the arrays of a plant."""
+    return plant_arrays(
+        parameters=plant.parameters,
+        state=plant.state,
+        noise=plant.noise,
+        q=plant.q,
+        measured=plant.measured,
+        wrench=plant.wrench if plant.wrench.size else np.full(WRENCH, np.nan),
+        readings=plant.readings,
+    )
+
 
 ROLLOUT = STATUS(
     *(each.type for each in (stages, law_arrays, supervisor_arrays, disturbance_arrays, plant_arrays)),

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, Kernel
-from dqcontrol.contact.contact_layout import WRENCH
 from dqcontrol.controller.controller import Controller
 from dqcontrol.controller.task_levels import FurtherTask, PreparedTasks
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
@@ -20,13 +19,12 @@ from dqcontrol.laws.law import Law
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.clock import Clock
-from dqcontrol.loop.closed_loop import close_loop
+from dqcontrol.loop.closed_loop import FARTHEST, SampleSink, Stop, close_loop
 from dqcontrol.loop.constraint_signals import constraint_signals, held_signals
 from dqcontrol.loop.record import Record, has_failed
 from dqcontrol.loop.replanning import Replanning, plan_signals, refuse_replanning
 from dqcontrol.loop.signals import Signal, actuator_command, task_errors
 from dqcontrol.loop.supervision import BlackBox, Supervision, Watch
-from dqcontrol.loop.trace import FARTHEST, SampleSink, Stop
 from dqcontrol.plants.disturbance import Disturbance
 from dqcontrol.plants.plant import (
     CompiledPlant,
@@ -382,15 +380,7 @@ class RepeatedLoop:
             plant=plant.kernel.pointer,
             settled=0,
         )
-        self._moved = compiled.plant_arrays(
-            parameters=plant.parameters,
-            state=plant.state,
-            noise=plant.noise,
-            q=plant.q,
-            measured=plant.measured,
-            wrench=plant.wrench if plant.wrench.size else np.full(WRENCH, np.nan),
-            readings=np.zeros(0),
-        )
+        self._moved = compiled.moved_plant(plant)
         self._course = compiled.course(
             samples=self.samples, stop=np.zeros(2), done=self._done, settling=np.zeros(9)
         )

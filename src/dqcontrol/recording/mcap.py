@@ -40,22 +40,9 @@ from dqcontrol.files.whole_file import whole_file
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import Signal
 from dqcontrol.loop.supervision import BlackBox
+from dqcontrol.recording import mcap_writer
 from dqcontrol.recording.cdr import Layout, layout_of
 from dqcontrol.recording.mcap_reader import ChunkMessages, read_records
-from dqcontrol.recording.mcap_writer import (
-    COMMAND,
-    DISTURBANCE,
-    END,
-    FORMAT,
-    MEASURED,
-    METADATA,
-    NUMBERS,
-    READINGS,
-    SAMPLE,
-    STATES,
-    SampleWriter,
-    about,
-)
 
 T = TypeVar("T")
 
@@ -127,9 +114,11 @@ def load_metadata(path: str | Path) -> dict[str, str]:
 
 
 def _write(stream: IO[bytes], record: Record, spec: str) -> None:
-    writer = SampleWriter(stream)
-    metadata = about(record.joint_names, record.input_names, spec, list(record.readings.values()))
-    writer.add_metadata(METADATA, metadata | {"samples": str(len(record)), "stopped": record.stopped})
+    writer = mcap_writer.SampleWriter(stream)
+    metadata = mcap_writer.about(record.joint_names, record.input_names, spec, list(record.readings.values()))
+    writer.add_metadata(
+        mcap_writer.METADATA, metadata | {"samples": str(len(record)), "stopped": record.stopped}
+    )
     writer.write(record, len(record), min(0.0, float(record.time[0])))
     writer.finish()
 
@@ -176,8 +165,10 @@ class _Contents:
                     self._take(record)
                 elif isinstance(record, Channel):
                     self._topics[record.id] = record.topic
-                elif isinstance(record, Metadata) and record.name in (METADATA, END):
-                    streamed = streamed or (record.name == METADATA and "samples" not in record.metadata)
+                elif isinstance(record, Metadata) and record.name in (mcap_writer.METADATA, mcap_writer.END):
+                    streamed = streamed or (
+                        record.name == mcap_writer.METADATA and "samples" not in record.metadata
+                    )
                     self._about |= record.metadata
         except OSError:
             raise
@@ -191,14 +182,18 @@ class _Contents:
         """What the file says about itself."""
         if not self._about:
             raise FileFormatError("is no record of dqcontrol: it lacks the metadata 'dqcontrol'")
-        if self._about["format"] != FORMAT:
-            raise FileFormatError(f"has record format {self._about['format']}, this version reads {FORMAT}")
+        if self._about["format"] != mcap_writer.FORMAT:
+            raise FileFormatError(
+                f"has record format {self._about['format']}, this version reads {mcap_writer.FORMAT}"
+            )
         return self._about
 
     def _take(self, messages: ChunkMessages) -> None:
         """Keep the numbers of messages of one topic."""
         topic = self._topics[messages.channel]
-        kind, field = _FIELDS.get(topic, (NUMBERS, "data") if topic.startswith(READINGS) else ("", ""))
+        kind, field = _FIELDS.get(
+            topic, (mcap_writer.NUMBERS, "data") if topic.startswith(mcap_writer.READINGS) else ("", "")
+        )
         if not kind:
             return
         layout = self._layouts.setdefault(topic, layout_of(kind, messages.first()))
@@ -208,11 +203,11 @@ class _Contents:
 
 
 _FIELDS = {
-    STATES: ("sensor_msgs/JointState", "position"),
-    MEASURED: ("sensor_msgs/JointState", "position"),
-    COMMAND: ("sensor_msgs/JointState", "velocity"),
-    SAMPLE: (NUMBERS, "data"),
-    DISTURBANCE: ("geometry_msgs/TwistStamped", "data"),
+    mcap_writer.STATES: ("sensor_msgs/JointState", "position"),
+    mcap_writer.MEASURED: ("sensor_msgs/JointState", "position"),
+    mcap_writer.COMMAND: ("sensor_msgs/JointState", "velocity"),
+    mcap_writer.SAMPLE: (mcap_writer.NUMBERS, "data"),
+    mcap_writer.DISTURBANCE: ("geometry_msgs/TwistStamped", "data"),
 }
 
 
@@ -220,9 +215,15 @@ def _record(found: _Contents) -> Record:
     metadata = found.metadata
     joints, inputs = _names(metadata, "joint_names"), _names(metadata, "input_names")
     readings = {name: (parts, units) for name, parts, units in json.loads(metadata.get("readings", "[]"))}
-    topics = [STATES, MEASURED, COMMAND, SAMPLE, *(READINGS + name for name in readings)]
+    topics = [
+        mcap_writer.STATES,
+        mcap_writer.MEASURED,
+        mcap_writer.COMMAND,
+        mcap_writer.SAMPLE,
+        *(mcap_writer.READINGS + name for name in readings),
+    ]
     values = {}
-    for topic in [*topics, DISTURBANCE] if DISTURBANCE in found.rows else topics:
+    for topic in [*topics, mcap_writer.DISTURBANCE] if mcap_writer.DISTURBANCE in found.rows else topics:
         parts = found.rows.pop(topic, [])
         values[topic] = np.concatenate(parts) if parts else np.zeros((0, 0))
     if not found.is_cut_off:
@@ -231,25 +232,27 @@ def _record(found: _Contents) -> Record:
         count = min(map(len, values.values()))
         if not count:
             raise FileFormatError("was cut off before its first samples were written")
-        stopped = f"cut off at {values[SAMPLE][count - 1, 0]:g} s: the recording has no end"
+        stopped = f"cut off at {values[mcap_writer.SAMPLE][count - 1, 0]:g} s: the recording has no end"
         values = {topic: each[:count] for topic, each in values.items()}
     for topic, each in values.items():
         if len(each) != count:
             raise FileFormatError(f"{topic}: expected {count} messages, got {len(each)}")
-    sample = values[SAMPLE]
+    sample = values[mcap_writer.SAMPLE]
     return Record(
         time=sample[:, 0],
-        q=values[STATES],
-        measured=values[MEASURED],
-        command=values[COMMAND],
+        q=values[mcap_writer.STATES],
+        measured=values[mcap_writer.MEASURED],
+        command=values[mcap_writer.COMMAND],
         pose=sample[:, 1:9],
         desired=sample[:, 9:],
         joint_names=joints,
         input_names=inputs,
         stopped=stopped,
-        disturbance=values[DISTURBANCE][:, [3, 4, 5, 0, 1, 2]] if DISTURBANCE in values else None,
+        disturbance=values[mcap_writer.DISTURBANCE][:, [3, 4, 5, 0, 1, 2]]
+        if mcap_writer.DISTURBANCE in values
+        else None,
         readings={
-            name: Signal(name, tuple(parts), tuple(units), values[READINGS + name])
+            name: Signal(name, tuple(parts), tuple(units), values[mcap_writer.READINGS + name])
             for name, (parts, units) in readings.items()
         },
     )

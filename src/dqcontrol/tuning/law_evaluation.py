@@ -236,12 +236,11 @@ def searched_scenes(problem: TuneProblem) -> list[PreparedRobot]:
         If a motion or start does not fit or is out of reach.
     """
     spec, block = problem.spec, problem.block
-    starts = [spec.start, *block.starts]
     found = []
-    for i, start in enumerate(starts):
+    for i, start in enumerate([spec.start, *block.starts]):
         for k, reference in enumerate([spec.reference, *block.references]):
             place = [f"tune.starts[{i - 1}]"] * bool(i) + [f"tune.references[{k - 1}]"] * bool(k)
-            found.append(_scene(problem, changed(spec, start=start, reference=reference), ", ".join(place)))
+            found.append(_scene(problem, start, reference, ", ".join(place)))
     return found
 
 
@@ -259,11 +258,7 @@ def held_out_scenes(problem: TuneProblem) -> list[PreparedRobot]:
     references = held_out.references or [spec.reference]
     starts = held_out.starts or [spec.start]
     return [
-        _scene(
-            problem,
-            changed(spec, start=start, reference=reference),
-            f"tune.held_out, motion {k + 1}, start {i + 1}",
-        )
+        _scene(problem, start, reference, f"tune.held_out, motion {k + 1}, start {i + 1}")
         for i, start in enumerate(starts)
         for k, reference in enumerate(references)
     ]
@@ -285,7 +280,7 @@ def _nearby(problem: TuneProblem) -> Iterator[PreparedRobot]:
     references = [spec.reference, *problem.block.references]
 
     def scenes(start: Any) -> list[PreparedRobot]:
-        return [_scene(problem, changed(spec, start=start, reference=each), "") for each in references]
+        return [_scene(problem, start, each) for each in references]
 
     home = scenes(spec.start)
     limits, draw, found = home[0].robot.limits, np.random.default_rng(spec.seed), 0
@@ -316,13 +311,12 @@ def _has_room(scene: PreparedRobot) -> bool:
     return demand is not None and demand.limit_margin > AT_LIMIT
 
 
-def _scene(problem: TuneProblem, spec: object, place: str) -> PreparedRobot:
+def _scene(problem: TuneProblem, start: Any, reference: Any, place: str = "") -> PreparedRobot:
+    spec = changed(problem.spec, start=start, reference=reference)
     try:
-        setting = prepare_spec(spec, problem.folder, {})  # type: ignore[arg-type]
+        scene = prepare_spec(spec, problem.folder, {}).scene
     except Error as error:
-        at = f"{place}: " if place else ""
-        raise type(error)(f"{problem.where}: {at}{error}") from None
-    scene = setting.scene
+        raise type(error)(": ".join(filter(None, (problem.where, place, str(error))))) from None
     if len(scene.samples) < 3:
         raise ValueRangeError(
             f"{problem.where}: duration: takes {len(scene.samples)} samples; a search needs 3"

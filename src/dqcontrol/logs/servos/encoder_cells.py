@@ -13,16 +13,7 @@ import numpy as np
 from scipy.special import log_ndtr, ndtr
 
 from dqcontrol.arrays import Array
-from dqcontrol.logs.servos.joint_fit import (
-    Columns,
-    Fit,
-    Segment,
-    columns_at,
-    fit_of,
-    positions_of,
-    sandwich,
-    slopes_by_values,
-)
+from dqcontrol.logs.servos import joint_fit
 
 _WIDTHS = (0.04, 0.06, 0.09, 0.13, 0.2, 0.3)  # of a step; narrower ones trust the model too much
 _NO_BASIS = np.zeros((0, 0))
@@ -30,7 +21,7 @@ _ROUNDS = 12  # Newton steps; they end by themselves where the likelihood gains 
 _FARTHEST = 8.0  # standard deviations outside of a cell beyond which a sample pulls no harder
 
 
-def refined(segments: list[Segment], found: Fit, resolution: float) -> Fit:
+def refined(segments: list[joint_fit.Segment], found: joint_fit.Fit, resolution: float) -> joint_fit.Fit:
     """Return the likeliest fit near one of least squares, with its uncertainty.
 
     Parameters
@@ -42,7 +33,7 @@ def refined(segments: list[Segment], found: Fit, resolution: float) -> Fit:
     resolution
         Step of the encoder, rad or m.
     """
-    positions = positions_of(segments)
+    positions = joint_fit.positions_of(segments)
     best, point = (-math.inf, np.zeros(0), None, 0.0), np.concatenate([found.values, found.factors])
     for spread in (width * resolution for width in reversed(_WIDTHS)):
         likelihood, point, columns = _climbed(segments, found, positions, point, resolution, spread)
@@ -55,23 +46,28 @@ def refined(segments: list[Segment], found: Fit, resolution: float) -> Fit:
     score, weight, likelihood = _cells(columns.residual, resolution, spread)
     jacobian = columns.jacobian
     root = np.sqrt(weight)
-    covariance = sandwich(jacobian * root[:, None], score, jacobian * score[:, None])
-    return replace(fit_of(segments, found.kind, values, columns, covariance), likelihood=likelihood)
+    covariance = joint_fit.sandwich(jacobian * root[:, None], score, jacobian * score[:, None])
+    return replace(joint_fit.fit_of(segments, found.kind, values, columns, covariance), likelihood=likelihood)
 
 
 def _climbed(
-    segments: list[Segment], found: Fit, positions: Array, point: Array, resolution: float, spread: float
-) -> tuple[float, Array, Columns]:
+    segments: list[joint_fit.Segment],
+    found: joint_fit.Fit,
+    positions: Array,
+    point: Array,
+    resolution: float,
+    spread: float,
+) -> tuple[float, Array, joint_fit.Columns]:
     """Return the log-likelihood at its top for a width, the parameters there and the columns."""
     k, kind = len(found.values), found.kind
 
-    def at(trial: Array) -> tuple[float, Columns, Array, Array]:
+    def at(trial: Array) -> tuple[float, joint_fit.Columns, Array, Array]:
         values, factors = trial[:k], trial[k:]
-        columns, slopes, pulls = columns_at(segments, kind, values)
-        by_values = slopes_by_values(factors, slopes, pulls)
+        columns, slopes, pulls = joint_fit.columns_at(segments, kind, values)
+        by_values = joint_fit.slopes_by_values(factors, slopes, pulls)
         residual = positions - columns @ factors
         score, weight, likelihood = _cells(residual, resolution, spread)
-        return likelihood, Columns(columns, by_values, _NO_BASIS, factors, residual), score, weight
+        return likelihood, joint_fit.Columns(columns, by_values, _NO_BASIS, factors, residual), score, weight
 
     likelihood, columns, score, weight = at(point)
     for _ in range(_ROUNDS):

@@ -13,18 +13,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ, WRITE, kernel, types
-from dqcontrol.logs.servos.joint_fit import (
-    QUANTUM,
-    Fit,
-    Segment,
-    by_segment,
-    columns_at,
-    fit_at,
-    positions_of,
-    sandwich,
-    slopes_by_values,
-    solved,
-)
+from dqcontrol.logs.servos import joint_fit
 
 _TRIED = (0.5, 1.0, 2.0, 4.0)  # of what is left, half widths of a play
 _MIN_PLAY_SIGMA = 5.0  # standard errors
@@ -44,13 +33,13 @@ def _play_position(values, begin, half_width, out):
         out[k] = (values[k] - middle) / half_width
 
 
-def half_play(segments: list[Segment], found: Fit, resolution: float) -> float:
+def half_play(segments: list[joint_fit.Segment], found: joint_fit.Fit, resolution: float) -> float:
     """Return half the width of the play that a fit leaves, roughly; 0 if none is sure.
 
     What is left is compared with the position of the fitted output in a play, which is a share of a dead band, too.
     """
-    usual = max(found.rms, resolution * QUANTUM)
-    columns = solved(segments, found.kind, found.values)
+    usual = max(found.rms, resolution * joint_fit.QUANTUM)
+    columns = joint_fit.solved(segments, found.kind, found.values)
     jacobian = columns.jacobian
     basis = np.linalg.qr(jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))[0]
     best: tuple[float, float, Array, Array] | None = None
@@ -65,13 +54,15 @@ def half_play(segments: list[Segment], found: Fit, resolution: float) -> float:
     if best is None:
         return 0.0
     _, factor, place, alone = best
-    covariance = sandwich(np.column_stack([jacobian, place]), columns.residual - factor * alone)
+    covariance = joint_fit.sandwich(np.column_stack([jacobian, place]), columns.residual - factor * alone)
     least = max(_WIDTHS[0] * resolution, _WIDTHS[1] * _smooth_noise(columns.residual), _LEAST)
     least = max(_MIN_PLAY_SIGMA * math.sqrt(max(covariance[-1, -1], 0.0)), least)
     return -factor if -factor >= least else 0.0
 
 
-def fit_with_play(segments: list[Segment], found: Fit, half_width: float) -> tuple[Fit, list[Segment], float]:
+def fit_with_play(
+    segments: list[joint_fit.Segment], found: joint_fit.Fit, half_width: float
+) -> tuple[joint_fit.Fit, list[joint_fit.Segment], float]:
     """Return the best servo with a play behind it, the segments without that play, and half its width.
 
     Parameters
@@ -83,15 +74,15 @@ def fit_with_play(segments: list[Segment], found: Fit, half_width: float) -> tup
     half_width
         Of the play, roughly, rad or m.
     """
-    positions = positions_of(segments)
+    positions = joint_fit.positions_of(segments)
     k, kind = len(found.values), found.kind
     lower = np.concatenate([kind.lower, np.full(len(found.factors), -np.inf), [half_width / _FARTHEST]])
     upper = np.concatenate([kind.upper, np.full(len(found.factors), np.inf), [half_width * _FARTHEST]])
 
     def at(trial: Array) -> tuple[float, Array, Array, Array]:
-        columns, slopes, pulls = columns_at(segments, kind, trial[:k])
+        columns, slopes, pulls = joint_fit.columns_at(segments, kind, trial[:k])
         factors = trial[k:-1]
-        by_values = slopes_by_values(factors, slopes, pulls)
+        by_values = joint_fit.slopes_by_values(factors, slopes, pulls)
         driven = columns @ factors
         place = _places(segments, driven, float(trial[-1]))
         carried, rests = _carried(segments, place)
@@ -123,21 +114,21 @@ def fit_with_play(segments: list[Segment], found: Fit, half_width: float) -> tup
         if gained < _PROGRESS * squares:
             break
     half_width = float(point[-1])
-    parts = zip(segments, by_segment(segments, half_width * place), strict=True)
+    parts = zip(segments, joint_fit.by_segment(segments, half_width * place), strict=True)
     mended = [each._replace(positions=each.positions + part) for each, part in parts]
-    return fit_at(mended, kind, point[:k]), mended, half_width
+    return joint_fit.fit_at(mended, kind, point[:k]), mended, half_width
 
 
-def _places(segments: list[Segment], driven: Array, half_width: float) -> Array:
+def _places(segments: list[joint_fit.Segment], driven: Array, half_width: float) -> Array:
     """Return where in a play what drives it is, −1 … 1; it begins with the joint where it was measured."""
     place = np.zeros(len(driven))
-    parts = (by_segment(segments, each) for each in (np.ascontiguousarray(driven), place))
+    parts = (joint_fit.by_segment(segments, each) for each in (np.ascontiguousarray(driven), place))
     for each, values, out in zip(segments, *parts, strict=True):
         _play_position(values, float(each.positions[0]), half_width, out)
     return place
 
 
-def _carried(segments: list[Segment], place: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+def _carried(segments: list[joint_fit.Segment], place: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
     """Return for each sample the last one at which the joint was carried, and which have none in their segment."""
     rows, sizes = np.arange(len(place)), [len(each.times) for each in segments]
     starts = np.repeat(np.cumsum(sizes) - sizes, sizes)

@@ -10,24 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
+from dqcontrol.logs.servos import joint_fit
 from dqcontrol.logs.servos.encoder_cells import refined
 from dqcontrol.logs.servos.hysteresis import fit_with_play, half_play
-from dqcontrol.logs.servos.joint_fit import (
-    NORMAL_95,
-    QUANTUM,
-    Fit,
-    Segment,
-    by_segment,
-    fit,
-    noise_of,
-    positions_of,
-    predicted,
-    resolution_of,
-    second_order_fit,
-    solved,
-    squares_at,
-    thinned,
-)
 from dqcontrol.logs.servos.servo_orders import LEAST_LAG, MOST_DELAY, MOST_LAG
 
 Interval = tuple[float, float]
@@ -167,7 +152,9 @@ class _Clamp(NamedTuple):
     share: float
 
 
-def identify_joint(name: str, unit: str, segments: list[Segment], period: float) -> JointIdentification:
+def identify_joint(
+    name: str, unit: str, segments: list[joint_fit.Segment], period: float
+) -> JointIdentification:
     """Return what some segments of a log tell of a joint.
 
     Parameters
@@ -181,10 +168,10 @@ def identify_joint(name: str, unit: str, segments: list[Segment], period: float)
     period
         Median time between commands, s.
     """
-    positions = positions_of(segments)
+    positions = joint_fit.positions_of(segments)
     targets = np.concatenate([each.target.values for each in segments])
-    resolution = resolution_of(positions)
-    noise = max(noise_of(positions, 0.0), resolution)
+    resolution = joint_fit.resolution_of(positions)
+    noise = max(joint_fit.noise_of(positions, 0.0), resolution)
     bare = JointIdentification(name, resolution=resolution, unit=unit)
     asked, moved = float(np.ptp(targets)), float(np.ptp(positions))
     if asked < _IDLE:
@@ -198,12 +185,12 @@ def identify_joint(name: str, unit: str, segments: list[Segment], period: float)
         return replace(
             bare, reason=f"stuck: it moves by {moved:.3g} {unit} where {asked:.3g} are commanded (a brake?)"
         )
-    found = fit(segments, period)
+    found = joint_fit.fit(segments, period)
     kept, dropped = _without_outliers(segments, found, resolution)
     if dropped:
-        found = fit(kept, period, near=found)
+        found = joint_fit.fit(kept, period, near=found)
     rounding = float(np.spacing(np.abs(positions).max()))  # least noise of a log without any
-    floor = max(noise_of(found.residual, resolution), rounding)
+    floor = max(joint_fit.noise_of(found.residual, resolution), rounding)
     if found.rms > _UNEXPLAINED * floor and (clamp := _clamp(kept, found)) is not None:
         return replace(
             bare,
@@ -217,15 +204,15 @@ def identify_joint(name: str, unit: str, segments: list[Segment], period: float)
 def _judged(
     bare: JointIdentification,
     unit: str,
-    segments: list[Segment],
-    found: Fit,
+    segments: list[joint_fit.Segment],
+    found: joint_fit.Fit,
     period: float,
     floor: float,
     dropped: int,
     friction: float,
 ) -> JointIdentification:
     """Return the fit of a joint, or why it is none."""
-    spread = float(np.std(positions_of(segments)))
+    spread = float(np.std(joint_fit.positions_of(segments)))
     # at the end of what is searched, within the little that the last steps of the fit leave
     if found.lag > 0.98 * MOST_LAG or found.delay > 0.998 * MOST_DELAY:
         what = f"lag of {MOST_LAG:g} s" if found.lag > 0.98 * MOST_LAG else f"delay of {MOST_DELAY:g} s"
@@ -242,7 +229,7 @@ def _judged(
         sag, sag_interval = found.sag, _interval(found.sag, found.sag_error)
         if found.sag < _MIN_SAG_SIGMA * found.sag_error:  # also where it would pull up
             sag, segments = 0.0, [each._replace(torque=None) for each in segments]
-            found = fit(segments, period, near=found if bent else None)
+            found = joint_fit.fit(segments, period, near=found if bent else None)
     squares = found.residual @ found.residual
     if _is_coarse(found, bare.resolution):
         found = refined(segments, found, bare.resolution)
@@ -251,7 +238,7 @@ def _judged(
     no_lag = found.lag <= LEAST_LAG * 1.01
     unsure = abs(found.correlation) > _TRADED and found.lag_error > _UNSURE * found.lag
     if found.lag < period / 2 and not bent:  # answers are steps then, whose slopes tell nothing
-        longer = squares_at(
+        longer = joint_fit.squares_at(
             segments,
             found.lag + period,
             found.delay + period * np.linspace(-2, 1, 13).clip(-found.delay / period),
@@ -279,7 +266,7 @@ def _judged(
             f"comes to rest {friction:.2g} {unit} behind on either side: play, a dead band or friction (half its width)"
         )
     residual, trace = _checked(segments, found, period)
-    noise = math.sqrt(max(min(found.rms, floor) ** 2 - (bare.resolution * QUANTUM) ** 2, 0.0))
+    noise = math.sqrt(max(min(found.rms, floor) ** 2 - (bare.resolution * joint_fit.QUANTUM) ** 2, 0.0))
     if found.rms > _REGULAR * floor:
         notes.append(
             f"{found.rms / floor:.2g} times as much is left as by noise and encoder: "
@@ -314,21 +301,21 @@ def _judged(
     )
 
 
-def _is_coarse(found: Fit, resolution: float) -> bool:
+def _is_coarse(found: joint_fit.Fit, resolution: float) -> bool:
     """Whether what a fit leaves is mostly rounding."""
     return 0 < found.rms < _COARSE * resolution
 
 
 def _chosen(
-    segments: list[Segment], found: Fit, floor: float, resolution: float, period: float
-) -> tuple[Fit, list[Segment], float]:
+    segments: list[joint_fit.Segment], found: joint_fit.Fit, floor: float, resolution: float, period: float
+) -> tuple[joint_fit.Fit, list[joint_fit.Segment], float]:
     """Return a fit with play and of second order where the data ask for it, the segments without play, and that."""
     first, played, friction = _with_play(segments, found, resolution)
     residual, is_coarse = first.residual, _is_coarse(first, resolution)
     along = float(residual[1:] @ residual[:-1]) / max(float(residual @ residual), 1e-300)
     if not is_coarse and first.rms < _REGULAR * floor and along < _NOISE_CORRELATION:
         return first, played, friction
-    second = second_order_fit(played if is_coarse else segments, found)
+    second = joint_fit.second_order_fit(played if is_coarse else segments, found)
     if second.values[0] > _QUICKEST * _rapidity(segments, second):
         return first, played, friction
     if is_coarse:
@@ -341,15 +328,17 @@ def _chosen(
     return (first, played, friction) if elsewhere[1] > _BETTER_ELSEWHERE * elsewhere[0] else other
 
 
-def _with_play(segments: list[Segment], found: Fit, resolution: float) -> tuple[Fit, list[Segment], float]:
+def _with_play(
+    segments: list[joint_fit.Segment], found: joint_fit.Fit, resolution: float
+) -> tuple[joint_fit.Fit, list[joint_fit.Segment], float]:
     """Return a fit with play if there is some, the segments without it, and its half width."""
     half_width = half_play(segments, found, resolution)
     return fit_with_play(segments, found, half_width) if half_width else (found, segments, 0.0)
 
 
-def _rapidity(segments: list[Segment], found: Fit) -> float:
+def _rapidity(segments: list[joint_fit.Segment], found: joint_fit.Fit) -> float:
     """Return how fast the motion changes, rad/s: RMS acceleration over RMS speed."""
-    times, outputs = [each.times for each in segments], by_segment(segments, found.output)
+    times, outputs = [each.times for each in segments], joint_fit.by_segment(segments, found.output)
     speeds = list(map(np.gradient, outputs, times))
     rates = list(map(np.gradient, speeds, times))
     squares = [float(np.mean(np.concatenate(parts) ** 2)) for parts in (rates, speeds)]
@@ -357,28 +346,30 @@ def _rapidity(segments: list[Segment], found: Fit) -> float:
 
 
 def _interval(value: float, error: float, least: float = -math.inf) -> Interval:
-    return max(value - NORMAL_95 * error, least), value + NORMAL_95 * error
+    return max(value - joint_fit.NORMAL_95 * error, least), value + joint_fit.NORMAL_95 * error
 
 
-def _without_outliers(segments: list[Segment], found: Fit, resolution: float) -> tuple[list[Segment], int]:
+def _without_outliers(
+    segments: list[joint_fit.Segment], found: joint_fit.Fit, resolution: float
+) -> tuple[list[joint_fit.Segment], int]:
     """Return the segments without single samples far off, and how many these are; runs of them are no outliers."""
     sizes = np.abs(found.residual)
-    usual = max(float(np.median(sizes)) / 0.6745, resolution * QUANTUM)
+    usual = max(float(np.median(sizes)) / 0.6745, resolution * joint_fit.QUANTUM)
     far = sizes > _FAR * usual + resolution / 2
     beside = np.convolve(far, np.ones(5), mode="same") > 2  # three of five neighbours: no single samples
     far &= ~beside
     if not far.any():
         return segments, 0
-    parts = zip(segments, by_segment(segments, ~far), strict=True)
+    parts = zip(segments, joint_fit.by_segment(segments, ~far), strict=True)
     return [each.chosen(part) for each, part in parts], int(far.sum())
 
 
-def _clamp(segments: list[Segment], found: Fit) -> _Clamp | None:
+def _clamp(segments: list[joint_fit.Segment], found: joint_fit.Fit) -> _Clamp | None:
     """Return the limits of the targets that explain what is left, if they explain at least half of it."""
-    positions = positions_of(segments)
+    positions = joint_fit.positions_of(segments)
     targets = np.concatenate([each.target.values for each in segments])
-    some = thinned(segments, _CLAMP_SAMPLES)
-    first = best = solved(some, found.kind, found.values).squares
+    some = joint_fit.thinned(segments, _CLAMP_SAMPLES)
+    first = best = joint_fit.solved(some, found.kind, found.values).squares
     ends = [float(targets.min()), float(targets.max())]
     for _ in range(2):
         for side, extreme in enumerate((float(positions.min()), float(positions.max()))):
@@ -387,7 +378,7 @@ def _clamp(segments: list[Segment], found: Fit) -> _Clamp | None:
                 limits = [trial, ends[1]] if side == 0 else [ends[0], trial]
                 if limits[0] >= limits[1]:
                     continue
-                cost = solved(_limited(some, *limits), found.kind, found.values).squares
+                cost = joint_fit.solved(_limited(some, *limits), found.kind, found.values).squares
                 if cost < 0.98 * best:
                     best, ends = cost, limits
     if best > _CLAMPED * first:
@@ -398,18 +389,20 @@ def _clamp(segments: list[Segment], found: Fit) -> _Clamp | None:
     return _Clamp(ends[0], ends[1], float(over.mean()))
 
 
-def _limited(segments: list[Segment], lower: float, upper: float) -> list[Segment]:
+def _limited(segments: list[joint_fit.Segment], lower: float, upper: float) -> list[joint_fit.Segment]:
     return [
         each._replace(target=each.target._replace(values=np.clip(each.target.values, lower, upper)))
         for each in segments
     ]
 
 
-def _checked(segments: list[Segment], found: Fit, period: float) -> tuple[float, JointTrace]:
+def _checked(
+    segments: list[joint_fit.Segment], found: joint_fit.Fit, period: float
+) -> tuple[float, JointTrace]:
     """Return the RMS that a fit of the first 70 % of the joint's path leaves on the rest, NaN if nothing is left."""
     paths = [np.concatenate([[0.0], np.cumsum(np.abs(np.diff(each.target.values)))]) for each in segments]
     wanted, before = _TRAIN_FRACTION * sum(float(each[-1]) for each in paths), 0.0
-    begun, rest = list[Segment](), list[NDArray[np.bool_]]()
+    begun, rest = list[joint_fit.Segment](), list[NDArray[np.bool_]]()
     for each, path in zip(segments, paths, strict=True):
         until = each.target.begins[min(np.searchsorted(path, wanted - before), len(path) - 1)]
         early = each.times <= until
@@ -423,23 +416,23 @@ def _checked(segments: list[Segment], found: Fit, period: float) -> tuple[float,
     foreseen = [np.full(len(each.times), np.nan) for each in segments]
     left = list[Array]()
     if begun and any(late.any() for late in rest):
-        from_begin = fit(begun, period, near=found)
+        from_begin = joint_fit.fit(begun, period, near=found)
         for each, late, shown in zip(segments, rest, foreseen, strict=True):
             if late.any():
-                away = (each.positions - predicted(from_begin, each))[late]
+                away = (each.positions - joint_fit.predicted(from_begin, each))[late]
                 shown[late] = each.positions[late] - away + away.mean()
                 left.append(away - away.mean())
     trace = JointTrace(
         np.concatenate([each.times for each in segments]),
         np.concatenate([_held_at(each) for each in segments]),
-        positions_of(segments),
+        joint_fit.positions_of(segments),
         found.output,
         np.concatenate(foreseen),
     )
     return float(np.sqrt(np.mean(np.concatenate(left) ** 2))) if left else math.nan, trace
 
 
-def _held_at(segment: Segment) -> Array:
+def _held_at(segment: joint_fit.Segment) -> Array:
     """Return the target at the samples."""
     begins, values, slopes = segment.target
     last = np.searchsorted(begins, segment.times, side="right") - 1

@@ -14,10 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, SafetyWarning, ValueRangeError, as_each, as_positive, unknown_name
-from dqcontrol.plants.compliant import joint_columns as column
-from dqcontrol.plants.compliant.arm_memory import ArmMemory, ArmPlan, arm_memory, arm_plan, physics_arrays
+from dqcontrol.plants.compliant import compliant_step, joint_columns as column
 from dqcontrol.plants.compliant.compliant_plant import CompliantPlant
-from dqcontrol.plants.compliant.compliant_step import advance, physics_step, settle
 from dqcontrol.plants.compliant.controller_file import (
     ControllerFile,
     constants_table,
@@ -169,7 +167,7 @@ class RunningCompliant(RunningPlant):
 
     model: Any
     data: Any
-    memory: ArmMemory
+    memory: compliant_step.ArmMemory
 
     def __init__(self, plant: CompliantPlant, arm: Arm, seed: int) -> None:
         model, data, n = arm.model, arm.data, arm.robot.configuration_size
@@ -184,8 +182,8 @@ class RunningCompliant(RunningPlant):
         self._moves, self._pushed, self._idle = np.zeros(n), bool(plant.pushes), np.zeros(n)
         self._plan, self._numbers, self.memory = _memory(plant, arm)
         self._holding = self._plan.copy()  # of ticks without a new command
-        self._holding[arm_plan.place("from_measured")] = 0
-        self._physics = physics_arrays(
+        self._holding[compliant_step.arm_plan.place("from_measured")] = 0
+        self._physics = compliant_step.physics_arrays(
             positions=data.qpos,
             velocities=data.qvel,
             motors=data.ctrl,
@@ -200,7 +198,7 @@ class RunningCompliant(RunningPlant):
             self._springs.check_period(self.q.copy(), TICK)
         self._mode = plant.mode
         self._draw()
-        settle(self._plan, self._numbers, self._physics, self._noise[0])
+        compliant_step.settle(self._plan, self._numbers, self._physics, self._noise[0])
         world, period = plant.world, arm.ticks * TICK
         self._world = WorldContacts(world, arm.robot, model, data, period, seed) if world else None
         self.channels: tuple[Channel, ...] = _channels(arm.robot.joint_names, bool(arm.scale))
@@ -320,7 +318,9 @@ class RunningCompliant(RunningPlant):
         if moving or self._springs is not None:
             failed = self._advance_by_ticks(plan, ticks)
         else:
-            failed = advance(plan, self._numbers, self._physics, ticks, self._moves, self._noise)
+            failed = compliant_step.advance(
+                plan, self._numbers, self._physics, ticks, self._moves, self._noise
+            )
         if failed:
             raise DivergedError(f"plant: the arm diverged before {self.time:g} s, q = {self.q}")
         self._measure()
@@ -340,7 +340,7 @@ class RunningCompliant(RunningPlant):
             if springs is not None:
                 q, rates, target = (state[:, each] for each in (column.ANGLE, column.VELOCITY, column.ASKED))
                 self.memory.constants[:, column.TORQUE_ASKED] = springs.torque(q, rates, target, moves / TICK)
-            if advance(plan, self._numbers, self._physics, 1, moves, self._noise[k : k + 1]):
+            if compliant_step.advance(plan, self._numbers, self._physics, 1, moves, self._noise[k : k + 1]):
                 return True
             if springs is None:
                 plan, moves = self._holding, self._idle
@@ -371,7 +371,7 @@ class RunningCompliant(RunningPlant):
             self._world_readings[:] = self._world.readings
 
 
-def _memory(plant: CompliantPlant, arm: Arm) -> tuple[NDArray[np.intp], Array, ArmMemory]:
+def _memory(plant: CompliantPlant, arm: Arm) -> tuple[NDArray[np.intp], Array, compliant_step.ArmMemory]:
     """Return the plan of an arm's kernels, their memory, and the memory's parts by name."""
     model, n = arm.model, arm.robot.configuration_size
     links = {f"link {i + 1}": model.body(f"link_{i + 1}").id for i in range(n)}
@@ -384,8 +384,8 @@ def _memory(plant: CompliantPlant, arm: Arm) -> tuple[NDArray[np.intp], Array, A
     shared[column.EXCHANGE] = arm.exchange
     shared[column.MOST_AGE] = round(arm.file.safety.command_timeout / TICK)
     shared[column.MOST_LOST] = round(arm.file.safety.sensor_timeout / TICK)
-    plan = ArmPlan(
-        step=physics_step(),
+    plan = compliant_step.ArmPlan(
+        step=compliant_step.physics_step(),
         model=model._address,
         data=arm.data._address,
         steps=arm.steps,
@@ -395,7 +395,7 @@ def _memory(plant: CompliantPlant, arm: Arm) -> tuple[NDArray[np.intp], Array, A
         pushes=len(pushes),
         payloads=len(payloads),
     )
-    numbers = arm_memory.pack(
+    numbers = compliant_step.arm_memory.pack(
         gravity=plant.gravity,
         gravity_factor=plant.gravity_factor,
         constants=arm.constants,
@@ -417,7 +417,7 @@ def _memory(plant: CompliantPlant, arm: Arm) -> tuple[NDArray[np.intp], Array, A
         rotor_velocities=np.zeros(n),
         work=np.zeros(WORK * n),
     )
-    return np.array(plan, dtype=np.intp), numbers, arm_memory(numbers, *plan[5:])
+    return np.array(plan, dtype=np.intp), numbers, compliant_step.arm_memory(numbers, *plan[5:])
 
 
 def _channels(joints: tuple[str, ...], weighed: bool) -> tuple[Channel, ...]:
