@@ -81,9 +81,8 @@ def _beyond(q: Array, robot: Robot, names: Sequence[str]) -> list[str]:
     lines = [f"{names[i]} by {over[i]:.3g}" for i in range(len(names)) if over[i] > _BEYOND]
     if not lines:
         return []
-    return [
-        f"joints leave the limits of {robot.name} ({', '.join(lines)} rad or m): other units, zeros or signs?"
-    ]
+    listed = ", ".join(lines)
+    return [f"joints leave the limits of {robot.name} ({listed} rad or m): other units, zeros or signs?"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -342,6 +341,5 @@ def _read_record(path: Path, names: tuple[str, ...], robot: Robot) -> JointLog:
     stamp = round((record.time[0] - min(0.0, record.time[0])) * 1e9)
     read = [record.readings[name].values for name in WRENCH_READINGS if name in record.readings]
     wrench = np.hstack(read) if len(read) == len(WRENCH_READINGS) else None
-    return JointLog(
-        path, record.time - record.time[0], record.q, record.command, stamp, record, wrench=wrench
-    )
+    time = record.time - record.time[0]
+    return JointLog(path, time, record.q, record.command, stamp, record, wrench=wrench)

@@ -16,7 +16,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, from_extra, suggest, suggest_file
 from dqcontrol.files.input_file import open_regular
 from dqcontrol.recording.cdr import layout_of
-from dqcontrol.recording.mcap_reader import ChunkMessages, read_records
+from dqcontrol.recording.mcap import ChunkMessages, read_records
 
 Stamps = NDArray[np.int64]
 
@@ -256,9 +256,8 @@ def _open_bag(path: Path) -> Iterator[OpenRecording]:
         raise FileFormatError(f"{path}: is a part of a ROS 2 bag; give its folder, with metadata.yaml in it")
     if path.is_dir() and not (path / "metadata.yaml").is_file():
         raise FileFormatError(f"{path}: is no ROS 2 bag: it holds no metadata.yaml")
-    highlevel, typesys = (
-        from_extra(f"rosbags.{part}", "data", f"bags, as {path},") for part in ("highlevel", "typesys")
-    )
+    what = f"bags, as {path},"
+    highlevel, typesys = (from_extra(f"rosbags.{part}", "data", what) for part in ("highlevel", "typesys"))
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     with highlevel.AnyReader([path], default_typestore=store) as reader:
 

@@ -91,9 +91,8 @@ def read_joint_table(
         notes.append(DEGREES_NOTE)
     values *= _scales(columns, robot.joint_types, angles)
     n = len(joint_names)
-    time, values = text_table.fill_missing(
-        path, time, values, [columns.names[i] for i in columns.numbers], n, missing, notes
-    )
+    names = [columns.names[i] for i in columns.numbers]
+    time, values = text_table.fill_missing(path, time, values, names, n, missing, notes)
     ends = np.cumsum([n, len(columns.commands), len(columns.targets)])
     parts = np.split(values, ends, axis=1)
     command, target, wrench = (part if part.shape[1] else None for part in parts[1:])
@@ -103,10 +102,8 @@ def read_joint_table(
 def column_names(path: Path, known: Sequence[str]) -> list[str]:
     """Return the names of the columns of a table without their units; raises as `read_joint_table`."""
     with _opened(path) as stream:
-        return [
-            text_table.name_and_unit(cell, known)[0]
-            for cell in next(text_table.table_rows(path, _text_lines(path, stream)))[1]
-        ]
+        _, cells = next(text_table.table_rows(path, _text_lines(path, stream)))
+    return [text_table.name_and_unit(cell, known)[0] for cell in cells]
 
 
 def _read(
@@ -143,9 +140,8 @@ def _chosen(
     where, n = f"{path}:{header[0]}", len(joint_names)
     commanded = [f"command.{name}" for name in joint_names], [f"u{i + 1}" for i in range(n)]
     wanted = _target_names(joint_names, targets)
-    known = {*joint_names, *(f"q{i + 1}" for i in range(n)), *text_table.TIME_NAMES, *_WRENCH}.union(
-        *commanded, *wanted
-    )
+    numbered = [f"q{i + 1}" for i in range(n)]
+    known = {*joint_names, *numbered, *text_table.TIME_NAMES, *_WRENCH}.union(*commanded, *wanted)
     cells = [text_table.name_and_unit(cell, known) for cell in header[1]]
     names, units = [cell[0] for cell in cells], [cell[1] for cell in cells]
     joints = text_table.find_columns(where, "joints", names, _measured_names(names, joint_names), "q")
@@ -198,22 +194,19 @@ def _target_names(joint_names: Sequence[str], targets: str | Sequence[str] | Non
 
 def _scales(columns: _Columns, joint_types: Sequence[str], angles: Angles | None) -> list[float]:
     """Return what turns the numbers of each column into rad, m, rad/s and m/s."""
-    scales = []
+
+    def scale(i: int, allowed: dict[str, float], default: str) -> float:
+        where = f"{columns.where}: {columns.names[i]}"
+        return text_table.unit_scale(where, columns.units[i], allowed, default)
+
+    scales, usual = [], {"revolute": (text_table.ANGLES, angles or "rad")}
     for chosen, per in ((columns.joints, ""), (columns.commands, "/s"), (columns.targets, "")):
         for kind, i in zip(joint_types if chosen else (), chosen, strict=True):
-            table, default = (
-                (text_table.ANGLES, angles or "rad") if kind == "revolute" else (text_table.LENGTHS, "m")
-            )
-            allowed = {unit + per: scale for unit, scale in table.items()}
-            scales.append(
-                text_table.unit_scale(
-                    f"{columns.where}: {columns.names[i]}", columns.units[i], allowed, default + per
-                )
-            )
+            table, default = usual.get(kind, (text_table.LENGTHS, "m"))
+            scales.append(scale(i, {unit + per: factor for unit, factor in table.items()}, default + per))
     for k, i in enumerate(columns.wrench):
         unit = "N" if k < 3 else "N·m"
-        text_table.unit_scale(f"{columns.where}: {columns.names[i]}", columns.units[i], {unit: 1.0}, unit)
-        scales.append(1.0)
+        scales.append(scale(i, {unit: 1.0}, unit))
     return scales
 
 
@@ -238,10 +231,8 @@ def must_be_degrees(path: Path, robot: Robot, units: Sequence[str], values: Arra
     """
     types, limits = robot.joint_types, robot.limits
     unsaid = [k for k, unit in enumerate(units) if types[k] == "revolute" and not unit]
-    least, most = (
-        getattr(np, name)(values[:, unsaid], axis=0, initial=0.0, where=~np.isnan(values[:, unsaid]))
-        for name in ("min", "max")
-    )
+    angles = values[:, unsaid]
+    least, most = (find(angles, axis=0, initial=0.0, where=~np.isnan(angles)) for find in (np.min, np.max))
     largest = max(float(-least.min(initial=0.0)), float(most.max(initial=0.0)))
     if largest <= _MANY_TURNS:
         return False
@@ -281,32 +272,21 @@ def _plain(
     """
     values, stamps = [], list[Decimal]()
     with _opened(path) as stream:
-        header, columns = None, None
+        try:
+            header = next(text_table.table_rows(path, _text_lines(path, stream)))
+        except FileFormatError:
+            return None
+        if "\0" in "".join(header[1]):
+            return None
+        columns = _chosen(path, header, joint_names, targets)
         for block in iter(lambda: stream.readlines(_BLOCK), []):
-            if header is None:
-                if any(b"\0" in line for line in block):
-                    return None
-                lines = iter(block)
-                try:
-                    header = next(
-                        text_table.table_rows(
-                            path, (line.decode("utf-8-sig").rstrip("\r\n") for line in lines)
-                        )
-                    )
-                except (StopIteration, UnicodeDecodeError, FileFormatError):
-                    return None
-                columns = _chosen(path, header, joint_names, targets)
-                block = list(lines)  # what is behind the header
-            assert columns
             part = _plain_block(b"".join(block), columns)
             if part is None:
                 return None
             values.append(part[0])
             stamps += part[1]
-    if columns is None or not stamps:
-        return None
     increasing = all(after > before for before, after in pairwise(stamps))
-    return (columns, stamps, np.concatenate(values)) if increasing else None
+    return (columns, stamps, np.concatenate(values)) if stamps and increasing else None
 
 
 def _plain_block(text: bytes, columns: _Columns) -> tuple[Array, list[Decimal]] | None:
@@ -360,9 +340,8 @@ def _numbers(path: Path, rows: list[tuple[int, list[str]]], columns: _Columns) -
 def _stamps(path: Path, rows: list[tuple[int, list[str]]], columns: _Columns) -> list[Decimal]:
     """Return the stamps with all digits: those of Unix time do not fit a float."""
     name = columns.names[columns.time]
-    stamps = [
-        text_table.written_stamp(f"{path}:{number}: {name}", cells[columns.time]) for number, cells in rows
-    ]
+    places = [(f"{path}:{number}: {name}", cells[columns.time]) for number, cells in rows]
+    stamps = [text_table.written_stamp(*place) for place in places]
     for k in range(1, len(stamps)):
         if stamps[k] <= stamps[k - 1]:
             now, before = (rows[i][1][columns.time] for i in (k, k - 1))

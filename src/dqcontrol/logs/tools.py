@@ -166,16 +166,13 @@ def tool_motion(
     place = algebra.pose(_STRAIGHT, algebra.translation(arm.fkm(begin)))
     back = algebra.conjugate(algebra.pose(algebra.rotation(at_sensor), np.zeros(3)))
     spins = np.arange(_YAWS) * (2 * np.pi / _YAWS)
-    yaws = algebra.pose(
-        [algebra.rotation_from_axis_angle(fall / np.linalg.norm(fall), spin) for spin in spins], np.zeros(3)
-    )
+    down = fall / np.linalg.norm(fall)
+    yaws = algebra.pose([algebra.rotation_from_axis_angle(down, spin) for spin in spins], np.zeros(3))
     rests, at = list[Array](), begin
     left = list(algebra.multiply(_from_down(fall), algebra.pose(tool_orientations(), np.zeros(3))))
     while left:
-        near = [
-            _nearest(arm, algebra.multiply(place, algebra.multiply(yaws, algebra.multiply(turn, back))), at)
-            for turn in left
-        ]
+        turned = [algebra.multiply(yaws, algebra.multiply(turn, back)) for turn in left]
+        near = [_nearest(arm, algebra.multiply(place, each), at) for each in turned]
         ways = [np.inf if q is None else float(np.abs(q - at).max()) for q in near]
         k = int(np.argmin(ways))
         if (q := near[k]) is None:
@@ -196,10 +193,8 @@ def tool_motion(
     for before, after in pairwise(stops):
         seconds = max(PEAK_SPEED * float((np.abs(after - before) / speed).max()), period)
         at_times = np.linspace(0.0, 1.0, max(int(np.ceil(seconds / period)), 1) + 1)[1:, None]
-        parts += [
-            before + progress(at_times) * (after - before),
-            np.repeat(after[None], round(_REST / period), axis=0),
-        ]
+        at_rest = np.repeat(after[None], round(_REST / period), axis=0)
+        parts += [before + progress(at_times) * (after - before), at_rest]
     return ToolMotion(arm, period, np.vstack(parts), found, condition)
 
 
@@ -373,9 +368,8 @@ def rests(time: Array, q: Array) -> list[tuple[float, float]]:
     if len(time) < 2:
         return []
     width = 2 * max(round(0.5 * _AROUND / float(np.median(np.diff(time)))), 1) + 1
-    spread = maximum_filter1d(q, width, axis=0, mode="nearest") - minimum_filter1d(
-        q, width, axis=0, mode="nearest"
-    )
+    most, least = (each(q, width, axis=0, mode="nearest") for each in (maximum_filter1d, minimum_filter1d))
+    spread = most - least
     still = np.concatenate([[False], (spread <= _STILL).all(axis=1), [False]])
     edges = np.flatnonzero(np.diff(still)).reshape(-1, 2)
     spans = [(float(time[first]), float(time[last - 1])) for first, last in edges]

@@ -538,15 +538,10 @@ def _warm_up(
     law: Controller, plant: RunningPlant, samples: Array, disturbance: RunningDisturbance | None
 ) -> None:
     """Compile what the loop calls, so that its first steps are as fast as the others."""
-    compiled_plant = plant.compiled()
-    kernels_of_loop = (
-        compiled.settled,
-        compiled_plant and compiled_plant.kernel,
-        disturbance and disturbance.kernel,
-    )
-    for kernel in kernels_of_loop:
-        if isinstance(kernel, Kernel):
-            _ = kernel.pointer
+    for each in (plant.compiled(), disturbance):
+        if each is not None and isinstance(each.kernel, Kernel):
+            _ = each.kernel.pointer
+    _ = compiled.settled.pointer
     if isinstance(law.kernel, Kernel):
         with suppress(DivergedError, ValueRangeError):  # the loop will say so
             for row in samples[:1]:

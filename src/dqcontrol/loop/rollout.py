@@ -164,9 +164,7 @@ records: Bundle[Records] = Bundle(Records)
 course: Bundle[Course] = Bundle(Course)
 
 _NOTHING: Array = np.zeros(0)
-UNSUPERVISED: SupervisorArrays = supervisor_arrays(
-    memory=_NOTHING, moment=_NOTHING, state=_NOTHING, codes=_NOTHING
-)
+UNSUPERVISED: SupervisorArrays = supervisor_arrays(**dict.fromkeys(SupervisorArrays._fields, _NOTHING))
 UNDISTURBED: DisturbanceArrays = disturbance_arrays(
     rows=np.zeros((0, ROW)), parameters=_NOTHING, work=_NOTHING, realised=np.zeros((1, 6))
 )
@@ -185,11 +183,8 @@ def moved_plant(plant: CompiledPlant) -> PlantArrays:
     )
 
 
-ROLLOUT = STATUS(
-    *(each.type for each in (stages, law_arrays, supervisor_arrays, disturbance_arrays, plant_arrays)),
-    course.type,
-    records.type,
-)
+_ARRAYS = law_arrays, supervisor_arrays, disturbance_arrays, plant_arrays, course, records
+ROLLOUT = STATUS(stages.type, *(each.type for each in _ARRAYS))
 
 
 @kernel(SETTLED)

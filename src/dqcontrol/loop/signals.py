@@ -94,10 +94,8 @@ def actuator_command(robot: Robot, q: NDArray[np.float64], command: NDArray[np.f
     if robot.form == "unconstrained":
         inputs = robot.feasible_inputs(q[finite], inputs)
     values[finite] = driven.wheel_speeds(inputs)
-    parts, units = (
-        list(driven.input_names),
-        ["m/s" if kind == "prismatic" else "rad/s" for kind in driven.input_types],
-    )
+    parts = list(driven.input_names)
+    units = ["m/s" if kind == "prismatic" else "rad/s" for kind in driven.input_types]
     for k, (first, *_) in enumerate(driven.drives):
         j = int(first) - k
         prefix = parts[j].removesuffix("v")

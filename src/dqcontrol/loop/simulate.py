@@ -391,9 +391,7 @@ class RepeatedLoop:
         if report not in self._written:
             count = len(self.samples)
             arrays = *self._records, np.empty((count, report)), np.empty((count, 0))
-            self._written[report] = compiled.records(
-                **dict(zip(compiled.Records._fields, arrays, strict=True))
-            )
+            self._written[report] = compiled.Records(*arrays)
         return self._written[report]
 
     def run(self, law: Controller) -> RolloutView:
@@ -418,19 +416,13 @@ class RepeatedLoop:
         return RolloutView(self.samples[:done], q, measured, command, lost)
 
     def _close_loop(self, law: Controller) -> RolloutView:
-        supervision = (
-            supervise(self._supervisor, law, self.plant, self.start) if self._supervisor is not None else None
-        )
-        disturbance = self._disturbance
+        supervisor, disturbance = self._supervisor, self._disturbance
+        supervision = supervisor and supervise(supervisor, law, self.plant, self.start)
+        periods = self.period, len(self.samples), self._seed
+        moved = disturbance and disturbance.start(self.robot, *periods)
         try:
-            trace = close_loop(
-                law,
-                self.plant.start(self.robot, self.start, self.period, len(self.samples), self._seed),
-                self.samples,
-                disturbance=disturbance
-                and disturbance.start(self.robot, self.period, len(self.samples), self._seed),
-                supervision=supervision,
-            )
+            plant = self.plant.start(self.robot, self.start, *periods)
+            trace = close_loop(law, plant, self.samples, disturbance=moved, supervision=supervision)
         except DivergedError:
             empty = np.zeros((0, self.robot.configuration_size))
             return RolloutView(self.samples[:0], empty, empty, np.zeros((0, self.robot.input_size)), True)

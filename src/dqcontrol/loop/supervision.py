@@ -213,12 +213,10 @@ class Supervision:
         elapsed: float | None = None,
     ) -> bool:
         """Replace the command of sample k by what leaves; return whether the robot is stopped and at rest."""
-        age, effort, wrench = (
-            (senses.age, senses.effort, senses.wrench) if senses else (0.0, _NOTHING, _NOTHING)
-        )
-        halted = self.supervisor.step(
-            measured, command, self.state, age, self.request, command, elapsed, effort, wrench
-        )
+        age = senses.age if senses else 0.0
+        felt = (senses.effort, senses.wrench) if senses else (_NOTHING, _NOTHING)
+        asked = measured, command, self.state, age, self.request, command
+        halted = self.supervisor.step(*asked, elapsed, *felt)
         self.codes[k] = code = self.supervisor.code(self.state)
         if self._watch and code != (self.codes[k - 1] if k else 0):
             self._watch(time, reasons(code))

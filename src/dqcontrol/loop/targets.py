@@ -86,12 +86,7 @@ class MovingTarget:
 
     def sample(self, time: float, pose: Array) -> Array:
         """Return where the desired pose has come to."""
-        bounds = target_motion.target_speeds.pack(
-            linear=self.speeds.linear,
-            angular=self.speeds.angular,
-            timeout=self.timeout,
-            acceleration=self.speeds.acceleration,
-        )
+        bounds = target_motion.target_speeds.pack(timeout=self.timeout, **vars(self.speeds))
         self._motion(pose, time, self._asked, bounds, self._memory)
         return self._row
 
@@ -118,9 +113,8 @@ class PoseTarget(MovingTarget):
 
     def ask(self, time: float, goal: Array) -> None:
         """Go to a pose (8,) that was said at a time, s."""
-        self._asked = target_motion.asked_pose.pack(
-            pose=goal if np.isfinite(goal).all() else np.full(8, np.nan), time=time
-        )
+        pose = goal if np.isfinite(goal).all() else np.full(8, np.nan)
+        self._asked = target_motion.asked_pose.pack(pose=pose, time=time)
 
     @property
     def goal(self) -> Array | None:
@@ -239,9 +233,8 @@ class TwistTarget(MovingTarget):
         if not (np.isfinite(linear).all() and np.isfinite(angular).all()):  # it is none
             linear, angular = np.zeros(3), np.zeros(3)
         share = self.speeds.share(float(np.linalg.norm(linear)), float(np.linalg.norm(angular)))
-        self._asked = target_motion.asked_twist.pack(
-            angular=share * angular, linear=share * linear, time=time, of_hand=of_hand
-        )
+        twist = {"angular": share * angular, "linear": share * linear}
+        self._asked = target_motion.asked_twist.pack(**twist, time=time, of_hand=of_hand)
 
 
 class JogTarget:

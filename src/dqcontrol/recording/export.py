@@ -79,9 +79,8 @@ def signals(
     joints = _units("joint_units", joint_units, record.joint_names)
     inputs = tuple(f"{unit}/s" for unit in _units("input_units", input_units, record.input_names))
     twist, rate = ("rad/s",) * 3 + ("m/s",) * 3, ("rad/s²",) * 3 + ("m/s²",) * 3
-    disturbed = (
-        () if record.disturbance is None else (Signal("disturbance", _TWIST, twist, record.disturbance),)
-    )
+    moved = record.disturbance
+    disturbed = () if moved is None else (Signal("disturbance", _TWIST, twist, moved),)
     return (
         Signal("time", (), ("s",), record.time[:, None]),
         Signal("q", record.joint_names, joints, record.q),
@@ -234,9 +233,8 @@ WRITERS: dict[str, Callable[[Path, Record, Sequence[Signal], Mapping[str, str]],
 
 
 _POSE_FEATURE = Feature(DUAL_QUATERNION, ("",) * 4 + ("m",) * 4)
-_TAKEN_EARLY = (
-    1e-6  # s: stamps of a recording are whole nanoseconds, and floats of a million seconds 1e-10 apart
-)
+# s: stamps of a recording are whole nanoseconds, and floats of a million seconds 1e-10 apart
+_TAKEN_EARLY = 1e-6
 
 
 def record_columns(robot: Robot, record: Record) -> dict[str, tuple[Feature, Array]]:

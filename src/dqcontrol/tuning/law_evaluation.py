@@ -153,9 +153,8 @@ class LawEvaluation:
 
     def _prepared(self, law: Law, scene: PreparedRobot) -> Controller:
         period, limits = self._spec.period, self._limits
-        made = law.prepare(
-            scene.robot, scene.reference, period, limits, self._mode, scene.tasks, lag=self._lag
-        )
+        given = period, limits, self._mode, scene.tasks, self._lag
+        made = law.prepare(scene.robot, scene.reference, *given)
         refuse_replanning(made, scene.reference, "which runs that are only judged do not")
         return made
 

@@ -328,9 +328,8 @@ class LawSearch:
         self.law: Law = next(each.law for each in problem.spec.variants if each.label == label)
         self._evaluate, self._held_out = ready.searched, ready.held_out
         with error_prefix(problem.where):
-            self.space: SearchSpace = SearchSpace(
-                label, self.law, problem.block.free.get(label), self._evaluate.slack
-            )
+            ranges = problem.block.free.get(label)
+            self.space: SearchSpace = SearchSpace(label, self.law, ranges, self._evaluate.slack)
         self._known: dict[Point, Evaluated] = {}
         self._written, self._running = time.monotonic(), 0.0
         if file is not None and file.exists():
@@ -374,9 +373,8 @@ class LawSearch:
     def search(self) -> SimplexSearch:
         """Spend the budget, and return what was asked for."""
         size, block = len(self.space.names), self._problem.block
-        search = SimplexSearch(
-            lambda point: self.evaluate(point).rank, size, block.budget, self._problem.spec.seed
-        )
+        seed = self._problem.spec.seed
+        search = SimplexSearch(lambda point: self.evaluate(point).rank, size, block.budget, seed)
         search.run()
         return search
 

@@ -167,12 +167,8 @@ class Tuning:
         for label, each in shown:
             found = each.result
             parameters = [f"{key} {_in_short(value)}" for key, value in found.parameters.items()]
-            numbers = [
-                *(found.searched[name] for name in names),
-                found.total,
-                found.held_out_total,
-                each.margin,
-            ]
+            objectives = [found.searched[name] for name in names]
+            numbers = [*objectives, found.total, found.held_out_total, each.margin]
             percent = None if each.overshoot is None else 100 * each.overshoot
             overshoot = percent if percent is None or percent >= LEAST_OVERSHOOT else 0.0
             cells = [label, ", ".join(parameters), *finite_or_none(numbers)]
@@ -196,9 +192,8 @@ class Tuning:
             elif found.violation:
                 lines.append(f"{each.label}: no parameters keep the constraints; the nearest are shown")
             if found.held_out_violation:
-                lines.append(
-                    f"{each.label}: breaks a constraint, or diverges, on what the search did not see"
-                )
+                why = "breaks a constraint, or diverges, on what the search did not see"
+                lines.append(f"{each.label}: {why}")
             free = [name for name in found.at_side if not name.endswith("(margin)")]
             if free:
                 lines.append(f"{each.label}: {', '.join(free)} at an end of the range: widen it")
@@ -246,9 +241,8 @@ class Tuning:
 
     def winners(self) -> list[dict[str, Any]]:
         """Return what ``winners.json`` holds."""
-        return [
-            each.to_dict() | ({"faster": each.faster.to_dict()} if each.faster else {}) for each in self.laws
-        ]
+        faster = [{"faster": each.faster.to_dict()} if each.faster else {} for each in self.laws]
+        return [each.to_dict() | more for each, more in zip(self.laws, faster, strict=True)]
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
         """Write ``winners.json``, ``best.yaml``, all evaluations, the table, figures and a report into a new folder.

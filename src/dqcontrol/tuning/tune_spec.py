@@ -210,9 +210,8 @@ class StabilityJudge:
     def slack(self, law: Law, prepared: Controller) -> Slack:
         """Return how far a prepared law is from its limits."""
         gains = stability.loop_gains(law, prepared)
-        product = max(
-            (abs(gain.value) * self._period for gain in gains or () if gain.loop != "null space"), default=0.0
-        )
+        moving = [abs(gain.value) for gain in gains or () if gain.loop != "null space"]
+        product = max(moving, default=0.0) * self._period
         if not self._models:
             return Slack(product, math.inf, math.inf)
         if gains is None:
@@ -253,9 +252,8 @@ class StabilityJudge:
     def _numeric(self, prepared: Controller) -> float:
         """Return the slack of a law whose loop gains are unknown, as it is at the start."""
         try:
-            law = stability.linearise_law(
-                prepared.with_limits(CommandLimits(velocity=False)), self._scene.start
-            )
+            unlimited = prepared.with_limits(CommandLimits(velocity=False))
+            law = stability.linearise_law(unlimited, self._scene.start)
         except DivergedError:
             return 0.0
         if law is None:
@@ -494,9 +492,8 @@ def read_tune(source: str | Path | dict[str, Any], **changes: Any) -> TuneProble
     block_data = {"tune": {**(plain.pop("tune", None) or {}), **changes}}
     plain.pop("learn", None)
     with error_prefix(where):
-        block = convert(
-            where, numbers_for_quantities(where, block_data, list(kinds_of(_WithTune))), _WithTune
-        ).tune
+        whole = numbers_for_quantities(where, block_data, list(kinds_of(_WithTune)))
+        block = convert(where, whole, _WithTune).tune
         block.check()
     locate_files(plain, folder)
     identified = identified_file(plain, folder)

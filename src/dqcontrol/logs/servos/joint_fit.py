@@ -267,9 +267,8 @@ def fit_of(
     output = positions_of(segments) - found.residual
     pulled = sag * -found.columns[:, 1] if has_sag else 0.0
     offset = float(np.mean(output - found.columns[:, 0] + pulled))
-    return Fit(
-        kind, values, float(gain), float(sag), offset, found.factors, covariance, found.residual, output
-    )
+    numbers = float(gain), float(sag), offset
+    return Fit(kind, values, *numbers, found.factors, covariance, found.residual, output)
 
 
 def squares_at(segments: list[Segment], lag: float, delays: Array) -> float:
@@ -330,10 +329,8 @@ def _searched(segments: list[Segment]) -> Array:
     coarse, middle = thinned(segments, _GRID_SAMPLES), thinned(segments, _START_SAMPLES)
     costs = np.array([_squares_by_delay(coarse, lag) for lag in _GRID_LAGS])
     best = np.argsort(costs, axis=None, kind="stable")[:_STARTS]
-    starts = [
-        np.array([_GRID_LAGS[i], _GRID_DELAYS[k]])
-        for i, k in zip(*np.unravel_index(best, costs.shape), strict=True)
-    ]
+    lags, delays = np.unravel_index(best, costs.shape)
+    starts = np.column_stack([_GRID_LAGS[lags], _GRID_DELAYS[delays]])
     return min((_descend(middle, FIRST_ORDER, each, _ROUGH) for each in starts), key=lambda each: each[0])[1]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -144,12 +144,12 @@ class JointIdentification:
     trace: JointTrace | None = field(default=None, repr=False, compare=False)
 
 
-class _Clamp(NamedTuple):
-    """Targets beyond ``lower`` … ``upper`` have no effect; in such a share of the samples."""
+class _RefusedError(Exception):
+    """Why a log does not tell a joint's servo, and what it tells all the same."""
 
-    lower: float
-    upper: float
-    share: float
+    def __init__(self, reason: str, **known: float) -> None:
+        super().__init__(reason)
+        self.known = known
 
 
 def identify_joint(
@@ -174,55 +174,43 @@ def identify_joint(
     noise = max(joint_fit.noise_of(positions, 0.0), resolution)
     bare = JointIdentification(name, resolution=resolution, unit=unit)
     asked, moved = float(np.ptp(targets)), float(np.ptp(positions))
-    if asked < _IDLE:
-        return replace(bare, reason="idle: its command never changes")
-    if asked < _EXCITED * noise:
-        return replace(
-            bare,
-            reason=f"not excited: its command moves by {asked:.3g} {unit}, encoder and noise by {noise:.3g}",
-        )
-    if moved < _STUCK * asked:
-        return replace(
-            bare, reason=f"stuck: it moves by {moved:.3g} {unit} where {asked:.3g} are commanded (a brake?)"
-        )
-    found = joint_fit.fit(segments, period)
-    kept, dropped = _without_outliers(segments, found, resolution)
-    if dropped:
-        found = joint_fit.fit(kept, period, near=found)
-    rounding = float(np.spacing(np.abs(positions).max()))  # least noise of a log without any
-    floor = max(joint_fit.noise_of(found.residual, resolution), rounding)
-    if found.rms > _UNEXPLAINED * floor and (clamp := _clamp(kept, found)) is not None:
-        return replace(
-            bare,
-            reason=f"clamped: targets beyond {clamp.lower:.4g} … {clamp.upper:.4g} {unit} have no effect "
-            f"({100 * clamp.share:.1f} % of the samples); log a motion that stays inside",
-        )
-    found, kept, friction = _chosen(kept, found, floor, resolution, period)
-    return _judged(bare, unit, kept, found, period, floor, dropped, friction)
+    try:
+        if asked < _IDLE:
+            raise _RefusedError("idle: its command never changes")
+        if asked < _EXCITED * noise:
+            by = f"{asked:.3g} {unit}, encoder and noise by {noise:.3g}"
+            raise _RefusedError(f"not excited: its command moves by {by}")
+        if moved < _STUCK * asked:
+            raise _RefusedError(
+                f"stuck: it moves by {moved:.3g} {unit} where {asked:.3g} are commanded (a brake?)"
+            )
+        return _judged(bare, segments, period)
+    except _RefusedError as why:
+        return replace(bare, reason=str(why), **why.known)
 
 
 def _judged(
-    bare: JointIdentification,
-    unit: str,
-    segments: list[joint_fit.Segment],
-    found: joint_fit.Fit,
-    period: float,
-    floor: float,
-    dropped: int,
-    friction: float,
+    bare: JointIdentification, segments: list[joint_fit.Segment], period: float
 ) -> JointIdentification:
-    """Return the fit of a joint, or why it is none."""
+    """Return the fit of a joint, or raise `_RefusedError`."""
+    resolution, unit = bare.resolution, bare.unit
+    found = joint_fit.fit(segments, period)
+    rounding = float(np.spacing(np.abs(joint_fit.positions_of(segments)).max()))  # least noise of a log
+    segments, dropped = _without_outliers(segments, found, resolution)
+    if dropped:
+        found = joint_fit.fit(segments, period, near=found)
+    floor = max(joint_fit.noise_of(found.residual, resolution), rounding)
+    if found.rms > _UNEXPLAINED * floor:
+        _check_clamp(segments, found, unit)
+    found, segments, friction = _chosen(segments, found, floor, resolution, period)
     spread = float(np.std(joint_fit.positions_of(segments)))
     # at the end of what is searched, within the little that the last steps of the fit leave
     if found.lag > 0.98 * MOST_LAG or found.delay > 0.998 * MOST_DELAY:
         what = f"lag of {MOST_LAG:g} s" if found.lag > 0.98 * MOST_LAG else f"delay of {MOST_DELAY:g} s"
-        return replace(bare, reason=f"beyond what is searched: a {what} or more fits best")
+        raise _RefusedError(f"beyond what is searched: a {what} or more fits best")
     if found.rms > _UNEXPLAINED_SHARE * spread:
-        return replace(
-            bare,
-            reason=f"not explained by a lag and a delay: they leave {found.rms:.3g} {unit} RMS of the "
-            f"{spread:.3g} that it moved",
-        )
+        left = f"{found.rms:.3g} {unit} RMS of the {spread:.3g} that it moved"
+        raise _RefusedError(f"not explained by a lag and a delay: they leave {left}")
     bent = found.kind.order == 2
     sag, sag_interval = math.nan, (math.nan, math.nan)
     if segments[0].torque is not None:
@@ -238,26 +226,20 @@ def _judged(
     no_lag = found.lag <= LEAST_LAG * 1.01
     unsure = abs(found.correlation) > _TRADED and found.lag_error > _UNSURE * found.lag
     if found.lag < period / 2 and not bent:  # answers are steps then, whose slopes tell nothing
-        longer = joint_fit.squares_at(
-            segments,
-            found.lag + period,
-            found.delay + period * np.linspace(-2, 1, 13).clip(-found.delay / period),
-        )
+        delays = found.delay + period * np.linspace(-2, 1, 13).clip(-found.delay / period)
+        longer = joint_fit.squares_at(segments, found.lag + period, delays)
         unsure = longer < (1 + _SAME / len(found.residual)) * squares
     # What the model lacks shifts one into the other, and intervals hold for the model alone.
     tied = not bent and abs(found.correlation) > _TIED and found.rms > _REGULAR * floor
     unsure = unsure or tied or not found.delay_error < period
     if unsure:
         both = found.lag + found.delay
-        return replace(
-            bare,
-            reason=f"ambiguous: lag and delay trade off (correlation {found.correlation:.4f}), only their sum is "
-            f"sure, {1e3 * both:.3g} ms; log a faster motion",
-            correlation=found.correlation,
-            residual=found.rms,
-            floor=floor,
-            late=both,
+        reason = (
+            f"ambiguous: lag and delay trade off (correlation {found.correlation:.4f}), only their sum is sure, "
+            f"{1e3 * both:.3g} ms; log a faster motion"
         )
+        known = {"correlation": found.correlation, "residual": found.rms, "floor": floor, "late": both}
+        raise _RefusedError(reason, **known)
     notes = []
     if dropped:
         notes.append(f"{dropped} samples far off were left out")
@@ -364,8 +346,8 @@ def _without_outliers(
     return [each.chosen(part) for each, part in parts], int(far.sum())
 
 
-def _clamp(segments: list[joint_fit.Segment], found: joint_fit.Fit) -> _Clamp | None:
-    """Return the limits of the targets that explain what is left, if they explain at least half of it."""
+def _check_clamp(segments: list[joint_fit.Segment], found: joint_fit.Fit, unit: str) -> None:
+    """Raise `_RefusedError` if limits of the targets explain at least half of what is left."""
     positions = joint_fit.positions_of(segments)
     targets = np.concatenate([each.target.values for each in segments])
     some = joint_fit.thinned(segments, _CLAMP_SAMPLES)
@@ -381,19 +363,17 @@ def _clamp(segments: list[joint_fit.Segment], found: joint_fit.Fit) -> _Clamp | 
                 cost = joint_fit.solved(_limited(some, *limits), found.kind, found.values).squares
                 if cost < 0.98 * best:
                     best, ends = cost, limits
-    if best > _CLAMPED * first:
-        return None
-    over = np.concatenate(
-        [(each.target.values < ends[0]) | (each.target.values > ends[1]) for each in segments]
-    )
-    return _Clamp(ends[0], ends[1], float(over.mean()))
+    if best <= _CLAMPED * first:
+        share = 100 * float(((targets < ends[0]) | (targets > ends[1])).mean())
+        raise _RefusedError(
+            f"clamped: targets beyond {ends[0]:.4g} … {ends[1]:.4g} {unit} have no effect "
+            f"({share:.1f} % of the samples); log a motion that stays inside"
+        )
 
 
 def _limited(segments: list[joint_fit.Segment], lower: float, upper: float) -> list[joint_fit.Segment]:
-    return [
-        each._replace(target=each.target._replace(values=np.clip(each.target.values, lower, upper)))
-        for each in segments
-    ]
+    clipped = [each.target._replace(values=np.clip(each.target.values, lower, upper)) for each in segments]
+    return [each._replace(target=target) for each, target in zip(segments, clipped, strict=True)]
 
 
 def _checked(

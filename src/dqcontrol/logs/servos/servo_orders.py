@@ -155,14 +155,12 @@ def _response_slopes(h, bandwidth, damping, first, second):
         bend = (h * cosine - second) / square
     half = bandwidth * (1.0 - damping * damping)
     second_by_bandwidth = half * bend - damping * h * second
-    first_by_bandwidth = (
-        damping * second + drag * second_by_bandwidth - damping * h * cosine - h * half * second
-    )
+    grown = damping * second + drag * second_by_bandwidth
+    first_by_bandwidth = grown - damping * h * cosine - h * half * second
     half = -bandwidth * bandwidth * damping
     second_by_damping = half * bend - bandwidth * h * second
-    first_by_damping = (
-        bandwidth * second + drag * second_by_damping - bandwidth * h * cosine - h * half * second
-    )
+    grown = bandwidth * second + drag * second_by_damping
+    first_by_damping = grown - bandwidth * h * cosine - h * half * second
     return first_by_bandwidth, second_by_bandwidth, first_by_damping, second_by_damping
 
 
@@ -197,9 +195,8 @@ def _follow_second_order(begins, values, slopes, delay, bandwidth, damping, time
                 # by bandwidth
                 moved = 2.0 * damping * m / square
                 apart = by_bandwidth - moved
-                next_slope = (
-                    moved + slope[0] * away + slope[1] * faster + first * apart + second * speed_by_bandwidth
-                )
+                next_slope = moved + slope[0] * away + slope[1] * faster + first * apart
+                next_slope += second * speed_by_bandwidth
                 speed_by_bandwidth = (
                     -(2.0 * bandwidth * second + square * slope[1]) * away
                     + (slope[0] - 2.0 * damping * second - drag * slope[1]) * faster
@@ -210,9 +207,8 @@ def _follow_second_order(begins, values, slopes, delay, bandwidth, damping, time
                 # by damping
                 moved = -2.0 * m / bandwidth
                 apart = by_damping - moved
-                next_slope = (
-                    moved + slope[2] * away + slope[3] * faster + first * apart + second * speed_by_damping
-                )
+                next_slope = moved + slope[2] * away + slope[3] * faster + first * apart
+                next_slope += second * speed_by_damping
                 speed_by_damping = (
                     -square * slope[3] * away
                     + (slope[2] - 2.0 * bandwidth * second - drag * slope[3]) * faster

@@ -166,10 +166,9 @@ def spring_torque(arm, physics, i):
     constants = arm.constants[i]
     if constants[column.SPRING] == 0.0:
         return arm.state[i, column.MOTOR_TORQUE]
-    k = int(arm.rotors[i])
-    return constants[column.SPRING] * (physics.positions[k] - physics.positions[i]) + constants[
-        column.SPRING_DAMPING
-    ] * (physics.velocities[k] - physics.velocities[i])
+    k, damping = int(arm.rotors[i]), constants[column.SPRING_DAMPING]
+    stretch, rate = physics.positions[k] - physics.positions[i], physics.velocities[k] - physics.velocities[i]
+    return constants[column.SPRING] * stretch + damping * rate
 
 
 @inline

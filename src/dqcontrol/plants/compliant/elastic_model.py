@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError
-from dqcontrol.plants.mujoco.mujoco_model import add_inertias, compiled, import_mujoco, skeleton, weigh
+from dqcontrol.plants.mujoco.mujoco_model import (
+    add_inertias,
+    add_motor,
+    compiled,
+    import_mujoco,
+    skeleton,
+    weigh,
+)
 from dqcontrol.plants.mujoco.world_model import add_links, add_world
 from dqcontrol.plants.mujoco.wrist_sensor import sense_site
 from dqcontrol.robots.robot import Robot
@@ -127,7 +134,7 @@ def elastic_model(
             _add_spring(spec, driven, name)
         else:
             joint.armature = actuation.rotor_inertia[i]
-        spec.add_actuator(name=name, target=driven, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        add_motor(spec, name, driven)
     _add_hand(spec, robot, hand)
     option = spec.option
     option.gravity = gravity

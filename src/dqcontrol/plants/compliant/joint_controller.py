@@ -42,13 +42,11 @@ def step_reference(constants, state, ramp, smooth):
     else:
         c = state[column.MOTION : column.MOTION + 6]
         state[column.REFERENCE] = c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5]))))
-        state[column.REFERENCE_VELOCITY] = c[1] + t * (
-            2 * c[2] + t * (3 * c[3] + t * (4 * c[4] + t * 5 * c[5]))
-        )
+        rate = c[1] + t * (2 * c[2] + t * (3 * c[3] + t * (4 * c[4] + t * 5 * c[5])))
+        state[column.REFERENCE_VELOCITY] = rate
         state[column.REFERENCE_ACCELERATION] = 2 * c[2] + t * (6 * c[3] + t * (12 * c[4] + t * 20 * c[5]))
-    state[column.REFERENCE] = min(
-        max(state[column.REFERENCE], constants[column.LOWER]), constants[column.UPPER]
-    )
+    reference = max(state[column.REFERENCE], constants[column.LOWER])
+    state[column.REFERENCE] = min(reference, constants[column.UPPER])
 
 
 @inline
@@ -81,6 +79,12 @@ def quantised(value, step):
 
 
 @inline
+def _through(constants, state, first, memory, value):
+    """Return a value through a filter of a joint, whose coefficients and memory begin there."""
+    return filtered(constants[first : first + COEFFICIENTS], state[memory : memory + MEMORY], value)
+
+
+@inline
 def sense(constants, state, angle, torque, lost):
     """Read one joint's encoder and torque sensor, and filter them; a lost encoder stays where it was."""
     before = state[column.ENCODER]
@@ -89,23 +93,15 @@ def sense(constants, state, angle, torque, lost):
     else:
         state[column.LOST_TICKS] = 0.0
         state[column.ENCODER] = quantised(angle, constants[column.ANGLE_RESOLUTION])
-    state[column.ANGLE] = filtered(
-        constants[column.ANGLE_FILTER : column.ANGLE_FILTER + COEFFICIENTS],
-        state[column.ANGLE_MEMORY : column.ANGLE_MEMORY + MEMORY],
-        state[column.ENCODER],
-    )
-    state[column.VELOCITY] = filtered(
-        constants[column.VELOCITY_FILTER : column.VELOCITY_FILTER + COEFFICIENTS],
-        state[column.VELOCITY_MEMORY : column.VELOCITY_MEMORY + MEMORY],
-        (state[column.ENCODER] - before) / TICK,
-    )
+    angle = state[column.ENCODER]
+    state[column.ANGLE] = _through(constants, state, column.ANGLE_FILTER, column.ANGLE_MEMORY, angle)
+    rate = (state[column.ENCODER] - before) / TICK
+    state[column.VELOCITY] = _through(constants, state, column.VELOCITY_FILTER, column.VELOCITY_MEMORY, rate)
     before = state[column.SENSED]
     state[column.SENSED] = quantised(torque, constants[column.TORQUE_RESOLUTION])
-    state[column.TORQUE_RATE] = filtered(
-        constants[column.TORQUE_RATE_FILTER : column.TORQUE_RATE_FILTER + COEFFICIENTS],
-        state[column.TORQUE_RATE_MEMORY : column.TORQUE_RATE_MEMORY + MEMORY],
-        (state[column.SENSED] - before) / TICK,
-    )
+    rate = (state[column.SENSED] - before) / TICK
+    first, memory = column.TORQUE_RATE_FILTER, column.TORQUE_RATE_MEMORY
+    state[column.TORQUE_RATE] = _through(constants, state, first, memory, rate)
 
 
 @inline
@@ -153,9 +149,8 @@ def torque_current(constants, state):
         constants[column.TORQUE_RANGE],
     )
     if constants[column.SPRING] == 0.0:
-        asked = (constants[column.TORQUE_P] + constants[column.FEEDFORWARD]) * desired + state[
-            column.TORQUE_INTEGRAL
-        ]
+        gain = constants[column.TORQUE_P] + constants[column.FEEDFORWARD]
+        asked = gain * desired + state[column.TORQUE_INTEGRAL]
         return asked / (1.0 + constants[column.TORQUE_CONSTANT] * constants[column.TORQUE_P])
     return (
         constants[column.TORQUE_P] * error
@@ -173,15 +168,12 @@ def drive(constants, state, mode, ramp, rotor, rotor_velocity):
     if mode == column.PWM:
         duty = ramp * constants[column.DUTY_ASKED] + (1.0 - ramp) * state[column.DUTY_AT_SWITCH]
         voltage = constants[column.VOLTAGE] * clamped(duty, constants[column.MAX_DUTY])
-        current = (voltage - constants[column.TORQUE_CONSTANT] * rotor_velocity) / constants[
-            column.RESISTANCE
-        ]
+        induced = constants[column.TORQUE_CONSTANT] * rotor_velocity
+        current = (voltage - induced) / constants[column.RESISTANCE]
     elif mode in (column.THETA, column.THETA_MJ):
         step_reference(constants, state, ramp, mode == column.THETA_MJ)
-        torque = (
-            constants[column.SERVO_P] * (state[column.REFERENCE] - rotor)
-            - constants[column.SERVO_D] * rotor_velocity
-        )
+        away = state[column.REFERENCE] - rotor
+        torque = constants[column.SERVO_P] * away - constants[column.SERVO_D] * rotor_velocity
         torque = ramp * torque + (1.0 - ramp) * state[column.TORQUE_AT_SWITCH]
         current = torque / constants[column.TORQUE_CONSTANT]
     elif mode != column.OFF:
@@ -189,18 +181,16 @@ def drive(constants, state, mode, ramp, rotor, rotor_velocity):
             step_reference(constants, state, ramp, mode == column.THETA_GC_MJ)
             torque = position_torque(constants, state)
         else:
-            torque = constants[column.TORQUE_ASKED] + (
-                state[column.GRAVITY] if mode == column.TORQUE_GC else 0.0
-            )
+            weight = state[column.GRAVITY] if mode == column.TORQUE_GC else 0.0
+            torque = constants[column.TORQUE_ASKED] + weight
         torque = ramp * torque + (1.0 - ramp) * state[column.TORQUE_AT_SWITCH]
         state[column.DESIRED_TORQUE] = clamped(torque, constants[column.MAX_TORQUE])
         current = torque_current(constants, state)
     current = clamped(current, constants[column.MAX_CURRENT])
     state[column.CURRENT] = current
     state[column.MOTOR_TORQUE] = constants[column.TORQUE_CONSTANT] * current
-    state[column.DUTY] = (
-        constants[column.RESISTANCE] * current + constants[column.TORQUE_CONSTANT] * rotor_velocity
-    ) / constants[column.VOLTAGE]
+    induced = constants[column.TORQUE_CONSTANT] * rotor_velocity
+    state[column.DUTY] = (constants[column.RESISTANCE] * current + induced) / constants[column.VOLTAGE]
     load = current / constants[column.NOMINAL_CURRENT]
     state[column.HEAT] += constants[column.HEATING] * (load * load - state[column.HEAT])
     state[column.HOT_TICKS] = state[column.HOT_TICKS] + 1.0 if state[column.HEAT] > 1.0 else 0.0

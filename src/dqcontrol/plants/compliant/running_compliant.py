@@ -318,17 +318,15 @@ class RunningCompliant(RunningPlant):
         if moving or self._springs is not None:
             failed = self._advance_by_ticks(plan, ticks)
         else:
-            failed = compliant_step.advance(
-                plan, self._numbers, self._physics, ticks, self._moves, self._noise
-            )
+            arrays = self._numbers, self._physics
+            failed = compliant_step.advance(plan, *arrays, ticks, self._moves, self._noise)
         if failed:
             raise DivergedError(f"plant: the arm diverged before {self.time:g} s, q = {self.q}")
         self._measure()
         if self.memory.shared[column.FAULT] and not self.fault:
             self.fault: str = self._fault_in_words()
-            warnings.warn(
-                f"{self.fault}: the motors are off since before {self.time:g} s", SafetyWarning, stacklevel=3
-            )
+            off = f"the motors are off since before {self.time:g} s"
+            warnings.warn(f"{self.fault}: {off}", SafetyWarning, stacklevel=3)
 
     def _advance_by_ticks(self, plan: NDArray[np.intp], ticks: int) -> bool:
         """Take ticks one by one, at each of which bodies are elsewhere that move as they say, and torques new."""

@@ -89,16 +89,14 @@ class _Sdk(Link):
         return states[0][: self._arm.axis], self._reads
 
     def send(self, target: Array, rate: Array) -> None:
-        self._done(
-            self._arm.vc_set_joint_velocity(rate.tolist(), is_sync=False, duration=self._plant.timeout)
-        )
+        lasts = self._plant.timeout
+        self._done(self._arm.vc_set_joint_velocity(rate.tolist(), is_sync=False, duration=lasts))
 
     def fault(self) -> str:
         arm = self._arm
         if arm.error_code:
-            return (
-                f"error C{arm.error_code}, {self._title(arm.error_code).title['en']}; clear it on the robot"
-            )
+            title = self._title(arm.error_code).title["en"]
+            return f"error C{arm.error_code}, {title}; clear it on the robot"
         if self._is_taken and (arm.mode, arm.state) not in ((_VELOCITY, _MOVES), (_VELOCITY, _STANDS)):
             return f"mode {arm.mode} and state {arm.state}; somebody else has taken or stopped it"
         return ""

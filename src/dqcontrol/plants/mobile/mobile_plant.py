@@ -244,10 +244,8 @@ class RunningMobile(RunningPlant):
         heading = self.measured[2]
         if self._gear.inputs > 2:  # the middle of the period's
             heading += 0.5 * self._run[0] * self._moving[2]
-        first = len(self._joints)
-        self.data.ctrl[first : first + len(self._wheels)] = self._gear.wheel_speeds(
-            self._moving, heading, self._share
-        )
+        wheels = slice(len(self._joints), len(self._joints) + len(self._wheels))
+        self.data.ctrl[wheels] = self._gear.wheel_speeds(self._moving, heading, self._share)
 
     def _command_gripper(self, time: float) -> None:
         if self._gripper is not None:
@@ -533,9 +531,8 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             return arms
         ends = np.cumsum([arm.configuration_size for arm in arms])
         masses = np.split(as_each("plant.link_mass", self.link_mass, int(ends[-1])), ends[:-1])
-        return [
-            with_assumed_inertia(arm, mass, self.link_radius) for arm, mass in zip(arms, masses, strict=True)
-        ]
+        given = zip(arms, masses, strict=True)
+        return [with_assumed_inertia(arm, mass, self.link_radius) for arm, mass in given]
 
     def _spec(self, robot: Robot, gear: RunningGear, arm: Robot | None, bodies: dict[str, Body]) -> Any:
         """Return robot, gripper and what stands around without motors."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Annotated, Any, ClassVar, NamedTuple
 
@@ -15,7 +16,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.mobile.odometry import Odometry, RollerOdometry
-from dqcontrol.plants.mujoco.mujoco_model import import_mujoco, weigh
+from dqcontrol.plants.mujoco.mujoco_model import add_geom, add_servo, import_mujoco, weigh
 from dqcontrol.robots.bases import CLEARANCE, Chassis, DifferentialDrive, RollerBase, RollerWheel
 from dqcontrol.robots.kinematics.axes import z_onto
 from dqcontrol.robots.limits import Inertia
@@ -155,14 +156,12 @@ class SolidBase(WheeledBase, frozen=True, kw_only=True):
 
 def add_floor(spec: Any) -> None:
     """Add a floor, on which the friction of what stands on it counts."""
-    ground = spec.worldbody.add_geom(
-        name="ground", type=import_mujoco().mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], rgba=[0, 0, 0, 0]
-    )
-    ground.contype, ground.conaffinity, ground.friction = FLOOR | THINGS, 0, [0, 0, 0]
+    ground = add_geom(spec.worldbody, "PLANE", [0, 0, 1], name="ground", rgba=[0, 0, 0, 0])
+    ground.contype, ground.friction = FLOOR | THINGS, [0, 0, 0]
 
 
 def add_chassis(
-    spec: Any, base: SolidBase, kind: Any, size: ArrayLike, inertia: ArrayLike, mount: Array
+    spec: Any, base: SolidBase, kind: str, size: Sequence[float], inertia: ArrayLike, mount: Array
 ) -> Any:
     """Add a free chassis, that things touch and the floor does not, with a post up to what it carries; return it.
 
@@ -183,13 +182,10 @@ def add_chassis(
     body.add_freejoint(name="base")
     weigh(body, base.mass, [base.centre_ahead, 0, base.centre_height], inertia)
     middle = [0, 0, CLEARANCE + base.height / 2]
-    chassis = body.add_geom(name="chassis", type=kind, size=size, pos=middle, rgba=_CHASSIS, mass=0)
-    chassis.contype, chassis.conaffinity = 0, THINGS
+    add_geom(body, kind, size, name="chassis", pos=middle, rgba=_CHASSIS, conaffinity=THINGS)
     x, y, top = mount
     if top > CLEARANCE + base.height:
-        ends = [x, y, CLEARANCE + base.height, x, y, top]
-        cylinder = import_mujoco().mjtGeom.mjGEOM_CYLINDER
-        shown(body.add_geom(type=cylinder, fromto=ends, size=[0.03, 0, 0], rgba=_POST, mass=0))
+        add_geom(body, "CYLINDER", [0.03], fromto=[x, y, CLEARANCE + base.height, x, y, top], rgba=_POST)
     return body
 
 
@@ -228,20 +224,15 @@ def with_assumed_inertia(arm: SerialArm, masses: ArrayLike, radius: float) -> Se
 
 
 def _add_wheel(body: Any, name: str, base: SolidBase, radius: float, side: float) -> None:
-    kinds = import_mujoco().mjtGeom
     wheel = body.add_body(name=f"wheel_{name}", pos=[0, side, radius])
     weigh(wheel, base.wheel_mass, [0, 0, 0], solid_cylinder(base.wheel_mass, radius, 0.3 * radius, 1))
     _add_axle(wheel, f"wheel_{name}", base)
-    size = [radius, 0, 0]
-    ball = wheel.add_geom(name=f"wheel_{name}", type=kinds.mjGEOM_SPHERE, size=size, mass=0, group=4)
-    touching(ball, base.friction)
-    kind, half = kinds.mjGEOM_CYLINDER, 0.12 * radius
+    touching(add_geom(wheel, "SPHERE", [radius], name=f"wheel_{name}", group=4), base.friction)
+    half = 0.12 * radius
     for size, across, colour in ((radius, half, TYRE), (0.6 * radius, 1.08 * half, RIM)):
-        ends = [0, -across, 0, 0, across, 0]
-        shown(wheel.add_geom(type=kind, fromto=ends, size=[size, 0, 0], rgba=colour, mass=0))
+        add_geom(wheel, "CYLINDER", [size], fromto=[0, -across, 0, 0, across, 0], rgba=colour)
     spoke = [-0.45 * radius, 0, 0, 0.45 * radius, 0, 0]
-    size = [1.2 * half, 0, 0]
-    shown(wheel.add_geom(type=kinds.mjGEOM_CAPSULE, fromto=spoke, size=size, rgba=TYRE, mass=0))
+    add_geom(wheel, "CAPSULE", [1.2 * half], fromto=spoke, rgba=TYRE)
 
 
 def _add_axle(wheel: Any, name: str, base: SolidBase) -> None:
@@ -253,11 +244,6 @@ def _add_axle(wheel: Any, name: str, base: SolidBase) -> None:
 def touching(geom: Any, friction: float) -> None:
     """Let a geom roll or slide on the floor."""
     geom.contype, geom.conaffinity, geom.condim, geom.friction = 0, FLOOR, 3, [friction, 0, 0]
-
-
-def shown(geom: Any) -> None:
-    """Let a geom touch nothing."""
-    geom.contype = geom.conaffinity = 0
 
 
 def solid_cylinder(mass: float, radius: float, height: float, axis: int) -> list[float]:
@@ -279,18 +265,16 @@ _ROLLERS_SHARE = 0.3  # of the wheel's mass
 
 def _add_roller_wheel(body: Any, name: str, wheel: RollerWheel, base: SolidBase, radius: float) -> None:
     """Add a hub that turns about its axle, and the rollers on it."""
-    mujoco, half = import_mujoco(), 0.5 * wheel.heading
-    hub = body.add_body(
-        name=name, pos=[wheel.x, wheel.y, radius], quat=[math.cos(half), 0, 0, math.sin(half)]
-    )
+    half = 0.5 * wheel.heading
+    hub = body.add_body(name=name, pos=[wheel.x, wheel.y, radius])
+    hub.quat = [math.cos(half), 0, 0, math.sin(half)]
     hub_mass, thick = (1 - _ROLLERS_SHARE) * base.wheel_mass, _ROLLER * radius
     weigh(hub, hub_mass, [0, 0, 0], solid_cylinder(hub_mass, radius, 0.6 * radius, 1))
     _add_axle(hub, name, base)
     out = radius - thick
     long = math.sqrt(thick * out) / math.cos(wheel.roller)  # as its curvature along the wheel is the wheel's
-    cylinder = mujoco.mjtGeom.mjGEOM_CYLINDER
     ends = [0, -0.5 * long, 0, 0, 0.5 * long, 0]
-    shown(hub.add_geom(type=cylinder, fromto=ends, size=[out - 0.5 * thick, 0, 0], rgba=RIM, mass=0))
+    add_geom(hub, "CYLINDER", [out - 0.5 * thick], fromto=ends, rgba=RIM)
     mass = _ROLLERS_SHARE * base.wheel_mass / base.roller_count
     for k in range(base.roller_count):
         angle = math.tau * k / base.roller_count
@@ -299,10 +283,9 @@ def _add_roller_wheel(body: Any, name: str, wheel: RollerWheel, base: SolidBase,
         place = [out * math.sin(angle), 0.0, -out * math.cos(angle)]
         roller = hub.add_body(name=f"{name}_roller_{k + 1}", pos=place, quat=z_onto(axis)[:4])
         weigh(roller, mass, [0, 0, 0], [mass * thick**2] * 3)
-        turning = roller.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
+        turning = roller.add_joint(type=import_mujoco().mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
         turning.frictionloss = base.roller_friction
-        ellipsoid = mujoco.mjtGeom.mjGEOM_ELLIPSOID
-        touching(roller.add_geom(type=ellipsoid, size=[thick, thick, long], rgba=TYRE, mass=0), base.friction)
+        touching(add_geom(roller, "ELLIPSOID", [thick, thick, long], rgba=TYRE), base.friction)
 
 
 class Foot(NamedTuple):
@@ -358,21 +341,13 @@ class RunningGear:
 
     def add_motors(self, spec: Any, mass: float) -> None:
         """Add the speed controllers of the wheels; ``mass`` is all that they move, kg."""
-        mujoco, base, count = import_mujoco(), self.base, len(self.wheels)
+        base, count = self.base, len(self.wheels)
         # the robot's share and the wheel's own
         inertia = (mass + 0.5 * count * base.wheel_mass) / count * self.radius**2
         gain = inertia / base.wheel_time_constant
         for name in self.joints:
-            motor = spec.add_actuator(
-                name=name,
-                target=name,
-                trntype=mujoco.mjtTrn.mjTRN_JOINT,
-                gaintype=mujoco.mjtGain.mjGAIN_FIXED,
-                biastype=mujoco.mjtBias.mjBIAS_AFFINE,
-            )
+            motor = add_servo(spec, name, base.wheel_torque)
             motor.gainprm[0], motor.biasprm[2] = gain, -gain
-            motor.forcerange = (-base.wheel_torque, base.wheel_torque)
-            motor.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
 
     def wheel_speeds(self, inputs: Array, heading: float, share: float) -> Array:
         """Return the speeds of the wheels for a share of the base's inputs, rad/s, rims no faster than they may be."""
@@ -416,17 +391,14 @@ class DriveGear(RunningGear):
 
     def add_to(self, spec: Any, mount: Array) -> Any:
         """Add chassis, two wheels and casters; see `RunningGear.add_to`."""
-        base, kinds = self.base, import_mujoco().mjtGeom
+        base = self.base
         assert base.radius is not None
         inertia = solid_cylinder(base.mass, base.radius, base.height, 2)
         size = [base.radius, base.height / 2, 0]
-        body = add_chassis(spec, base, kinds.mjGEOM_CYLINDER, size, inertia, mount)
+        body = add_chassis(spec, base, "CYLINDER", size, inertia, mount)
         ball = 0.5 * CLEARANCE
         for name, x, gap in (("front", self._caster, 0.0), ("rear", -self._caster, base.caster_gap)):
-            caster = body.add_geom(
-                name=f"caster_{name}", type=kinds.mjGEOM_SPHERE, size=[ball, 0, 0], pos=[x, 0, ball + gap]
-            )
-            caster.rgba, caster.mass = RIM, 0
+            caster = add_geom(body, "SPHERE", [ball], name=f"caster_{name}", pos=[x, 0, ball + gap], rgba=RIM)
             touching(caster, base.caster_friction)
         for name, side in zip(WHEELS, (-1, 1), strict=True):
             _add_wheel(body, name, base, self.radius, side * self._drive.half_track)
@@ -473,7 +445,7 @@ class RollerGear(RunningGear):
         half = np.array([*np.abs([[wheel.x, wheel.y] for wheel in wheels]).max(axis=0), base.height / 2])
         inertia = base.mass / 3 * (np.sum(half**2) - half**2)
         size = half - [0, 0.4 * self.radius, 0]  # between its wheels
-        body = add_chassis(spec, base, import_mujoco().mjtGeom.mjGEOM_BOX, size, inertia, mount)
+        body = add_chassis(spec, base, "BOX", size, inertia, mount)
         for name, wheel in zip(self.joints, wheels, strict=True):
             _add_roller_wheel(body, name, wheel, base, self.radius)
         return body

@@ -14,7 +14,15 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.geometry import Capsule, Shape
 from dqcontrol.named_fields import NamedFields
-from dqcontrol.plants.mujoco.mujoco_model import import_mujoco, quaternion_of, turned, viscous_damping, weigh
+from dqcontrol.plants.mujoco.mujoco_model import (
+    add_geom,
+    add_motor,
+    import_mujoco,
+    quaternion_of,
+    turned,
+    viscous_damping,
+    weigh,
+)
 from dqcontrol.plants.plant import Channel
 from dqcontrol.robots.kinematics.kinematics_kernels import REVOLUTE
 from dqcontrol.robots.poses import positions
@@ -145,29 +153,20 @@ def add_gripper(spec: Any, gripper: Gripper, link: Any, tool: Any, timestep: flo
     quaternion = turned(tool[:4], quaternion_of(rotation))
     half, thick, wide = 0.5 * gripper.opening, 0.006, 0.012
     palm = link.add_body(name=f"palm_{hand + 1}", pos=tool[4:7], quat=quaternion)
-    bar = palm.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[half + thick, wide, 0.01], rgba=_METAL, mass=0)
-    bar.pos, bar.contype, bar.conaffinity = [0, 0, _PAST - gripper.length], 0, 0
+    begin = _PAST - gripper.length
+    add_geom(palm, "BOX", [half + thick, wide, 0.01], rgba=_METAL, pos=[0, 0, begin])
     for name, side in zip(fingers(hand), (-1, 1), strict=True):
         finger = palm.add_body(name=name, pos=[side * half, 0, 0])
         middle, moment = _PAST - gripper.length / 2, gripper.mass * gripper.length**2 / 24
         weigh(finger, gripper.mass / 2, [0, 0, middle], [moment] * 3)
-        joint = finger.add_joint(
-            name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[-side, 0, 0], range=[0, half]
-        )
-        joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
+        joint = finger.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[-side, 0, 0])
+        joint.range, joint.limited = [0, half], mujoco.mjtLimited.mjLIMITED_TRUE
         joint.armature = 0.05  # of its motor, seen at the finger
         joint.solref_limit = (4 * timestep, 1)
-        bar = finger.add_geom(
-            name=name,
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=[thick / 2, wide, gripper.length / 2],
-            pos=[side * thick / 2, 0, middle],
-            rgba=_PAD_COLOUR,
-            mass=0,
-        )
-        bar.contype, bar.conaffinity, bar.condim, bar.friction = 0, BODIES, 4, [0, 0, 0]
-        motor = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        motor.gainprm[0] = gripper.force
+        bar = add_geom(finger, "BOX", [thick / 2, wide, gripper.length / 2], name=name, rgba=_PAD_COLOUR)
+        bar.pos = [side * thick / 2, 0, middle]
+        bar.conaffinity, bar.condim, bar.friction = BODIES, 4, [0, 0, 0]
+        add_motor(spec, name, name).gainprm[0] = gripper.force
     first, second = fingers(hand)
     gear = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1=first, name2=second)
     gear.objtype = mujoco.mjtObj.mjOBJ_JOINT
@@ -188,9 +187,8 @@ class LiveGripper:
     def __init__(self, gripper: Gripper, model: Any, data: Any, hands: int = 1) -> None:
         self.gripper, self._data = gripper, data
         self.told: bool | None = None
-        self.channels: tuple[Channel, ...] = (
-            Channel(GRIPPER_OPENING, _HANDS[:hands] if hands > 1 else (), "m"),
-        )
+        parts = _HANDS[:hands] if hands > 1 else ()
+        self.channels: tuple[Channel, ...] = (Channel(GRIPPER_OPENING, parts, "m"),)
         self.readings: Array = np.zeros(hands)
         names = [name for hand in range(hands) for name in fingers(hand)]
         joints = [model.joint(name) for name in names]
@@ -244,7 +242,6 @@ class Pads(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
             raise ValueRangeError(
                 f"plant.pads: both end effectors start {apart:.3g} m apart, too near for a body; change 'start'"
             )
-        mujoco = import_mujoco()
         along = (first - second) / apart
         up = np.eye(3)[2] if abs(along[2]) < 0.9 else np.eye(3)[0]
         across = np.cross(up, along)
@@ -252,10 +249,9 @@ class Pads(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
         turn = quaternion_of(np.column_stack([along, across, np.cross(along, across)]))
         for k, (row, hand) in enumerate(zip(robot.ends, _hands(robot, start), strict=True)):
             body = spec.body(f"link_{int(robot.parents[row]) + 1}")
-            pad = body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, rgba=_RUBBER, mass=0, name=PADS[k])
+            pad = add_geom(body, "BOX", _PAD, rgba=_RUBBER, name=PADS[k], pos=robot.chain[row, 4:7])
             pad.quat = turned(robot.chain[row, :4], turned(hand[:4] * [1, -1, -1, -1], turn))
-            pad.pos, pad.size = robot.chain[row, 4:7], _PAD
-            pad.contype, pad.conaffinity, pad.condim, pad.friction = 0, BODIES, 4, [0, 0, 0]
+            pad.conaffinity, pad.condim, pad.friction = BODIES, 4, [0, 0, 0]
             pad.solref[:2] = 4 * timestep, 1.0
 
     def squeezed(self, robot: Robot, start: Array) -> Array:

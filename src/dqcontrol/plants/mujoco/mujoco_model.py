@@ -14,13 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_each, as_positive
 from dqcontrol.plants.plant import EncoderErrors, Plant
-from dqcontrol.plants.servo.servo_file import (
+from dqcontrol.plants.servo.servo_plant import (
+    Each,
+    EachAboveZero,
     encoders_and_mode,
     fitting_lags,
     load_servo,
     say_what_is_left_out,
 )
-from dqcontrol.plants.servo.servo_plant import Each, EachAboveZero
 from dqcontrol.robots.command_mode import CommandMode
 from dqcontrol.robots.files.description import drawn_reach, foot_below, joint_range, rod_radii
 from dqcontrol.robots.files.mujoco_package import import_mujoco as import_mujoco
@@ -128,6 +129,27 @@ def add_inertias(spec: Any, robot: Robot) -> None:
         weigh(spec.body(f"link_{i + 1}"), mass, robot.inertia.center[i], moments, axes)
 
 
+def add_geom(body: Any, kind: str, size: Sequence[float], **more: Any) -> Any:
+    """Add a geom of a kind, as ``"SPHERE"``, that weighs and touches nothing unless told otherwise."""
+    free = {"mass": 0.0, "contype": 0, "conaffinity": 0, "size": [*size, 0.0, 0.0][:3]}
+    return body.add_geom(type=getattr(import_mujoco().mjtGeom, f"mjGEOM_{kind}"), **free | more)
+
+
+def add_motor(spec: Any, name: str, joint: str, **more: Any) -> Any:
+    """Add an actuator on a joint, whose control is its force."""
+    return spec.add_actuator(name=name, target=joint, trntype=import_mujoco().mjtTrn.mjTRN_JOINT, **more)
+
+
+def add_servo(spec: Any, joint: str, effort: float = np.inf, **more: Any) -> Any:
+    """Add an actuator by a joint's name whose force is linear in control, position and speed, within ± an effort."""
+    mujoco = import_mujoco()
+    affine = {"gaintype": mujoco.mjtGain.mjGAIN_FIXED, "biastype": mujoco.mjtBias.mjBIAS_AFFINE}
+    servo = add_motor(spec, joint, joint, **affine, **more)
+    if np.isfinite(effort):
+        servo.forcerange, servo.forcelimited = (-effort, effort), mujoco.mjtLimited.mjLIMITED_TRUE
+    return servo
+
+
 def weigh(body: Any, mass: float, center: ArrayLike, moments: ArrayLike, axes: Array | None = None) -> None:
     """Give a body mass, kg, centre, m, and principal moments, kg m², about its own axes or others (columns)."""
     body.mass, body.ipos, body.inertia, body.explicitinertial = mass, center, moments, True
@@ -184,20 +206,17 @@ def _principal(where: str, tensor: Array) -> tuple[Array, Array]:
     return moments, axes
 
 
+def _draw(body: Any, kind: str, size: Sequence[float], colour: Any, group: int = RODS, **place: Any) -> None:
+    """Add a geom that only shows."""
+    add_geom(body, kind, size, rgba=colour, group=group, **place)
+
+
 class _Shapes:
     """Draws the parts of an arm, thinner towards the end effector."""
 
     def __init__(self, robot: Robot) -> None:
-        self.mujoco, self.robot = import_mujoco(), robot
+        self.robot = robot
         self.radii = rod_radii(robot)
-
-    def add(self, body: Any, kind: str, size: Any, colour: Any, *, group: int = RODS, **place: Any) -> None:
-        """Add a geom that only shows."""
-        geom = body.add_geom(
-            type=getattr(self.mujoco.mjtGeom, f"mjGEOM_{kind}"), rgba=colour, mass=0, group=group, **place
-        )
-        geom.size[: len(size)] = size
-        geom.contype = geom.conaffinity = 0
 
     def link(self, body: Any, i: int) -> None:
         """Draw what leads from joint i − 1 to joint i (or to the end effector)."""
@@ -205,17 +224,17 @@ class _Shapes:
         is_first, is_last = self.robot.parents[i] < 0, i in self.robot.ends
         if is_first and not is_last:
             start = foot_below(self.robot, i)
-            self.add(body, "CYLINDER", [1.7 * self.radii[i], 0.1 * self.radii[i]], _BASE, pos=start)
+            _draw(body, "CYLINDER", [1.7 * self.radii[i], 0.1 * self.radii[i]], _BASE, pos=start)
         if np.linalg.norm(end - start) > 0.5 * radius:
             kind = "CYLINDER" if is_last else "CAPSULE"  # its end is the end effector's point
-            self.add(body, kind, [radius], _BASE if is_first else _SHELL, fromto=[*start, *end])
+            _draw(body, kind, [radius], _BASE if is_first else _SHELL, fromto=[*start, *end])
 
     def drum(self, body: Any, i: int) -> None:
         """Draw joint i as a drum about its axis."""
         radius = self.radii[i]
-        self.add(body, "CYLINDER", [1.02 * radius, 1.15 * radius], _SHELL)
+        _draw(body, "CYLINDER", [1.02 * radius, 1.15 * radius], _SHELL)
         for side in (-1, 1):
-            self.add(body, "CYLINDER", [0.7 * radius, 0.06 * radius], _HUB, pos=[0, 0, side * 1.2 * radius])
+            _draw(body, "CYLINDER", [0.7 * radius, 0.06 * radius], _HUB, pos=[0, 0, side * 1.2 * radius])
 
     def rail(self, body: Any, i: int) -> None:
         """Draw the way along which joint i slides."""
@@ -241,9 +260,9 @@ class _Shapes:
     ) -> None:
         """Draw a rod along an axis of a place, orientation and position (7)."""
         along = np.empty(3)
-        self.mujoco.mju_rotVecQuat(along, axis, np.ascontiguousarray(place[:4]))
+        import_mujoco().mju_rotVecQuat(along, axis, np.ascontiguousarray(place[:4]))
         ends = [end for way in span for end in place[4:7] + way * along]
-        self.add(body, "CAPSULE", [radius], colour, fromto=ends, **more)
+        _draw(body, "CAPSULE", [radius], colour, fromto=ends, **more)
 
 
 class JointServos(Plant, frozen=True, kw_only=True):
@@ -318,18 +337,10 @@ class JointServos(Plant, frozen=True, kw_only=True):
             # A stop that gives way by milliradians, as stiff as the time step allows.
             joint.solref_limit, joint.solimp_limit[:2] = (4 * self.timestep, 1), (0.99, 0.999)
             # The activation integrates the control: the target moves at the rate that the control holds.
-            servo = spec.add_actuator(
-                name=name,
-                target=name,
-                trntype=mujoco.mjtTrn.mjTRN_JOINT,
-                dyntype=mujoco.mjtDyn.mjDYN_INTEGRATOR,
-                gaintype=mujoco.mjtGain.mjGAIN_FIXED,
-                biastype=mujoco.mjtBias.mjBIAS_AFFINE,
-            )
+            servo = add_servo(spec, name, effort, dyntype=mujoco.mjtDyn.mjDYN_INTEGRATOR)
             if self.position_limit and joint.limited == mujoco.mjtLimited.mjLIMITED_TRUE:
                 servo.actrange, servo.actlimited = joint.range, mujoco.mjtLimited.mjLIMITED_TRUE
-            if np.isfinite(effort):  # of the servo, and of its sum with the gravity compensation
-                servo.forcerange, servo.forcelimited = (-effort, effort), mujoco.mjtLimited.mjLIMITED_TRUE
+            if np.isfinite(effort):  # also of its sum with the gravity compensation
                 joint.actfrcrange, joint.actfrclimited = (-effort, effort), mujoco.mjtLimited.mjLIMITED_TRUE
 
     def set_servos(self, robot: Robot, model: Any, data: Any, start: Array, dofs: NDArray[np.intp]) -> None:

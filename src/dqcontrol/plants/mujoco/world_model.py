@@ -16,10 +16,10 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, error_prefix
 from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
 from dqcontrol.plants.mujoco.gripper import BODIES, GRIP_FORCE, PADS, Gripper, fingers
+from dqcontrol.plants.mujoco.mujoco_model import add_geom, import_mujoco
 from dqcontrol.plants.mujoco.wrist_sensor import TOOL
 from dqcontrol.plants.plant import Channel, begun_periods
 from dqcontrol.plants.wrist import AXES
-from dqcontrol.robots.files.mujoco_package import import_mujoco
 from dqcontrol.robots.link_shapes import LinkShape
 from dqcontrol.robots.robot import Robot
 from dqcontrol.world import Body, World
@@ -129,8 +129,8 @@ def add_links(
         if gripper is not None and each.frame in ends:
             shape = gripper.behind_fingers(shape, robot.chain[ends[each.frame]])
         geom = _add_geom(body, shape)
-        geom.name, geom.mass, geom.group = _link_name(each.name), 0.0, 3  # drawn where links have no meshes
-        geom.contype, geom.conaffinity, geom.friction = 0, 0 if bare else BODIES, [0.0, 0.0, 0.0]
+        geom.name, geom.group = _link_name(each.name), 3  # drawn where links have no meshes
+        geom.conaffinity, geom.friction = 0 if bare else BODIES, [0.0, 0.0, 0.0]
         geom.solref[:2] = _SOLREF * timestep, 1.0
     for a, b in robot.shapes.pairs:
         first, second = (_geom_of_link(shapes[k], base) for k in (a, b))
@@ -153,10 +153,8 @@ def add_world(spec: Any, bodies: Mapping[str, Body], timestep: float) -> None:
             raise ValueRangeError(
                 f"world.{name}.held: physics moves what hands hold by its mass; give it one"
             )
-        place = spec.worldbody.add_body(
-            name=_body_name(name), pos=body.position, quat=algebra.rotation(body.pose)
-        )
-        place.mocap = body.moves is not None
+        place = spec.worldbody.add_body(name=_body_name(name), pos=body.position)
+        place.quat, place.mocap = algebra.rotation(body.pose), body.moves is not None
         joint = body.hinge or body.slide
         if role == "free":
             place.add_freejoint(name=_body_name(name))
@@ -212,16 +210,14 @@ def _hang(mujoco: Any, place: Any, name: str, body: Body, timestep: float) -> No
         )
     place.gravcomp = 1.0
     for axis, unit in zip("xyz", np.eye(3), strict=True):
-        joint = place.add_joint(
-            name=f"{_body_name(name)} {axis}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=unit
-        )
+        kind = mujoco.mjtJoint.mjJNT_SLIDE
+        joint = place.add_joint(name=f"{_body_name(name)} {axis}", type=kind, axis=unit)
         joint.stiffness = _triple(joint.stiffness, body.stiffness)
         joint.damping = _triple(joint.damping, body.damping)
 
 
 def _solid_geoms(spec: Any, place: Any, body: Body, meshes: Any) -> Any:
     """Add the geoms of a body; yield each with its volume, m³."""
-    mujoco = import_mujoco()
     for solid in body.solids:
         if solid.kind != "mesh":
             for shape in solid.shapes:
@@ -230,26 +226,24 @@ def _solid_geoms(spec: Any, place: Any, body: Body, meshes: Any) -> Any:
         for part in convex_parts(str(solid.mesh)):
             name = f"mesh {next(meshes)}"
             spec.add_mesh(name=name, uservert=np.asarray(part.vertices).ravel())
-            geom = place.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
-            geom.pos, geom.quat = solid.position, algebra.rotation(solid.pose)
-            yield geom, float(part.volume)
+            pose = {"pos": solid.position, "quat": algebra.rotation(solid.pose)}
+            yield add_geom(place, "MESH", [], meshname=name, **pose), float(part.volume)
 
 
 def _add_geom(body: Any, shape: Shape) -> Any:
-    kinds = import_mujoco().mjtGeom
     if isinstance(shape, Sphere):
-        return body.add_geom(type=kinds.mjGEOM_SPHERE, size=[shape.radius, 0, 0], pos=shape.center)
+        return add_geom(body, "SPHERE", [shape.radius], pos=shape.center)
     if isinstance(shape, Capsule | Cylinder):
-        kind = kinds.mjGEOM_CAPSULE if isinstance(shape, Capsule) else kinds.mjGEOM_CYLINDER
         if np.linalg.norm(shape.end - shape.start) < 1e-9:  # a capsule that is a ball
-            return body.add_geom(type=kinds.mjGEOM_SPHERE, size=[shape.radius, 0, 0], pos=shape.start)
-        return body.add_geom(type=kind, size=[shape.radius, 0, 0], fromto=[*shape.start, *shape.end])
+            return add_geom(body, "SPHERE", [shape.radius], pos=shape.start)
+        kind = "CAPSULE" if isinstance(shape, Capsule) else "CYLINDER"
+        return add_geom(body, kind, [shape.radius], fromto=[*shape.start, *shape.end])
     if isinstance(shape, Box):
-        quaternion, middle = algebra.rotation(shape.pose), algebra.translation(shape.pose)
-        return body.add_geom(type=kinds.mjGEOM_BOX, size=0.5 * shape.size, pos=middle, quat=quaternion)
+        middle, quaternion = algebra.translation(shape.pose), algebra.rotation(shape.pose)
+        return add_geom(body, "BOX", 0.5 * shape.size, pos=middle, quat=quaternion)
     assert isinstance(shape, Plane)
     at, quaternion = shape.offset * shape.normal, algebra.rotation_from_matrix(shape.axes)
-    return body.add_geom(type=kinds.mjGEOM_PLANE, size=[0, 0, 1], pos=at, quat=quaternion)
+    return add_geom(body, "PLANE", [0, 0, 1], pos=at, quat=quaternion)
 
 
 def _volume(shape: Shape) -> float:
@@ -281,12 +275,9 @@ def _geoms_of(name: str, body: Body) -> str:
     return f"{_body_name(name)} pad" if body.moves and body.role == "springy" else _body_name(name)
 
 
-def _pose_channels(name: str) -> tuple[Channel, Channel]:
-    position, quaternion = (
-        Channel(f"{name}_position", AXES, "m"),
-        Channel(f"{name}_quaternion", ("w", *AXES), ""),
-    )
-    return position, quaternion
+def _pose_channels(name: str) -> Iterator[Channel]:
+    yield Channel(f"{name}_position", AXES, "m")
+    yield Channel(f"{name}_quaternion", ("w", *AXES), "")
 
 
 class WorldBodies:
@@ -313,11 +304,8 @@ class WorldBodies:
         of_watched = [channel for name in watched for channel in _pose_channels(f"{name}_seen")]
         self.channels: tuple[Channel, ...] = (*body_channels(bodies), *of_watched)
         self.size: int = sum(channel.size for channel in self.channels)
-        self._moving = [
-            (int(model.body(_body_name(name)).mocapid[0]), body)
-            for name, body in bodies.items()
-            if body.moves is not None
-        ]
+        moving = [(name, body) for name, body in bodies.items() if body.moves is not None]
+        self._moving = [(int(model.body(_body_name(name)).mocapid[0]), body) for name, body in moving]
         self.moves: bool = bool(self._moving)
         self._at = _coordinates_at(bodies, model)
 
@@ -476,9 +464,8 @@ class WorldContacts:
         ValueRangeError
             With the worst: which link, how deep, in what.
         """
-        thing, link, depth, _, (_, other) = max(
-            self.contacts(), key=lambda each: each[2], default=(0, 0, 0.0, 0.0, (0, 0))
-        )
+        none = 0, 0, 0.0, 0.0, (0, 0)
+        thing, link, depth, _, (_, other) = max(self.contacts(), key=lambda each: each[2], default=none)
         if depth > _DEEP:
             what = self._names[thing] if thing < len(self._names) else self._links[self._link_of[other]]
             raise ValueRangeError(

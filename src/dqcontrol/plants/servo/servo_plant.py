@@ -6,10 +6,13 @@ On bodies with mobile bases joints lag, bases move as told, and a camera tells w
 from __future__ import annotations
 
 import math
+import warnings
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, NamedTuple, Self, TypeAlias
 
+import msgspec
 import numpy as np
 from msgspec import Meta
 from msgspec.structs import replace
@@ -18,8 +21,18 @@ from numpy.typing import NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, WRONG_SIZE, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each, as_positive
+from dqcontrol.errors import (
+    FileFormatError,
+    NoteWarning,
+    ShapeError,
+    ValueRangeError,
+    as_array,
+    as_each,
+    as_positive,
+)
+from dqcontrol.files.input_file import read_text
 from dqcontrol.files.long_array import long_array
+from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.limits.compensation import lag_weights
 from dqcontrol.limits.velocity_limit import scale_down, scale_down_rollers, speed_limits
 from dqcontrol.plants.camera import CAMERA_CHANNELS, Camera
@@ -49,6 +62,14 @@ from dqcontrol.world import World
 Each: TypeAlias = Annotated[float, Meta(ge=0)] | list[Annotated[float, Meta(ge=0)]]
 EachAboveZero: TypeAlias = Annotated[float, Meta(gt=0)] | list[Annotated[float, Meta(gt=0)]]
 _MOST_SHARED = 1_000_000  # numbers, 8 MB: so much is kept until other noise is drawn
+_LEAST_LAG = 1e-3  # s; quicker servos are as quick as that
+_OF_SERVOS = {  # what other plants may have no place for, and how it is called
+    "gain": (1.0, "", "a gain of {}"),
+    "delay": (0.0, " s", "a delay of {}"),
+    "friction": (0.0, " rad", "play of ± {}"),
+    "sag": (0.0, "", "the sag of the joints"),
+    "lags": (0.0, " s", "lags of {}"),
+}
 _HORIZON = 2.0  # s in which what matters of a joint is seen
 
 
@@ -138,9 +159,9 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
     @classmethod
     def of_servos(cls, path: Path) -> dict[str, Any]:
         """Return what a plant file holds."""
-        from dqcontrol.plants.servo.servo_file import servo_parameters  # which reads servos
-
-        return servo_parameters(path)
+        content = _content(path)
+        convert(path, content, _PlantFile)
+        return {key: value for key, value in content["plant"].items() if key != "kind"}
 
     def base_errors(self) -> tuple[float, float]:
         """Return the camera's standard deviations, m and rad."""
@@ -155,11 +176,8 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
             If a parameter is out of range, the robot has no inertia and there is sag, or it has no mobile base for
             what is said of one.
         """
-        start, period, n = (
-            start_configuration(robot, start),
-            as_positive("period", period),
-            robot.configuration_size,
-        )
+        start, n = start_configuration(robot, start), robot.configuration_size
+        period = as_positive("period", period)
         if base_coordinates(robot).any():
             if self.wrist is not None:
                 raise ValueRangeError(
@@ -169,10 +187,8 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         for field in ("base_time_constant", "camera"):
             if getattr(self, field):
                 raise ValueRangeError(f"plant.{field}: {robot.name} has no mobile base")
-        answers = self._answers(n, period)
-        gain, stiffness = (self._each(field, n) for field in ("gain", "stiffness"))
-        sag = self.sag
-        compliance = sag / stiffness
+        answers, sag = self._answers(n, period), self.sag
+        compliance = sag / self._each("stiffness", n)
         sag0 = compliance * robot.gravity_forces(start, self.gravity) if sag else np.zeros(n)
         target = start + sag0
         ends = robot.limits if self.position_limit else Limits.none(n)
@@ -182,7 +198,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         head[layout.OLDEST_TARGET] = oldest
         head[layout.GRAVITY : layout.GRAVITY + 3] = as_array("plant.gravity", self.gravity, (3,))
         joint = np.zeros((n, layout.COLUMNS))
-        joint[:, layout.STEP] = gain * period
+        joint[:, layout.STEP] = self._each("gain", n) * period
         joint[:, layout.RATE] = robot.limits.velocity if self.rate_limit else np.inf
         joint[:, layout.LOWER], joint[:, layout.UPPER] = ends.lower, ends.upper
         joint[:, layout.COMPLIANCE] = compliance
@@ -282,11 +298,8 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
                 return [max(factor * each + more, 0.0) for each in value]
             return max(factor * value + more, 0.0)
 
-        return replace(
-            self,
-            time_constant=longer(self.time_constant, 1 + lag, 0.0),
-            delay=longer(self.delay, 1.0, delay),
-        )
+        lags, delays = longer(self.time_constant, 1 + lag, 0.0), longer(self.delay, 1.0, delay)
+        return replace(self, time_constant=lags, delay=delays)
 
     def _each(self, field: str, n: int) -> Array:
         """Return a parameter of each of n joints, checked."""
@@ -294,9 +307,8 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
 
     def _answers(self, n: int, period: float) -> list[_Answer]:
         """Return how each of n joints follows its targets."""
-        delay, bandwidth, tau = (
-            self._each(field, n).tolist() for field in ("delay", "bandwidth", "time_constant")
-        )
+        names = "delay", "bandwidth", "time_constant"
+        delay, bandwidth, tau = (self._each(name, n).tolist() for name in names)
         is_second = any(bandwidth)
         damping = self._each("damping_ratio", n).tolist() if is_second else [1.0] * n
         joints = list(zip(delay, bandwidth, damping, tau, strict=True))
@@ -417,9 +429,8 @@ class BodyState(NamedTuple):
     servos: Annotated[Array, ...]
 
 
-_SIZES = (
-    8  # length of a command; joints, places, inputs, drives, rollers; commands and frames that are remembered
-)
+# length of a command; joints, places, inputs, drives, rollers; commands and frames that are remembered
+_SIZES = 8
 _parameters = MemoryLayout(BodyParameters, "joints", "places", "inputs", "drives", "rollers")
 _state = MemoryLayout(BodyState, "joints", "places", "inputs", "drives", "commands", "frames")
 
@@ -602,3 +613,73 @@ def _sight(
     noise[:, 0], noise[:, 1], noise[:, 2:] = found.share, found.arrives[1:], found.errors[1:]
     values = found.age[:, None], found.share[:, None]
     return noise, found.delay, found.weight, list(zip(CAMERA_CHANNELS, values, strict=True))
+
+
+class _PlantFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    plant: Servo
+    identified: dict[str, Any] = {}
+
+
+def load_servo(path: str | Path) -> Servo:
+    """Return the servos that a plant file holds.
+
+    Parameters
+    ----------
+    path
+        A YAML file with the mapping ``plant``, as in specs, and perhaps ``identified``: where its numbers are from.
+
+    Raises
+    ------
+    FileFormatError
+        If it cannot be read or holds something else.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "my_arm.yaml"
+    >>> _ = file.write_text("plant: {kind: servo, time_constant: [0.05, 0.03], delay: 0.012}")
+    >>> load_servo(file).time_constant
+    [0.05, 0.03]
+    """
+    path = Path(path)
+    return convert(path, _content(path), _PlantFile).plant
+
+
+def fitting_lags(servo: Servo) -> list[tuple[float, float]]:
+    """Return ω (rad/s) and ζ of each joint, of first-order ones that of a critically damped one that is as late."""
+    columns = (servo.bandwidth, servo.damping_ratio, servo.time_constant)
+    size = max(np.size(each) for each in columns)
+    rows = zip(*(np.broadcast_to(each, size).tolist() for each in columns), strict=True)
+    return [(omega, ratio) if omega else (2 / max(lag, _LEAST_LAG), 1.0) for omega, ratio, lag in rows]
+
+
+def encoders_and_mode(servo: Servo) -> dict[str, Any]:
+    """Return what all plants with joints take of a servo: its encoders, and from where commands count."""
+    keys = ("command_mode", "encoder_resolution", "encoder_noise")
+    return {key: getattr(servo, key) for key in keys}
+
+
+def say_what_is_left_out(path: Path, servo: Servo, plant: str, keys: Sequence[str]) -> None:
+    """Warn with a note of what a plant file holds that a plant of another kind has no place for."""
+    left = []
+    for key in keys:
+        usual, unit, words = _OF_SERVOS[key]
+        if key == "lags":
+            values = [2 * ratio / omega for omega, ratio in fitting_lags(servo)]
+        else:
+            values = np.ravel(getattr(servo, key)).tolist()
+        if any(abs(value - usual) > 1e-9 for value in values):
+            ends = sorted({f"{min(values):.3g}", f"{max(values):.3g}"}, key=float)
+            left.append(words.format(" to ".join(ends) + unit))
+    if left:
+        note = f"{path}: {plant} has no place for {', '.join(left)}: left out"
+        warnings.warn(note, NoteWarning, stacklevel=3)
+
+
+def _content(path: Path) -> dict[str, Any]:
+    data = parse_yaml(path, read_text(path))
+    if not isinstance(data, dict) or not isinstance(data.get("plant"), dict):
+        raise FileFormatError(f"{path}: is no plant file: it needs the mapping 'plant', with kind: servo")
+    if data["plant"].get("kind") != "servo":
+        raise FileFormatError(f"{path}: plant.kind: expected 'servo', got {data['plant'].get('kind')!r:.40}")
+    return data

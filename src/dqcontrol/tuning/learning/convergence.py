@@ -52,10 +52,8 @@ class LoopShape:
         z = np.exp(1j * angles)[:, None, None]
         size, m = model.inputs.shape
         unit = np.eye(m)
-        plant = np.linalg.solve(
-            z * np.eye(size) - model.transition, np.broadcast_to(model.inputs, (len(z), size, m))
-        )
-        plant = plant[:, :m]
+        inputs = np.broadcast_to(model.inputs, (len(z), size, m))
+        plant = np.linalg.solve(z * np.eye(size) - model.transition, inputs)[:, :m]
         value = abs(self.gain.value)
         control = value + self.gain.integral_share * value**2 * self.period * z / (z - 1)
         if self.gain.lag:
@@ -95,9 +93,8 @@ class ForceShape(LoopShape):
         angles = np.maximum(2 * np.pi * self.period * frequencies, _LEAST_ANGLE)
         z = np.exp(1j * angles)
         step = exact_step(self.mass, self.damping, self.given_stiffness, self.period).reshape(2, 3)
-        moved = np.linalg.solve(
-            z[:, None, None] * np.eye(2) - step[:, :2], np.broadcast_to(step[:, 2:], (len(z), 2, 1))
-        )
+        inputs = np.broadcast_to(step[:, 2:], (len(z), 2, 1))
+        moved = np.linalg.solve(z[:, None, None] * np.eye(2) - step[:, :2], inputs)
         read = 1 / (1 + 1j * angles / self.period * self.filter)
         shifted = super().response(model, frequencies)
         alone = LoopShape(self.gain, self.feedforward, self.period).response(model, frequencies)

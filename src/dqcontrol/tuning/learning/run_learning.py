@@ -307,10 +307,8 @@ def learn(
         raise ValueRangeError("real_time: a robot behind a runner is always in real time; leave it out")
     if journal is not None and (runner is not None or real_time):
         raise ValueRangeError("journal: runs on the clock are not resumed; leave it out")
-    session, report = (
-        _Session(problem, real_time=real_time, runner=runner),
-        progress or (lambda done, total: None),
-    )
+    session = _Session(problem, real_time=real_time, runner=runner)
+    report = progress or (lambda done, total: None)
     if journal is None:
         return session.run(report)
     with WorkingFolder(Path(journal), _text(problem), session.setting.fingerprint()) as session.kept:
@@ -395,9 +393,8 @@ class _Session:
         """Return what the plant may be, the nominal one first, and in words how uncertain that is."""
         problem, block, scene = self.problem, self.problem.block, self.case.scene
         model: Plant = self.case.plant if block.model is None else block.model
-        family = plant_family(
-            model, block.uncertainty, 0.0, problem.spec.period, problem.identified, "learn.uncertainty"
-        )
+        period, field = problem.spec.period, "learn.uncertainty"
+        family = plant_family(model, block.uncertainty, 0.0, period, problem.identified, field)
         models = []
         for plant in family.plants:
             linear, _ = driven_model(problem.spec, plant, scene.robot, scene.start)
@@ -407,12 +404,8 @@ class _Session:
                     "that dqcontrol identify found"
                 )
             models.append(linear)
-        if not family.lag and not family.delay:
-            return models, ""
-        return (
-            models,
-            f" if lags differ by {100 * family.lag:.3g} % and delays by {1e3 * family.delay:.3g} ms",
-        )
+        by = f" if lags differ by {100 * family.lag:.3g} % and delays by {1e3 * family.delay:.3g} ms"
+        return models, by if family.lag or family.delay else ""
 
     def _margin(self) -> float:
         """Return by how much the law's gain could be multiplied; raise if its loop is unstable."""
@@ -451,9 +444,8 @@ class _Session:
         for axis in axes:
             mass, damping, given = contact.axis_rows[axis].tolist()
             forced = ForceShape(*vars(shape).values(), mass, damping, given, filter_, stiffness)
-            others = tuple(
-                replace(forced, stiffness=factor * stiffness) for factor in learnt_motion.STIFFNESSES
-            )
+            factors = learnt_motion.STIFFNESSES
+            others = tuple(replace(forced, stiffness=factor * stiffness) for factor in factors)
             by_axis[axis] = self._convergence(forced, others if self._uncertain else ())
         lowest = min(each.cutoff for each in (self.convergence, *by_axis.values()))
         self.convergence = replace(self.convergence, cutoff=lowest)
@@ -680,9 +672,9 @@ class _Session:
             # where not all is learnt yet the frame comes back from its way to the contact
             counts = self.weights[:, 0] == 1.0
             return _norm(smooth[counts]), share * _norm((error - smooth)[counts])
-        return learnt_motion.weighted_norm(self.weights * smooth), share * learnt_motion.weighted_norm(
-            self.weights * (error - smooth)
-        )
+        rough = self.weights * (error - smooth)
+        size = learnt_motion.weighted_norm(self.weights * smooth)
+        return size, share * learnt_motion.weighted_norm(rough)
 
     def _repeat(
         self,
