@@ -19,10 +19,10 @@ from dqcontrol.export.controller_parts import ControllerParts, controller_parts
 from dqcontrol.export.loop_hosts import END, STOP, LoopHost, LoopRows, Over, ProcessHost, ThreadHost
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.loop import Record, Timing
+from dqcontrol.loop.closed_loop import SampleSink
 from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.signals import Signal
 from dqcontrol.loop.supervision import SECONDS, Watch
-from dqcontrol.loop.closed_loop import SampleSink
 from dqcontrol.plants.plant import CompiledPlant, running_plant
 from dqcontrol.references.sample import TIME
 from dqcontrol.supervisor.interventions import INTERVENTIONS, describe_stop, reasons
