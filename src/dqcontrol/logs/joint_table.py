@@ -145,7 +145,8 @@ def _chosen(
     cells = [text_table.name_and_unit(cell, known) for cell in header[1]]
     names, units = [cell[0] for cell in cells], [cell[1] for cell in cells]
     joints = text_table.find_columns(where, "joints", names, _measured_names(names, joint_names), "q")
-    commands = _find_commands(where, names, joint_names)
+    is_commanded = not set(names).isdisjoint({*commanded[0], *commanded[1]})
+    commands = text_table.find_columns(where, "commands", names, commanded[0], "u") if is_commanded else []
     lowered = [name.lower() for name in names]
     time = next((name for name in text_table.TIME_NAMES if name in lowered), "time")
     place = text_table.find_columns(where, "column", lowered, [time], "")[0]
@@ -306,14 +307,6 @@ def _plain_block(text: bytes, columns: _Columns) -> tuple[Array, list[Decimal]] 
         return None
     values = table[:, columns.numbers]
     return None if np.isinf(values).any() else (values, stamps)
-
-
-def _find_commands(where: str, names: Sequence[str], inputs: Sequence[str]) -> list[int]:
-    """Return the columns of the commands, if there are any."""
-    named = [f"command.{name}" for name in inputs]
-    if not any(name in names for name in (*named, *(f"u{i + 1}" for i in range(len(inputs))))):
-        return []
-    return text_table.find_columns(where, "commands", names, named, "u")
 
 
 def _numbers(path: Path, rows: list[tuple[int, list[str]]], columns: _Columns) -> Array:

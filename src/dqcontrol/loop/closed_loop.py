@@ -264,41 +264,38 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
     return steps.end(failure, halted, finished)
 
 
+@dataclass(eq=False)
 class _Steps:
     """The loop in Python, one period after the other, and how it ends."""
 
-    def __init__(
-        self,
-        law: Controller,
-        plant: PlantProtocol,
-        samples: Array,
-        disturbance: RunningDisturbance | None,
-        clock: Clock | None,
-        supervision: Supervision | None,
-        recording: SampleSink | None,
-        follow: Follow | None,
-        replanning: Replanning | None,
-    ) -> None:
-        self.law, self.samples, self.disturbance = law, samples, disturbance
-        self.replanning = replanning
-        self.plant = live = running_plant(plant)
-        self.clock, self.supervision, self.recording = clock, supervision, recording
-        self._follow_body, self._followed = follow, np.zeros(8)
+    law: Controller
+    moved: PlantProtocol
+    samples: Array
+    disturbance: RunningDisturbance | None
+    clock: Clock | None
+    supervision: Supervision | None
+    recording: SampleSink | None
+    follow: Follow | None
+    replanning: Replanning | None
+
+    def __post_init__(self) -> None:
+        law, samples, supervision = self.law, self.samples, self.supervision
+        self.plant, self._followed = running_plant(self.moved), np.zeros(8)
         self.desired, self.senses = samples, None
         if supervision is not None:
             self.desired = long_array(len(samples) + most_steps_to_rest(supervision.supervisor), SAMPLE_SIZE)
             self.desired[: len(samples)] = samples
-            self.senses = Senses(plant, supervision.supervisor)
+            self.senses = Senses(self.moved, supervision.supervisor)
             supervision.begin(len(self.desired))
-        n, m, size, report = len(plant.q), law.robot.input_size, len(self.desired), len(law.report)
+        n, m, size, report = len(self.plant.q), law.robot.input_size, len(self.desired), len(law.report)
         kept = long_array(size, report) if report else np.zeros((size, 0))
         self.records = long_array(size, n), long_array(size, n), long_array(size, m), kept
-        self.realised = np.zeros((len(self.desired), 6)) if disturbance else np.zeros((0, 6))
-        self.law_state = law.initial_state(plant.q)
+        self.realised = np.zeros((size if self.disturbance else 0, 6))
+        self.law_state = law.initial_state(self.plant.q)
         self.done, self.was_sent, self.rests = 0, True, False
-        self.readings = Readings(live, len(self.desired))
+        self.readings = Readings(self.plant, size)
         self._fault, self.unanswered = "", ""
-        if clock is not None:
+        if self.clock is not None:
             self._take_memory()
 
     def _take_memory(self) -> None:
@@ -467,7 +464,7 @@ class _Steps:
         """Let law and desired sample know where watched bodies are measured."""
         for name, pose in self.plant.seen.items():
             self.law.place(name, pose)
-        follow = self._follow_body
+        follow = self.follow
         if follow is None or k >= len(self.samples):
             return
         if row[TIME] <= follow.until:

@@ -253,18 +253,8 @@ class Control:
                 self.law.wrench[:] = wrench if wrench.size else math.nan
             self._ask_law(self.time)
         request, self._request = self._request, GO
-        rests = self.supervisor.step(
-            self.measured,
-            self.wanted,
-            self._state,
-            age,
-            request,
-            self.command,
-            self._elapsed,
-            effort,
-            wrench,
-            self._still,
-        )
+        given = self.measured, self.wanted, self._state, age, request, self.command
+        rests = self.supervisor.step(*given, self._elapsed, effort, wrench, self._still)
         self.law.sent(self._law_state, self.command)
         code = self.supervisor.code(self._state)
         self.black_box.take(self._elapsed, self.desired, self.measured, self.measured, self.command, code)

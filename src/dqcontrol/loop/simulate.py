@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -128,16 +129,9 @@ def simulate(
     times = period * np.arange(step_count(reference, period, duration), dtype=np.float64)
     samples = reference.samples(times)
     further = PreparedTasks(robot, list(tasks), q0, times) if tasks else None
+    before, mode = limits_before(plant, limits, robot), lagging_mode(plant)
     return simulate_prepared(
-        law.prepare(
-            robot,
-            reference,
-            period,
-            limits_before(plant, limits, robot),
-            lagging_mode(plant),
-            further,
-            plant.lag(robot),
-        ),
+        law.prepare(robot, reference, period, before, mode, further, plant.lag(robot)),
         plant,
         q0,
         samples,
@@ -303,6 +297,7 @@ class RolloutView(NamedTuple):
     readings: Mapping[str, Signal] = MappingProxyType({})
 
 
+@dataclass(eq=False)
 class RepeatedLoop:
     """A plant at its start and a desired motion, for many laws one after the other.
 
@@ -335,33 +330,27 @@ class RepeatedLoop:
     True
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        plant: Plant,
-        start: Array,
-        period: float,
-        samples: Array,
-        *,
-        seed: int,
-        supervisor: Supervisor | None = None,
-        disturbance: Disturbance | None = None,
-    ) -> None:
-        self.robot = robot
-        self.plant = plant
-        self.start = start
-        self.period = period
-        self.samples: Array = np.ascontiguousarray(samples)
-        self._seed, self._supervisor, self._disturbance = seed, supervisor, disturbance
+    robot: Robot
+    plant: Plant
+    start: Array
+    period: float
+    samples: Array
+    _: KW_ONLY
+    seed: int
+    supervisor: Supervisor | None = None
+    disturbance: Disturbance | None = None
+
+    def __post_init__(self) -> None:
+        plant, self.samples = self.plant, np.ascontiguousarray(self.samples)
         if plant.is_robot:
             kind = type(plant).__struct_config__.tag
             raise ValueRangeError(
                 f"plant: '{kind}' is a robot, and a search would run it many times; search on a simulated one, as a "
                 "servo that dqcontrol identify found"
             )
-        live = running_plant(plant.start(robot, start, period, len(samples), seed))
-        ready = live.compiled()
-        is_free = supervisor is None and disturbance is None
+        periods = self.period, len(self.samples), self.seed
+        ready = running_plant(plant.start(self.robot, self.start, *periods)).compiled()
+        is_free = self.supervisor is None and self.disturbance is None
         self._compiled = ready if ready is not None and is_free and isinstance(ready.kernel, Kernel) else None
         if self._compiled is not None:
             self._begin(self._compiled)
@@ -373,17 +362,12 @@ class RepeatedLoop:
         self._kept = plant.state, plant.q, plant.measured
         self._done = np.zeros(1)
         self._records = np.empty((count, n)), np.empty((count, n)), np.empty((count, m))
-        self._stages = compiled.stages(
-            kinematics=self.robot.kernels.twist_kinematics.pointer,
-            supervisor=0,
-            disturbance=0,
-            plant=plant.kernel.pointer,
-            settled=0,
-        )
+        idle = dict.fromkeys(("supervisor", "disturbance", "settled"), 0)
+        kinematics = self.robot.kernels.twist_kinematics.pointer
+        self._stages = compiled.stages(kinematics=kinematics, plant=plant.kernel.pointer, **idle)
         self._moved = compiled.moved_plant(plant)
-        self._course = compiled.course(
-            samples=self.samples, stop=np.zeros(2), done=self._done, settling=np.zeros(9)
-        )
+        stop = {"stop": np.zeros(2), "settling": np.zeros(9)}
+        self._course = compiled.course(samples=self.samples, done=self._done, **stop)
         self._written: dict[int, compiled.Records] = {}
 
     def _records_of(self, report: int) -> compiled.Records:
@@ -416,9 +400,9 @@ class RepeatedLoop:
         return RolloutView(self.samples[:done], q, measured, command, lost)
 
     def _close_loop(self, law: Controller) -> RolloutView:
-        supervisor, disturbance = self._supervisor, self._disturbance
+        supervisor, disturbance = self.supervisor, self.disturbance
         supervision = supervisor and supervise(supervisor, law, self.plant, self.start)
-        periods = self.period, len(self.samples), self._seed
+        periods = self.period, len(self.samples), self.seed
         moved = disturbance and disturbance.start(self.robot, *periods)
         try:
             plant = self.plant.start(self.robot, self.start, *periods)

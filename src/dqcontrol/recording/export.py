@@ -239,15 +239,8 @@ _TAKEN_EARLY = 1e-6
 
 def record_columns(robot: Robot, record: Record) -> dict[str, tuple[Feature, Array]]:
     """Return the columns of a run; see `motion_columns`."""
-    return motion_columns(
-        robot,
-        record.time,
-        record.measured,
-        record.command,
-        None,
-        record.desired_pose,
-        record.readings.values(),
-    )
+    motion = record.time, record.measured, record.command
+    return motion_columns(robot, *motion, None, record.desired_pose, record.readings.values())
 
 
 def motion_columns(

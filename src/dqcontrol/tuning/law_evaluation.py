@@ -123,16 +123,9 @@ class LawEvaluation:
 
     def _loop(self, scene: PreparedRobot, plant: Plant, seed: int) -> RepeatedLoop:
         spec = self._spec
-        return RepeatedLoop(
-            self._scenes[0].robot,
-            plant,
-            scene.start,
-            spec.period,
-            scene.samples,
-            seed=seed,
-            supervisor=spec.supervisor_of(plant),
-            disturbance=spec.disturbance,
-        )
+        between = {"supervisor": spec.supervisor_of(plant), "disturbance": spec.disturbance}
+        moved = plant, scene.start, spec.period, scene.samples
+        return RepeatedLoop(self._scenes[0].robot, *moved, seed=seed, **between)
 
     @property
     def steps(self) -> int:
@@ -163,12 +156,8 @@ class LawEvaluation:
         if self._judge is None:
             return Slack(0.0, math.inf, math.inf)
         found = [self._judge.slack(law, each) for each in dict.fromkeys(self.prepared(law))]
-        return Slack(
-            max(each.product for each in found),
-            min(each.share for each in found),
-            min(each.of_margin for each in found),
-            min(each.of_null_space for each in found),
-        )
+        products, *shares = zip(*found, strict=True)
+        return Slack(max(products), *map(min, shares))
 
     def __call__(self, law: Law, *, damped: bool = True) -> Evaluated:
         """Run a law everywhere; one that is not stable enough, or not as ``damped`` as asked, does not run at all."""

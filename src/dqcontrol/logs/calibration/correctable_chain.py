@@ -32,11 +32,6 @@ class Parameter(NamedTuple):
     part: str
     name: str
 
-    @property
-    def is_length(self) -> bool:
-        """Whether it is in m, else in rad."""
-        return self.name in _LENGTHS
-
     def __str__(self) -> str:
         return f"{self.part}.{self.name}"
 
@@ -73,7 +68,7 @@ class CorrectableChain:
 
         def correction(part: str, name: str) -> None:
             what = Parameter(part, name)
-            joint(what, "prismatic" if what.is_length else "revolute", _AXIS_OF.get(name, name))
+            joint(what, "prismatic" if name in _LENGTHS else "revolute", _AXIS_OF.get(name, name))
 
         for name in FRAME:
             correction(BASE, name)

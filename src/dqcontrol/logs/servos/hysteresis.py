@@ -55,7 +55,9 @@ def half_play(segments: list[joint_fit.Segment], found: joint_fit.Fit, resolutio
         return 0.0
     _, factor, place, alone = best
     covariance = joint_fit.sandwich(np.column_stack([jacobian, place]), columns.residual - factor * alone)
-    least = max(_WIDTHS[0] * resolution, _WIDTHS[1] * _smooth_noise(columns.residual), _LEAST)
+    # of neighbouring samples
+    noise = float(np.median(np.abs(np.diff(columns.residual)))) / (0.6745 * math.sqrt(2))
+    least = max(_WIDTHS[0] * resolution, _WIDTHS[1] * noise, _LEAST)
     least = max(_MIN_PLAY_SIGMA * math.sqrt(max(covariance[-1, -1], 0.0)), least)
     return -factor if -factor >= least else 0.0
 
@@ -135,8 +137,3 @@ def _carried(segments: list[joint_fit.Segment], place: Array) -> tuple[NDArray[n
     carried = np.maximum.accumulate(np.where(np.abs(place) > 1 - 1e-9, rows, -1))
     rests = carried < starts
     return np.where(rests, rows, carried), rests
-
-
-def _smooth_noise(residual: Array) -> float:
-    """Return the noise of neighbouring samples."""
-    return float(np.median(np.abs(np.diff(residual)))) / (0.6745 * math.sqrt(2))

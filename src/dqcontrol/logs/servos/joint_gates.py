@@ -214,15 +214,15 @@ def _judged(
     bent = found.kind.order == 2
     sag, sag_interval = math.nan, (math.nan, math.nan)
     if segments[0].torque is not None:
-        sag, sag_interval = found.sag, _interval(found.sag, found.sag_error)
-        if found.sag < _MIN_SAG_SIGMA * found.sag_error:  # also where it would pull up
+        sag, sag_interval = found.sag, _interval(found.sag, found.error(len(found.values) + 1))
+        if found.sag < _MIN_SAG_SIGMA * found.error(len(found.values) + 1):  # also where it would pull up
             sag, segments = 0.0, [each._replace(torque=None) for each in segments]
             found = joint_fit.fit(segments, period, near=found if bent else None)
     squares = found.residual @ found.residual
     if _is_coarse(found, bare.resolution):
         found = refined(segments, found, bare.resolution)
         if sag:
-            sag, sag_interval = found.sag, _interval(found.sag, found.sag_error)
+            sag, sag_interval = found.sag, _interval(found.sag, found.error(len(found.values) + 1))
     no_lag = found.lag <= LEAST_LAG * 1.01
     unsure = abs(found.correlation) > _TRADED and found.lag_error > _UNSURE * found.lag
     if found.lag < period / 2 and not bent:  # answers are steps then, whose slopes tell nothing
@@ -263,7 +263,7 @@ def _judged(
         delay=found.delay,
         delay_interval=_interval(found.delay, found.delay_error, least=0.0),
         gain=found.gain,
-        gain_interval=_interval(found.gain, found.gain_error),
+        gain_interval=_interval(found.gain, found.error(len(found.values))),
         offset=found.offset,
         sag=sag,
         sag_interval=sag_interval,
@@ -360,7 +360,11 @@ def _check_clamp(segments: list[joint_fit.Segment], found: joint_fit.Fit, unit: 
                 limits = [trial, ends[1]] if side == 0 else [ends[0], trial]
                 if limits[0] >= limits[1]:
                     continue
-                cost = joint_fit.solved(_limited(some, *limits), found.kind, found.values).squares
+                clipped = [
+                    each._replace(target=each.target._replace(values=np.clip(each.target.values, *limits)))
+                    for each in some
+                ]
+                cost = joint_fit.solved(clipped, found.kind, found.values).squares
                 if cost < 0.98 * best:
                     best, ends = cost, limits
     if best <= _CLAMPED * first:
@@ -369,11 +373,6 @@ def _check_clamp(segments: list[joint_fit.Segment], found: joint_fit.Fit, unit: 
             f"clamped: targets beyond {ends[0]:.4g} … {ends[1]:.4g} {unit} have no effect "
             f"({share:.1f} % of the samples); log a motion that stays inside"
         )
-
-
-def _limited(segments: list[joint_fit.Segment], lower: float, upper: float) -> list[joint_fit.Segment]:
-    clipped = [each.target._replace(values=np.clip(each.target.values, lower, upper)) for each in segments]
-    return [each._replace(target=target) for each, target in zip(segments, clipped, strict=True)]
 
 
 def _checked(
@@ -402,13 +401,8 @@ def _checked(
                 away = (each.positions - joint_fit.predicted(from_begin, each))[late]
                 shown[late] = each.positions[late] - away + away.mean()
                 left.append(away - away.mean())
-    trace = JointTrace(
-        np.concatenate([each.times for each in segments]),
-        np.concatenate([_held_at(each) for each in segments]),
-        joint_fit.positions_of(segments),
-        found.output,
-        np.concatenate(foreseen),
-    )
+    samples = zip(*((each.times, _held_at(each), each.positions) for each in segments), strict=True)
+    trace = JointTrace(*map(np.concatenate, samples), found.output, np.concatenate(foreseen))
     return float(np.sqrt(np.mean(np.concatenate(left) ** 2))) if left else math.nan, trace
 
 

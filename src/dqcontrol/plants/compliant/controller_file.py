@@ -185,13 +185,9 @@ class ControllerFile(_ControllerPart, frozen=True, kw_only=True):
 
     def actuation(self, springs: str | list[float | None], dry_friction: Array | None = None) -> Actuation:
         """Return what lies between the motors' currents and the links; no file tells of dry friction, N·m."""
-        return Actuation(
-            self.column("motor", "rotor_inertia"),
-            self.column("motor", "friction"),
-            self.stiffness(springs),
-            self.column("spring_damping"),
-            np.zeros(len(self.joints)) if dry_friction is None else dry_friction,
-        )
+        motor = self.column("motor", "rotor_inertia"), self.column("motor", "friction")
+        dry = np.zeros(len(self.joints)) if dry_friction is None else dry_friction
+        return Actuation(*motor, self.stiffness(springs), self.column("spring_damping"), dry)
 
     def hand(self, name: str | bool) -> Hand | None:
         """Return a hand by its name, the file's first if True, or None if False.

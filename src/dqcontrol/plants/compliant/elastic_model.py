@@ -130,8 +130,12 @@ def elastic_model(
         joint.solref_limit, joint.solimp_limit[:2] = (4 * TICK, 1), (0.99, 0.999)
         if actuation.elastic[i]:
             driven = f"rotor_{i + 1}"
-            _add_rotor(spec, driven, actuation.rotor_inertia[i])
-            _add_spring(spec, driven, name)
+            rotor = spec.worldbody.add_body(name=driven)
+            weigh(rotor, _ROTOR_MASS, np.zeros(3), [actuation.rotor_inertia[i]] * 3)
+            rotor.add_joint(name=driven, axis=[0, 0, 1])
+            spring = spec.add_tendon(name=f"spring of {name}", springlength=[0, 0])
+            spring.wrap_joint(driven, 1.0)
+            spring.wrap_joint(name, -1.0)
         else:
             joint.armature = actuation.rotor_inertia[i]
         add_motor(spec, name, driven)
@@ -158,19 +162,6 @@ def elastic_model(
         model.tendon_stiffness[:] = actuation.stiffness[elastic]
         model.tendon_damping[:] = actuation.damping[elastic]
     return model
-
-
-def _add_rotor(spec: Any, name: str, inertia: float) -> None:
-    rotor = spec.worldbody.add_body(name=name)
-    weigh(rotor, _ROTOR_MASS, np.zeros(3), [inertia] * 3)
-    rotor.add_joint(name=name, axis=[0, 0, 1])
-
-
-def _add_spring(spec: Any, rotor: str, link: str) -> None:
-    spring = spec.add_tendon(name=f"spring of {link}")
-    spring.wrap_joint(rotor, 1.0)
-    spring.wrap_joint(link, -1.0)
-    spring.springlength = [0, 0]
 
 
 def _add_hand(spec: Any, robot: Robot, hand: Hand | None) -> None:

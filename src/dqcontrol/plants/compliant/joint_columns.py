@@ -69,7 +69,7 @@ def filtered(coefficients, memory, value):
     STIFFNESS,  # 0 … 1
     TORQUE_ASKED,  # in the modes TORQUE and TORQUE_GC, N·m
     DUTY_ASKED,  # in the mode PWM, share of the voltage
-    POSITION_P,  # N·m/rad
+    POSITION_P,  # N·m/rad; gains, limit and reach in the order that `integrated` takes, as those of the torque loop
     POSITION_I,  # N·m/rad a tick
     POSITION_D,  # N·m·s/rad
     POSITION_LIMIT,  # N·m

@@ -105,12 +105,15 @@ def sense(constants, state, angle, torque, lost):
 
 
 @inline
-def integrated(integral, gain, error, limit, reach):
-    """Return the integral part after a tick: it grows only while the error is within reach, and shrinks always."""
-    if gain == 0.0:
+def integrated(integral, loop, error):
+    """Return the integral part after a tick: it grows only while the error is within reach, and shrinks always.
+
+    A loop's constants are P, I, D, the limit of its integral and the reach.
+    """
+    if loop[1] == 0.0:
         return 0.0
-    if abs(error) < reach or integral * error <= 0.0:
-        return clamped(integral + gain * error, limit)
+    if abs(error) < loop[4] or integral * error <= 0.0:
+        return clamped(integral + loop[1] * error, loop[3])
     return integral
 
 
@@ -118,18 +121,10 @@ def integrated(integral, gain, error, limit, reach):
 def position_torque(constants, state):
     """Return what the position loop asks for, N·m: stiffness · PID, and gravity."""
     error = state[column.REFERENCE] - state[column.ANGLE]
-    state[column.POSITION_INTEGRAL] = integrated(
-        state[column.POSITION_INTEGRAL],
-        constants[column.POSITION_I],
-        error,
-        constants[column.POSITION_LIMIT],
-        constants[column.POSITION_RANGE],
-    )
-    torque = (
-        constants[column.POSITION_P] * error
-        + state[column.POSITION_INTEGRAL]
-        - constants[column.POSITION_D] * state[column.VELOCITY]
-    )
+    loop = constants[column.POSITION_P : column.POSITION_RANGE + 1]
+    integral = integrated(state[column.POSITION_INTEGRAL], loop, error)
+    state[column.POSITION_INTEGRAL] = integral
+    torque = loop[0] * error + integral - loop[2] * state[column.VELOCITY]
     return constants[column.STIFFNESS] * torque + state[column.GRAVITY]
 
 
@@ -141,23 +136,13 @@ def torque_current(constants, state):
     """
     desired = state[column.DESIRED_TORQUE]
     error = desired - state[column.SENSED]
-    state[column.TORQUE_INTEGRAL] = integrated(
-        state[column.TORQUE_INTEGRAL],
-        constants[column.TORQUE_I],
-        error,
-        constants[column.TORQUE_LIMIT],
-        constants[column.TORQUE_RANGE],
-    )
+    loop, forward = constants[column.TORQUE_P : column.TORQUE_RANGE + 1], constants[column.FEEDFORWARD]
+    integral = integrated(state[column.TORQUE_INTEGRAL], loop, error)
+    state[column.TORQUE_INTEGRAL] = integral
     if constants[column.SPRING] == 0.0:
-        gain = constants[column.TORQUE_P] + constants[column.FEEDFORWARD]
-        asked = gain * desired + state[column.TORQUE_INTEGRAL]
-        return asked / (1.0 + constants[column.TORQUE_CONSTANT] * constants[column.TORQUE_P])
-    return (
-        constants[column.TORQUE_P] * error
-        + state[column.TORQUE_INTEGRAL]
-        - constants[column.TORQUE_D] * state[column.TORQUE_RATE]
-        + constants[column.FEEDFORWARD] * desired
-    )
+        asked = (loop[0] + forward) * desired + integral
+        return asked / (1.0 + constants[column.TORQUE_CONSTANT] * loop[0])
+    return loop[0] * error + integral - loop[2] * state[column.TORQUE_RATE] + forward * desired
 
 
 @inline

@@ -409,10 +409,7 @@ def _memory(plant: CompliantPlant, arm: Arm) -> tuple[NDArray[np.intp], Array, c
         wrist_filter=butterworth(arm.file.wrist_sensor.cutoff, TICK),
         wrist_memory=np.zeros((6, MEMORY)),
         wrench=np.zeros(6),
-        angles=np.zeros(n),
-        torques=np.zeros(n),
-        rotor_angles=np.zeros(n),
-        rotor_velocities=np.zeros(n),
+        **dict.fromkeys(("angles", "torques", "rotor_angles", "rotor_velocities"), np.zeros(n)),
         work=np.zeros(WORK * n),
     )
     return np.array(plan, dtype=np.intp), numbers, compliant_step.arm_memory(numbers, *plan[5:])

@@ -358,14 +358,8 @@ def _second_order(bandwidth: float, damping: float, newer: float, period: float)
     """Return the exact step, the newer target being in force for the last ``newer`` seconds of a period."""
     first, second = free_response(period, bandwidth, damping)
     late, late_second = free_response(newer, bandwidth, damping)
-    return _SecondOrder(
-        kept=first,
-        by_speed=second,
-        newer=1 - late,
-        speed_lost=bandwidth**2 * second,
-        speed_kept=first - 2 * damping * bandwidth * second,
-        speed_newer=bandwidth**2 * late_second,
-    )
+    stiffness, speed_kept = bandwidth**2, first - 2 * damping * bandwidth * second
+    return _SecondOrder(first, second, 1 - late, stiffness * second, speed_kept, stiffness * late_second)
 
 
 class BodyParameters(NamedTuple):

@@ -526,18 +526,8 @@ class _Session:
         assert first is not None
         assert last is not None
         self._say_what_is_hidden(repeats[best])
-        found = (
-            tuple(repeats),
-            best,
-            motion,
-            stopped,
-            self.margin,
-            first,
-            last,
-            self.forces,
-            tuple(self.notes),
-        )
-        return Learning(self.problem, self.convergence, *found)
+        stopped_with = best, motion, stopped, self.margin, first, last, self.forces, tuple(self.notes)
+        return Learning(self.problem, self.convergence, tuple(repeats), *stopped_with)
 
     def _asked(self, convergence: Convergence, error: Array) -> Array:
         """Return the change of the shift that an error asks for."""
