@@ -479,4 +479,4 @@ def _expected(
     moved = np.ptp(positions), np.abs(rates).max(), np.abs(np.diff(rates)).max() / period
     lag_error, delay_error = NORMAL_95 * errors[:2]
     numbers = map(float, (*moved, lag_error, delay_error, correlation))
-    return Expected(name, *numbers, bool(enough))
+    return Expected(name, *numbers, is_enough=bool(enough))

@@ -337,7 +337,7 @@ def identify(
     commanded, notes = [], []
     for path in paths:
         topics = {"joint_topic": joint_topic, "command_topic": command_topic}
-        options = {"joints": joints, "angles": angles, "targets": targets}
+        options: dict[str, Any] = {"joints": joints, "angles": angles, "targets": targets}
         data = read_joint_log(path, arm, **options, **topics, missing="skip")
         _check_joints(path, arm)
         notes += [f"{path.name}: {note}" for note in data.notes]

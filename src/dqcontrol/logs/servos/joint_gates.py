@@ -402,7 +402,8 @@ def _checked(
                 shown[late] = each.positions[late] - away + away.mean()
                 left.append(away - away.mean())
     samples = zip(*((each.times, _held_at(each), each.positions) for each in segments), strict=True)
-    trace = JointTrace(*map(np.concatenate, samples), found.output, np.concatenate(foreseen))
+    times, targets, positions = map(np.concatenate, samples)
+    trace = JointTrace(times, targets, positions, found.output, np.concatenate(foreseen))
     return float(np.sqrt(np.mean(np.concatenate(left) ** 2))) if left else math.nan, trace
 
 

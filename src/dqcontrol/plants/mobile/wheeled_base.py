@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Annotated, Any, ClassVar, NamedTuple
 
@@ -139,19 +138,20 @@ class WheeledBase(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
             raise ValueRangeError(
                 f"plant.base.wheel_errors: expected {wheels} numbers, one a wheel, got {len(self.wheel_errors)}"
             )
-        found["wheel_errors"] = self.wheel_errors or (0.0,) * wheels
-        return SolidBase(**asdict(self) | found)
+        numbers: dict[str, Any] = asdict(self) | found
+        numbers["wheel_errors"] = self.wheel_errors or (0.0,) * wheels
+        return SolidBase(**numbers)
 
 
 class SolidBase(WheeledBase, frozen=True, kw_only=True):
     """A wheeled base of which every number is known; on rollers ``radius`` and ``caster_distance`` are None."""
 
-    mass: float
-    height: float
-    centre_ahead: float
-    centre_height: float
-    wheel_mass: float
-    wheel_torque: float
+    mass: float = 0.0
+    height: float = 0.0
+    centre_ahead: float = 0.0
+    centre_height: float = 0.0
+    wheel_mass: float = 0.0
+    wheel_torque: float = 0.0
 
 
 def add_floor(spec: Any) -> None:
@@ -161,7 +161,7 @@ def add_floor(spec: Any) -> None:
 
 
 def add_chassis(
-    spec: Any, base: SolidBase, kind: str, size: Sequence[float], inertia: ArrayLike, mount: Array
+    spec: Any, base: SolidBase, kind: str, size: ArrayLike, inertia: ArrayLike, mount: Array
 ) -> Any:
     """Add a free chassis, that things touch and the floor does not, with a post up to what it carries; return it.
 

@@ -129,9 +129,9 @@ def add_inertias(spec: Any, robot: Robot) -> None:
         weigh(spec.body(f"link_{i + 1}"), mass, robot.inertia.center[i], moments, axes)
 
 
-def add_geom(body: Any, kind: str, size: Sequence[float], **more: Any) -> Any:
+def add_geom(body: Any, kind: str, size: ArrayLike, **more: Any) -> Any:
     """Add a geom of a kind, as ``"SPHERE"``, that weighs and touches nothing unless told otherwise."""
-    free = {"mass": 0.0, "contype": 0, "conaffinity": 0, "size": [*size, 0.0, 0.0][:3]}
+    free = {"mass": 0.0, "contype": 0, "conaffinity": 0, "size": np.append(size, np.zeros(3))[:3]}
     return body.add_geom(type=getattr(import_mujoco().mjtGeom, f"mjGEOM_{kind}"), **free | more)
 
 

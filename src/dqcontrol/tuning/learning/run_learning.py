@@ -443,7 +443,9 @@ class _Session:
         by_axis, filter_, stiffness = {}, sensed(self.case).sensor.filter, stiffness_touched(spec)
         for axis in axes:
             mass, damping, given = contact.axis_rows[axis].tolist()
-            forced = ForceShape(*vars(shape).values(), mass, damping, given, filter_, stiffness)
+            law: dict[str, Any] = vars(shape)
+            rows = {"mass": mass, "damping": damping, "given_stiffness": given, "filter": filter_}
+            forced = ForceShape(**law, **rows, stiffness=stiffness)
             factors = learnt_motion.STIFFNESSES
             others = tuple(replace(forced, stiffness=factor * stiffness) for factor in factors)
             by_axis[axis] = self._convergence(forced, others if self._uncertain else ())
