@@ -336,7 +336,7 @@ def identify(
         raise ShapeError("log: expected at least one file, got none")
     commanded, notes = [], []
     for path in paths:
-        topics = {"joint_topic": joint_topic, "command_topic": command_topic}
+        topics: dict[str, Any] = {"joint_topic": joint_topic, "command_topic": command_topic}
         options: dict[str, Any] = {"joints": joints, "angles": angles, "targets": targets}
         data = read_joint_log(path, arm, **options, **topics, missing="skip")
         _check_joints(path, arm)
