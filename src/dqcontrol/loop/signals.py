@@ -60,10 +60,10 @@ class Readings:
         for channel in self._plant.channels:
             values[channel] = self.rows[:count, first : first + channel.size]
             first += channel.size
-        return {
-            each.name: Signal(each.name, each.parts, (each.unit,) * each.size, rows)
-            for each, rows in values.items()
-        }
+        found = [
+            Signal(each.name, each.parts, (each.unit,) * each.size, rows) for each, rows in values.items()
+        ]
+        return {signal.name: signal for signal in found}
 
 
 def _first(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:

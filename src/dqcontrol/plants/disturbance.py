@@ -222,9 +222,8 @@ def disturb(kinematics, chain, row, parameters, work, q, realised):
     hand[3] = row[3] - (py * row[2] - pz * row[1]) + vx
     hand[4] = row[4] - (pz * row[0] - px * row[2]) + vy
     hand[5] = row[5] - (px * row[1] - py * row[0]) + vz
-    status = solve_hand_twist(
-        pose, twist_jacobian, hand, NO_ERROR, own.preferred, given.inverse, own.solver, velocity
-    )
+    inverse, solver = given.inverse, own.solver
+    status = solve_hand_twist(pose, twist_jacobian, hand, NO_ERROR, own.preferred, inverse, solver, velocity)
     if status != OK:
         return status
     for i in range(6):
@@ -249,9 +248,8 @@ class RunningDisturbance:
     def __init__(self, kernel: Kernel, rows: Array, period: float, input_size: int, drives: Array) -> None:
         self.kernel = kernel
         self.rows: Array = np.ascontiguousarray(rows)
-        self.parameters: Array = disturbance_parameters.pack(
-            period=period, inverse=_INVERSE.parameters(), drives=drives
-        )
+        known = {"inverse": _INVERSE.parameters(), "drives": drives}
+        self.parameters: Array = disturbance_parameters.pack(period=period, **known)
         self.work: Array = np.zeros(disturbance_work.size(input_size))
 
     def step(self, robot: Robot, k: int, q: Array, realised: Array) -> None:

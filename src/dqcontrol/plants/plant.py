@@ -521,9 +521,8 @@ class CompiledPlant(RunningPlant):
         """Apply the inputs for one period; see `RunningPlant.step`."""
         if self._step == len(self.noise):
             raise ValueRangeError(f"step: the plant was started for {self._step} periods, and they are over")
-        status = self.kernel(
-            command, self.parameters, self.noise[self._step], self.state, self.q, self.measured
-        )
+        noise = self.noise[self._step]
+        status = self.kernel(command, self.parameters, noise, self.state, self.q, self.measured)
         if status == WRONG_SIZE:
             raise ShapeError(f"command: does not fit the robot, got shape {np.shape(command)}")
         if status:

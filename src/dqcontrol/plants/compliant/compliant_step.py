@@ -257,11 +257,9 @@ def settle(plan, memory, physics, noise):
         sense(constants[i], state[i], angle, spring_torque(arm, physics, i), False)
         state[i, column.ANGLE] = state[i, column.TOLD] = state[i, column.ENCODER]
         state[i, column.ASKED] = state[i, column.TARGET]
-        rest(
-            constants[i, column.ANGLE_FILTER : column.ANGLE_FILTER + column.COEFFICIENTS],
-            state[i, column.ANGLE_MEMORY : column.ANGLE_MEMORY + column.MEMORY],
-            state[i, column.ENCODER],
-        )
+        coefficients = constants[i, column.ANGLE_FILTER : column.ANGLE_FILTER + column.COEFFICIENTS]
+        filter_memory = state[i, column.ANGLE_MEMORY : column.ANGLE_MEMORY + column.MEMORY]
+        rest(coefficients, filter_memory, state[i, column.ENCODER])
         state[i, column.VELOCITY] = state[i, column.TORQUE_RATE] = 0.0
         state[i, column.VELOCITY_MEMORY : column.TORQUE_RATE_MEMORY + column.MEMORY] = 0.0
     for i in range(6):

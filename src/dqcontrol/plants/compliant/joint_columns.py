@@ -36,9 +36,8 @@ def butterworth(cutoff: float, period: float) -> NDArray[np.float64]:
     """
     w = math.tan(math.pi * cutoff * period)
     second = 1 + w + w * w  # poles of s² + s + 1
-    return np.array(
-        [w / (1 + w), (w - 1) / (1 + w), w * w / second, 2 * (w * w - 1) / second, (1 - w + w * w) / second]
-    )
+    of_second = w * w / second, 2 * (w * w - 1) / second, (1 - w + w * w) / second
+    return np.array([w / (1 + w), (w - 1) / (1 + w), *of_second])
 
 
 @inline

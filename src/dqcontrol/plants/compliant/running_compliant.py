@@ -495,10 +495,9 @@ def linearised(plant: CompliantPlant, robot: Robot, start: Array, period: float)
 
     size = n * len(remembered) + len(qpos) + len(qvel)
     zero_state, idle = np.zeros(size), np.zeros(n)
-    return LinearModel(
-        _slopes(lambda change: after_a_period(change, idle), size),
-        _slopes(lambda command: after_a_period(zero_state, command), n),
-    ).reduced(round(_HORIZON / period))
+    transition = _slopes(lambda change: after_a_period(change, idle), size)
+    inputs = _slopes(lambda command: after_a_period(zero_state, command), n)
+    return LinearModel(transition, inputs).reduced(round(_HORIZON / period))
 
 
 def _slopes(function: Callable[[Array], Array], size: int) -> Array:

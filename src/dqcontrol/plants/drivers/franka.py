@@ -54,11 +54,9 @@ class _Franky(Link):
         has_priorities = hasattr(os, "sched_getscheduler")
         before = (os.sched_getscheduler(0), os.sched_getparam(0)) if has_priorities else None
         try:
-            self._robot: Any = self._franky.Robot(
-                plant.host,
-                relative_dynamics_factor=plant.dynamics,
-                realtime_config=real_time.Enforce if _REALTIME.exists() else real_time.Ignore,
-            )
+            asked = real_time.Enforce if _REALTIME.exists() else real_time.Ignore
+            given = {"relative_dynamics_factor": plant.dynamics, "realtime_config": asked}
+            self._robot: Any = self._franky.Robot(plant.host, **given)
         finally:  # it takes the highest priority for this thread, too, and never gives it back
             if before:
                 os.sched_setscheduler(0, *before)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -483,11 +484,9 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         gear, arm = self._parts_of(robot)
         # drawn where it is
         seen = {name: body for name, body in self.bodies.items() if body.role != "moving"}
-        return PhysicsPicture(
-            self._spec(robot, gear, arm, seen),
-            np.array([[*body.position[:2], 0.0] for body in seen.values()]).reshape(-1, 3),
-            lambda *recorded: recorded_coordinates(robot, gear.joints, self.gripper, seen, *recorded),
-        )
+        places = np.array([[*body.position[:2], 0.0] for body in seen.values()]).reshape(-1, 3)
+        coordinates = partial(recorded_coordinates, robot, gear.joints, self.gripper, seen)
+        return PhysicsPicture(self._spec(robot, gear, arm, seen), places, coordinates)
 
     def _parts_of(self, robot: Robot) -> tuple[RunningGear, Robot | None]:
         """Return what the robot drives on and what that carries, one arm or two on a torso, with inertias."""

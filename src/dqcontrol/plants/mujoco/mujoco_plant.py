@@ -138,9 +138,8 @@ class RunningMujoco(RunningPlant):
             self.wrench: Array = self._wrist.wrench
         parts = (self._world, self._wrist, self._gripper)
         self._parts = [part for part in parts if part is not None]
-        self.channels: tuple[Channel, ...] = tuple(
-            channel for part in self._parts for channel in part.channels
-        )
+        channels = [channel for part in self._parts for channel in part.channels]
+        self.channels: tuple[Channel, ...] = tuple(channels)
         self.readings: Array = np.zeros(sum(channel.size for channel in self.channels))
         self._read()
         self._rate, self._target = data.ctrl[:n], data.act

@@ -589,9 +589,8 @@ def _joints(body: Robot, coordinate: NDArray[np.intp], moved_by: NDArray[np.intp
     n, limits = len(coordinate), body.limits
     frames = np.tile([1.0, 0, 0, 0, 0, 0, 0], (n + 1, 1))
     types = [body.joint_types[i] for i in coordinate]
-    kept = Limits(
-        limits.lower[coordinate], limits.upper[coordinate], limits.velocity[moved_by], limits.effort[moved_by]
-    )
+    ends = limits.lower[coordinate], limits.upper[coordinate]
+    kept = Limits(*ends, limits.velocity[moved_by], limits.effort[moved_by])
     return SerialArm(frames, types, limits=kept, name=body.name)
 
 

@@ -528,8 +528,9 @@ class _Session:
         assert first is not None
         assert last is not None
         self._say_what_is_hidden(repeats[best])
-        stopped_with = best, motion, stopped, self.margin, first, last, self.forces, tuple(self.notes)
-        return Learning(self.problem, self.convergence, tuple(repeats), *stopped_with)
+        records, told = (first, last), (self.forces, tuple(self.notes))
+        found = tuple(repeats), best, motion, stopped, self.margin
+        return Learning(self.problem, self.convergence, *found, *records, *told)
 
     def _asked(self, convergence: Convergence, error: Array) -> Array:
         """Return the change of the shift that an error asks for."""
