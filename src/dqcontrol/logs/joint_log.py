@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import FileFormatError, ShapeError
+from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError
 from dqcontrol.files.lerobot_dataset import ACTION, COMMAND, STATE, Dataset, Feature, episode_of, only_episode
 from dqcontrol.logs.joint_messages import held, is_recording, read_commands, read_joint_states
 from dqcontrol.logs.joint_table import DEGREES_NOTE, Angles, must_be_degrees, read_joint_table
@@ -19,7 +19,7 @@ from dqcontrol.logs.text_table import Missing
 from dqcontrol.loop import Record
 from dqcontrol.plants.plant import WRENCH_READINGS
 from dqcontrol.recording import load_metadata, load_record
-from dqcontrol.robots import Robot
+from dqcontrol.robots import Robot, SerialArm, load_robot
 
 _GAP = 3.0  # periods
 _FAR = 12.0  # standard deviations of the noise
@@ -301,6 +301,14 @@ def refuse_topics(path: Path, what: str, **topics: str | None) -> None:
     for field, topic in topics.items():
         if topic is not None:
             raise ShapeError(f"{field}: {path} is a {what} and has no topics, got '{topic}'")
+
+
+def arm_of(robot: str | Path | Robot, why_not: str, *links: str | None) -> SerialArm:
+    """Return an arm on a fixed base, by its name or file with the ends of its chain, or say why a robot is none."""
+    arm = robot if isinstance(robot, Robot) else load_robot(robot, *links)
+    if not isinstance(arm, SerialArm):
+        raise ValueRangeError(f"robot: {arm.name} {why_not}")
+    return arm
 
 
 def names_in_log(robot: Robot, joints: Sequence[str] | None) -> tuple[str, ...]:

@@ -32,11 +32,11 @@ from dqcontrol.errors import FileFormatError, ValueRangeError, as_array, as_posi
 from dqcontrol.experiments.results_folder import made_folder
 from dqcontrol.files.plain_data import yaml_text
 from dqcontrol.files.whole_file import whole_file
-from dqcontrol.logs.joint_log import JointLog, read_joint_log
+from dqcontrol.logs.joint_log import JointLog, arm_of, read_joint_log
 from dqcontrol.logs.joint_messages import is_recording, read_wrenches
 from dqcontrol.logs.servos.excitation import middle_of_limits, write_joint_motion
 from dqcontrol.references.straight import PEAK_SPEED, progress
-from dqcontrol.robots import Robot, SerialArm, load_robot
+from dqcontrol.robots import Robot, SerialArm
 from dqcontrol.tables.tables import Cell, Column, Table
 
 SPEC = "tool.yaml"
@@ -153,11 +153,7 @@ def tool_motion(
     >>> len(motion.rests), motion.condition < 1.3
     (6, True)
     """
-    arm = robot if isinstance(robot, Robot) else load_robot(robot)
-    if not isinstance(arm, SerialArm):
-        raise ValueRangeError(
-            f"robot: {arm.name} is no arm on a fixed base; a tool is told by turning its end effector"
-        )
+    arm = arm_of(robot, "is no arm on a fixed base; a tool is told by turning its end effector")
     period, fall = as_positive("period", period), as_array("gravity", gravity, (3,))
     if not fall.any():
         raise ValueRangeError("gravity: is 0, so nothing weighs anything")
@@ -327,9 +323,7 @@ def tool_from_logs(
     FileFormatError, ShapeError, ValueRangeError
         If a log cannot be read, holds no wrench or no rest, or its orientations are too much alike.
     """
-    arm = robot if isinstance(robot, Robot) else load_robot(robot)
-    if not isinstance(arm, SerialArm):
-        raise ValueRangeError(f"robot: {arm.name} is no arm on a fixed base")
+    arm = arm_of(robot, "is no arm on a fixed base")
     paths = [Path(logs)] if isinstance(logs, str | Path) else [Path(each) for each in logs]
     if not paths:
         raise FileFormatError("logs: expected at least one file, got none")

@@ -217,6 +217,17 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
     law, samples, supervision, disturbance = steps.law, steps.samples, steps.supervision, steps.disturbance
     count = len(steps.samples)
     done, settling = np.zeros(3), np.zeros(9)
+    supervised, disturbed = compiled.UNSUPERVISED, compiled.UNDISTURBED
+    if supervision:
+        supervised = compiled.supervisor_arrays(
+            memory=supervision.supervisor.memory,
+            moment=moment_layout.pack(age=0.0, elapsed=supervision.period, request=GO, known=0.0, still=0.0),
+            state=supervision.state,
+            codes=supervision.codes[:count],
+        )
+    if disturbance:
+        given = {"rows": disturbance.rows, "parameters": disturbance.parameters, "work": disturbance.work}
+        disturbed = compiled.disturbance_arrays(**given, realised=steps.realised[:count])
     status = compiled.rollout(
         compiled.stages(
             kinematics=law.robot.kernels.twist_kinematics.pointer,
@@ -226,22 +237,8 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
             settled=compiled.settled.pointer if stop else 0,
         ),
         compiled.law_arrays(plan=law.plan, memory=law.memory, state=steps.law_state),
-        compiled.supervisor_arrays(
-            memory=supervision.supervisor.memory,
-            moment=moment_layout.pack(age=0.0, elapsed=supervision.period, request=GO, known=0.0, still=0.0),
-            state=supervision.state,
-            codes=supervision.codes[:count],
-        )
-        if supervision
-        else compiled.UNSUPERVISED,
-        compiled.disturbance_arrays(
-            rows=disturbance.rows,
-            parameters=disturbance.parameters,
-            work=disturbance.work,
-            realised=steps.realised[:count],
-        )
-        if disturbance
-        else compiled.UNDISTURBED,
+        supervised,
+        disturbed,
         compiled.moved_plant(plant),
         compiled.course(samples=samples, stop=_stop_array(stop), done=done, settling=settling),
         compiled.Records(*(each[:count] for each in (*steps.records, steps.readings.rows))),

@@ -21,8 +21,9 @@ from dqcontrol.experiments.results_folder import made_folder
 from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
 from dqcontrol.logs.calibration.correctable_chain import BASE, TOOL, CorrectableChain
 from dqcontrol.logs.calibration.measured_poses import MeasuredPoses, read_measured_poses, searched_frames
+from dqcontrol.logs.joint_log import arm_of
 from dqcontrol.logs.joint_table import Angles
-from dqcontrol.robots import Robot, SerialArm, load_robot
+from dqcontrol.robots import Robot, SerialArm
 from dqcontrol.robots.dh import shift
 from dqcontrol.robots.files.robot_file import plain_arm
 from dqcontrol.robots.poses import positions
@@ -306,13 +307,9 @@ def calibrate(
     >>> found = dqc.calibrate("poses.csv", "ur5")  # doctest: +SKIP
     >>> found.save("results/calibrated")  # doctest: +SKIP
     """
-    arm = robot if isinstance(robot, Robot) else load_robot(robot, base_link, tip_link)
-    if not isinstance(arm, SerialArm):
-        raise ValueRangeError(f"robot: {arm.name} has a mobile base; calibrate its arm alone")
-    measured = read_measured_poses(
-        log, arm, joints=joints, angles=angles, joint_topic=joint_topic, pose_topic=pose_topic
-    )
-    return calibration_of(arm, measured)
+    arm = arm_of(robot, "has a mobile base; calibrate its arm alone", base_link, tip_link)
+    topics: dict[str, Any] = {"joint_topic": joint_topic, "pose_topic": pose_topic}
+    return calibration_of(arm, read_measured_poses(log, arm, joints=joints, angles=angles, **topics))
 
 
 def calibration_of(arm: SerialArm, measured: MeasuredPoses) -> Calibration:

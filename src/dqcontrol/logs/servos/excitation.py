@@ -18,12 +18,13 @@ from dqcontrol.experiments.parameter_units import suspected_degrees
 from dqcontrol.experiments.results_folder import made_folder
 from dqcontrol.experiments.run_comparison import unit_of_way
 from dqcontrol.files.plain_data import yaml_text
+from dqcontrol.logs.joint_log import arm_of
 from dqcontrol.logs.servos.joint_fit import NORMAL_95, QUANTUM
 from dqcontrol.logs.servos.servo_orders import FIRST_ORDER, MOST_DELAY, held
 from dqcontrol.measures.metric_tables import fitting_unit
 from dqcontrol.references.points import POSITION, QUATERNION
 from dqcontrol.references.straight import progress
-from dqcontrol.robots import Robot, SerialArm, load_robot
+from dqcontrol.robots import Robot, SerialArm
 from dqcontrol.tables.tables import Cell, Column, Table
 
 MOTION, HAND = "motion.csv", "hand.csv"
@@ -286,9 +287,7 @@ def excite(
     >>> all(each.is_enough for each in motion.expected)
     True
     """
-    arm = robot if isinstance(robot, Robot) else load_robot(robot, base_link, tip_link)
-    if not isinstance(arm, SerialArm):
-        raise ValueRangeError(f"robot: {arm.name} has a mobile base; excite its arm alone")
+    arm = arm_of(robot, "has a mobile base; excite its arm alone", base_link, tip_link)
     if signal not in SIGNALS:
         raise unknown_name("signal", str(signal), SIGNALS)
     n, period = arm.configuration_size, as_positive("period", period)
