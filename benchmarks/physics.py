@@ -15,7 +15,7 @@ from dqcontrol.plants import CompliantPlant
 from dqcontrol.plants.compliant.controller_file import load_controllers
 from dqcontrol.plants.compliant.elastic_model import TICK, Actuation, elastic_model
 from dqcontrol.plants.compliant.running_compliant import assemble
-from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
+from dqcontrol.robots.files.mjcf import import_mujoco
 
 ARMS = {
     "meka-a2": np.array([0, np.pi / 5, 0, np.pi / 2, 0, np.pi / 5, 0]),

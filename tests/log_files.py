@@ -6,7 +6,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin, Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
-from dqcontrol.recording.mcap_writer import definition, full_name
+from dqcontrol.recording.cdr import definition, full_name
 
 EPOCH = 1_700_000_000_123_456_789  # ns: a stamp that a float64 of seconds cannot hold
 CIRCLE = {  # a run whose log somebody may have

@@ -12,10 +12,10 @@ from dqcontrol.films.link_meshes import add_meshes, link_meshes
 from dqcontrol.plants.mujoco.mujoco_model import (
     RODS,
     compiled,
-    import_mujoco,
     skeleton,
     skeleton_positions,
 )
+from dqcontrol.robots.files.mjcf import import_mujoco
 
 pytest.importorskip("mujoco")
 pytest.importorskip("trimesh")

@@ -12,12 +12,10 @@ from servo_simulator import GRID, answer, encoder, lagged, multisine, played, se
 
 import dqcontrol as dqc
 from dqcontrol.errors import FileFormatError, ValueRangeError
-from dqcontrol.logs.servos import second_order_response as second
 from dqcontrol.logs.servos.joint_fit import resolution_of, sandwich
 from dqcontrol.logs.servos.joint_gates import JointIdentification, identify_joint
-from dqcontrol.logs.servos.lag_response import BY_DELAY, BY_LAG, OUTPUT, held, joined, lag_response
 from dqcontrol.logs.servos.replay import CommandedLog
-from dqcontrol.logs.servos.second_order_response import BY_BANDWIDTH, BY_DAMPING, second_order_response
+from dqcontrol.logs.servos.servo_orders import FIRST_ORDER, SECOND_ORDER, held, joined
 from dqcontrol.plants import Servo, load_servo
 from dqcontrol.robots import Inertia, SerialArm
 
@@ -38,19 +36,22 @@ def test_the_response_is_that_of_the_simulator_and_its_slopes_are_right():
     edges, times = np.cumsum(rng.uniform(0.005, 0.02, 200)), np.sort(rng.uniform(0.1, 2.5, 400))
     values = rng.normal(size=200)
     target = held(edges, values)
-    got = lag_response(target, 0.0137, 0.043, times)
+    numbers = np.array([0.043, 0.0137])
+    got = FIRST_ORDER.answer(target, numbers, times)
     truth = answer(edges, values, 0.043, 0.0137, times)
-    begins = (truth[0] - got[0, OUTPUT]) * np.exp(-(times - times[0]) / 0.043)  # it begins on its target
-    np.testing.assert_allclose(got[:, OUTPUT] + begins, truth, atol=1e-12)
+    begins = (truth[0] - got.output[0]) * np.exp(-(times - times[0]) / 0.043)  # it begins on its target
+    np.testing.assert_allclose(got.output + begins, truth, atol=1e-12)
     smooth = joined(edges, np.sin(3 * edges))
     for signal in (target, smooth):
         step, late = 1e-7, times > 0.5
-        got = lag_response(signal, 0.0137, 0.043, times)
-        by_lag = (lag_response(signal, 0.0137, 0.043 + step, times) - got)[:, OUTPUT] / step
-        by_delay = (lag_response(signal, 0.0137 + step, 0.043, times) - got)[:, OUTPUT] / step
-        np.testing.assert_allclose(got[late, BY_LAG], by_lag[late], atol=2e-3)
+        got = FIRST_ORDER.answer(signal, numbers, times)
+        by_lag, by_delay = (
+            (FIRST_ORDER.answer(signal, numbers + step * unit, times).output - got.output) / step
+            for unit in np.eye(2)
+        )
+        np.testing.assert_allclose(got.slopes[late, 0], by_lag[late], atol=2e-3)
         near = np.abs(times[:, None] - edges - 0.0137).min(axis=1) > 1e-6
-        np.testing.assert_allclose(got[late & near, BY_DELAY], by_delay[late & near], atol=2e-3)
+        np.testing.assert_allclose(got.slopes[late & near, 1], by_delay[late & near], atol=2e-3)
 
 
 @pytest.mark.slow
@@ -60,25 +61,20 @@ def test_the_response_of_second_order_is_that_of_the_simulator(damping):
     edges, times = np.cumsum(rng.uniform(0.005, 0.02, 100)), np.sort(rng.uniform(0.05, 1.2, 100))
     values = rng.normal(size=100)
     values[:5] = values[0]  # at rest where both begin
-    got = second_order_response(held(edges, values), 0.0137, 25.0, damping, times)
+    numbers = np.array([25.0, damping, 0.0137])
+    got = SECOND_ORDER.answer(held(edges, values), numbers, times)
     truth = second_order_answer(edges, values, 25.0, damping, 0.0137, times)
     late = times > 0.8
-    np.testing.assert_allclose(got[late, 0], truth[late], atol=1e-5)
+    np.testing.assert_allclose(got.output[late], truth[late], atol=1e-5)
     target, step = held(edges, values), 1e-6
-    for column, moved in (
-        (BY_BANDWIDTH, (0, 25 * step, 0)),
-        (BY_DAMPING, (0, 0, step)),
-        (second.BY_DELAY, (step, 0, 0)),
-    ):
-        ends = [
-            second_order_response(
-                target, *(np.array([0.0137, 25.0, damping]) + sign * np.array(moved)), times
-            )[:, 0]
-            for sign in (1, -1)
-        ]
-        slope = (ends[0] - ends[1]) / (2 * max(moved))
+    for column, size in enumerate((25 * step, step, step)):
+        moved = size * np.eye(3)[column]
+        ends = [SECOND_ORDER.answer(target, numbers + sign * moved, times).output for sign in (1, -1)]
+        slope = (ends[0] - ends[1]) / (2 * size)
         near = np.abs(times[:, None] - edges - 0.0137).min(axis=1) < 1e-5
-        np.testing.assert_allclose(got[late & ~near, column], slope[late & ~near], atol=1e-4, rtol=1e-4)
+        np.testing.assert_allclose(
+            got.slopes[late & ~near, column], slope[late & ~near], atol=1e-4, rtol=1e-4
+        )
 
 
 def test_intervals_by_windows_are_those_of_the_weighted_sum():

@@ -277,7 +277,7 @@ def test_a_recording_without_its_index_is_read(tmp_path):
     from mcap.writer import IndexType, Writer
     from mcap_ros2._dynamic import serialize_dynamic
 
-    from dqcontrol.recording.mcap_writer import definition
+    from dqcontrol.recording.cdr import definition
 
     kind = "sensor_msgs/msg/JointState"
     encode = serialize_dynamic(kind, definition("sensor_msgs/JointState"))[kind]

@@ -10,6 +10,7 @@ from dqcontrol.errors import DivergedError, FileFormatError, ShapeError, ValueRa
 from dqcontrol.files.yaml_file import convert
 from dqcontrol.plants import CompliantPlant, RunningPlant
 from dqcontrol.plants.compliant.controller_file import gravity_bodies, load_controllers
+from dqcontrol.plants.compliant.joint_columns import SERVO_P
 from dqcontrol.robots.files.load import load_robot
 
 mujoco: Any = pytest.importorskip("mujoco")
@@ -99,7 +100,7 @@ def test_static_sag_of_theta_is_that_of_its_equation():
     rest(live, 1.0, 0.2 * np.array([1, 1, 1, -1, 1, -1, 1]))
     rest(live, 2.0)
     load = MEKA.gravity_forces(live.q, (0, 0, -9.809))
-    sag = load / load_controllers(MEKA).stiffness("default") + load / live.servo_stiffness
+    sag = load / load_controllers(MEKA).stiffness("default") + load / live.memory.constants[:, SERVO_P]
     assert np.abs(sag).max() > 0.02
     np.testing.assert_allclose(live.reference - live.q, sag, rtol=0.02, atol=1e-5)
 

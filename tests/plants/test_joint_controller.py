@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dqcontrol.plants.compliant import joint_columns as column
-from dqcontrol.plants.compliant.arm_memory import arm_memory
+from dqcontrol.plants.compliant.compliant_step import arm_memory
 from dqcontrol.plants.compliant.elastic_model import TICK
 from dqcontrol.plants.compliant.joint_columns import butterworth
 from dqcontrol.plants.compliant.joint_controller import control, drive, integrated, sense, step_reference
@@ -131,11 +131,11 @@ def test_a_rigid_joints_torque_is_the_one_at_which_its_loop_would_end():
 
 
 def test_integrals_grow_within_reach_only_but_always_shrink_and_stay_in_their_limit():
-    assert integrated(0.5, 0.1, 2.0, 1.0, 3.0) == pytest.approx(0.7)
-    assert integrated(0.5, 0.1, 2.0, 1.0, 1.0) == 0.5  # the error is out of reach
-    assert integrated(0.5, 0.1, -2.0, 1.0, 1.0) == pytest.approx(0.3)
-    assert integrated(0.95, 0.1, 2.0, 1.0, 3.0) == 1.0
-    assert integrated(0.5, 0.0, 2.0, 1.0, 3.0) == 0.0  # no gain, no integral
+    assert integrated(0.5, (0.0, 0.1, 0.0, 1.0, 3.0), 2.0) == pytest.approx(0.7)
+    assert integrated(0.5, (0.0, 0.1, 0.0, 1.0, 1.0), 2.0) == 0.5  # the error is out of reach
+    assert integrated(0.5, (0.0, 0.1, 0.0, 1.0, 1.0), -2.0) == pytest.approx(0.3)
+    assert integrated(0.95, (0.0, 0.1, 0.0, 1.0, 3.0), 2.0) == 1.0
+    assert integrated(0.5, (0.0, 0.0, 0.0, 1.0, 3.0), 2.0) == 0.0  # no gain, no integral
 
 
 def test_reference_is_ramped_kept_in_range_and_limited_in_rate():

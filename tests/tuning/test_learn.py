@@ -286,10 +286,10 @@ def test_a_motion_that_ends_elsewhere_is_learnt_if_the_hand_may_go_back():
 
 def test_growth_is_recognised_and_the_best_is_kept(monkeypatch):
     """A learning operator that is far too strong: the guard narrows the band, goes back and learns half as much."""
-    from dqcontrol.tuning.learning import run_learning
+    from dqcontrol.tuning.learning import learnt_motion
 
-    usual = run_learning.increment
-    monkeypatch.setattr(run_learning, "increment", lambda *given: 3.5 * usual(*given))
+    usual = learnt_motion.increment
+    monkeypatch.setattr(learnt_motion, "increment", lambda *given: 3.5 * usual(*given))
     found = dqc.learn(spec(), repeats=6)
     errors = [each.learnable for each in found.repeats]
     assert "grown" in [each.outcome for each in found.repeats]

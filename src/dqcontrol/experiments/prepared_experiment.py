@@ -52,9 +52,8 @@ from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws import Law
 from dqcontrol.laws.null_space import Posture
 from dqcontrol.limits import CommandLimits
-from dqcontrol.loop.closed_loop import check_disturbed
+from dqcontrol.loop.closed_loop import FARTHEST, check_disturbed
 from dqcontrol.loop.simulate import step_count
-from dqcontrol.loop.trace import FARTHEST
 from dqcontrol.measures.run_numbers import DesiredMotion
 from dqcontrol.measures.stability import LoopGain, loop_gains
 from dqcontrol.planning.certified_edges import CertifiedEdges

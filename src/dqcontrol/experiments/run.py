@@ -29,9 +29,9 @@ from dqcontrol.files.long_array import row_by_row
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.laws import Law
 from dqcontrol.loop import Clock, Record, Timing
+from dqcontrol.loop.closed_loop import SampleSink
 from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.loop.supervision import BlackBox, Watch
-from dqcontrol.loop.trace import SampleSink
 from dqcontrol.measures.lyapunov import with_certificate
 from dqcontrol.measures.metrics import Metrics, metrics_of
 from dqcontrol.measures.run_numbers import run_numbers

@@ -29,9 +29,9 @@ from dqcontrol.export.controller_folder import write_controller
 from dqcontrol.export.controller_parts import ControllerParts, controller_parts
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.loop import Record, Signal, Timing
+from dqcontrol.loop.closed_loop import SampleSink
 from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.supervision import SECONDS, Watch, most_steps_to_rest
-from dqcontrol.loop.trace import SampleSink
 from dqcontrol.plants.plant import CompiledPlant
 from dqcontrol.references.sample import SAMPLE_SIZE, TIME
 from dqcontrol.supervisor.interventions import INTERVENTIONS, describe_stop, reasons

@@ -20,8 +20,9 @@ from dqcontrol.films.offscreen import offscreen, renderer
 from dqcontrol.loop.signals import Signal
 from dqcontrol.measures.held import apart_at_plans, plans_of_run
 from dqcontrol.plants.mobile.wheeled_base import WHEELS
-from dqcontrol.plants.mujoco.mujoco_model import compiled, import_mujoco, skeleton, skeleton_positions
+from dqcontrol.plants.mujoco.mujoco_model import compiled, skeleton, skeleton_positions
 from dqcontrol.robots.files.description import drawn_reach
+from dqcontrol.robots.files.mjcf import import_mujoco
 
 if TYPE_CHECKING:
     from dqcontrol.arrays import Array

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.figures.robot_bodies import arm_meshes, chain_rows, smoothed
-from dqcontrol.plants.mujoco.mujoco_model import RODS, import_mujoco
+from dqcontrol.plants.mujoco.mujoco_model import RODS
 from dqcontrol.robots import Robot
+from dqcontrol.robots.files.mjcf import import_mujoco
 from dqcontrol.robots.robot import base_coordinates
 
 _FLAT = 1e-9  # m²; MuJoCo refuses meshes without area

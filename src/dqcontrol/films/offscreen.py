@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.errors import ExistsError, FileFormatError, MissingExtraError, ValueRangeError, unknown_name
-from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
+from dqcontrol.robots.files.mjcf import import_mujoco
 
 
 def check_picture_file(target: Path, *, overwrite: bool) -> None:

@@ -17,7 +17,8 @@ from dqcontrol.films.drawn_scene import add_actual, add_desired, add_ghost
 from dqcontrol.films.film import add_scene_background, framing_of_arm
 from dqcontrol.films.link_meshes import add_meshes, link_meshes
 from dqcontrol.films.offscreen import check_picture_file, offscreen, render
-from dqcontrol.plants.mujoco.mujoco_model import compiled, import_mujoco, skeleton, skeleton_positions
+from dqcontrol.plants.mujoco.mujoco_model import compiled, skeleton, skeleton_positions
+from dqcontrol.robots.files.mjcf import import_mujoco
 
 if TYPE_CHECKING:
     from dqcontrol.robots.robot import Robot

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TypedDict
 
 import msgspec
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
@@ -214,51 +212,56 @@ def evaluate_log(
     else:
         raise ValueRangeError(f"robot: {path} does not name its robot; give one (--robot)")
     arm = chosen.load()
-    options: _LogOptions = {
-        "joints": joints,
-        "angles": angles,
-        "joint_topic": joint_topic,
-        "missing": missing,
-    }
+    options = _LogOptions(joints=joints, angles=angles, joint_topic=joint_topic, missing=missing)
     data = read_joint_log(path, arm, command_topic=command_topic, targets=reference_joints, **options)
     notes = list(data.notes)
     file = Path(reference) if reference is not None else None
-    cutoff = _cutoff(low_pass, data)
+    if low_pass is None:
+        cutoff = LOW_PASS if data.record is None else None
+    else:
+        cutoff = as_positive("low_pass", low_pass, zero_allowed=True) or None
     begin = as_positive("start", start, zero_allowed=True)
+    # what is wanted; if that is on the clock of the log, when it begins, s after the log's first sample
+    wanted, begins, its_skipped = None, None, None
     if reference_joints is not None:
-        target, its_skipped = _from_columns(data, arm, file, reference_topic), None
+        if file is not None or reference_topic is not None:
+            raise ValueRangeError("reference_joints: a reference is given, too; give one of them")
+        assert data.target is not None
+        wanted, begins = Points(data.time, arm.fkm(data.target)), 0.0
     elif reference_topic is not None:
-        target, its_skipped = _from_topic(data, arm, file, reference_topic, joints), None
+        wanted, begins = _from_topic(data, arm, file, reference_topic, joints)
     elif file is not None:
         first = data.q[min(np.searchsorted(data.time, begin - _SNAP), len(data.q) - 1)]
-        reference_of_file, its_skipped = _from_file(file, arm, first, options)
-        target = _Target(reference_of_file, None)
-    else:
-        target, its_skipped = None, None
+        wanted, its_skipped = _from_file(file, arm, first, options)
     if align:
-        if begin or target is None or target.begin is not None:
+        if begin or wanted is None or begins is not None:
             raise ValueRangeError(
                 "align: the start is given, too (--start-time); give one of them"
                 if begin
                 else "align: the reference is in the log itself and keeps its clock; leave it out"
             )
-        found = align_with(data.time, arm.fkm(data.q), target.reference)
+        found = align_with(data.time, arm.fkm(data.q), wanted)
         begin = found.begin
         notes.append(
             f"aligned: the reference begins at {begin:.4g} s of the log, where it is {1e3 * found.rms:.3g} mm RMS from "
             f"the end effector and its axes (at 0 s: {1e3 * found.unshifted_rms:.3g}); a robot's delay is part of that"
         )
-    elif target is not None and target.begin is not None:
-        begin = max(begin, target.begin)
-    kept = _kept(data, begin, duration)
+    elif begins is not None:
+        begin = max(begin, begins)
+    end = np.inf if duration is None else begin + as_positive("duration", duration)
+    kept = (data.time >= begin - _SNAP) & (data.time <= end + _SNAP)
+    if kept.sum() < 2:
+        raise ValueRangeError(
+            f"{data.path}: fewer than two samples between {begin:g} and {end:g} s; the log has 0 … {data.time[-1]:g} s"
+        )
     time = data.time[kept] - begin if align else np.maximum(data.time[kept] - begin, 0.0)
     q = data.q[kept]
     if skip_initial is not None and as_positive("skip_initial", skip_initial, zero_allowed=True) > time[-1]:
         raise ValueRangeError(
             f"skip_initial: must be ≤ the {time[-1]:g} s that are judged, got {skip_initial:g}"
         )
-    if target is not None:
-        desired = target.reference.samples(time + (begin - target.begin if target.begin is not None else 0.0))
+    if wanted is not None:
+        desired = wanted.samples(time + (begin - begins if begins is not None else 0.0))
     elif data.record is not None:
         desired = data.record.desired[kept].copy()
     else:
@@ -272,14 +275,13 @@ def evaluate_log(
     command = np.full((len(time), arm.input_size), np.nan) if data.command is None else data.command[kept]
     record = Record(time, q, q, command, arm.fkm(q), desired, arm.joint_names, stopped=STOPPED)
     skipped = float(about.get("skip_initial", 0.0)) if its_skipped is None else its_skipped
+    columns = reference_joints if isinstance(reference_joints, str | None) else list(reference_joints)
     spec = EvaluationSpec(
         log=str(data.path.resolve()),
         robot=_absolute(chosen),
         reference=str(file.resolve()) if file is not None else None,
         reference_topic=reference_topic,
-        reference_joints=reference_joints
-        if isinstance(reference_joints, str | None)
-        else list(reference_joints),
+        reference_joints=columns,
         joints=list(joints) if joints is not None else None,
         joint_topic=joint_topic,
         command_topic=command_topic,
@@ -304,21 +306,6 @@ class _LogOptions(TypedDict):
     missing: Missing
 
 
-@dataclass(frozen=True)
-class _Target:
-    """A reference; if it is on the clock of the log, it begins so many seconds after the log's first sample."""
-
-    reference: Reference
-    begin: float | None
-
-
-def _cutoff(low_pass: float | None, data: JointLog) -> float | None:
-    """Return the cut-off of the filter, Hz, or None."""
-    if low_pass is None:
-        return LOW_PASS if data.record is None else None
-    return as_positive("low_pass", low_pass, zero_allowed=True) or None
-
-
 def about_log(path: Path) -> dict[str, Any]:
     """Return what a recording of ours, or the folder of a run, says about its run; nothing for other logs."""
     path = path / "record.mcap" if path.is_dir() else path
@@ -326,9 +313,8 @@ def about_log(path: Path) -> dict[str, Any]:
     if not isinstance(data, dict):
         return {}
     data = data.get("evaluation", data)
-    return data | {
-        "robot": {"source": data["robot"]} if isinstance(data.get("robot"), str) else data.get("robot")
-    }
+    robot = data.get("robot")
+    return data | {"robot": {"source": robot} if isinstance(robot, str) else robot}
 
 
 def _absolute(robot: RobotSpec) -> RobotSpec:
@@ -338,28 +324,9 @@ def _absolute(robot: RobotSpec) -> RobotSpec:
     return msgspec.structs.replace(robot, source=str(file.resolve())) if file.is_file() else robot
 
 
-def _kept(data: JointLog, begin: float, duration: float | None) -> NDArray[np.bool_]:
-    """Return which samples lie in the part to be judged."""
-    end = np.inf if duration is None else begin + as_positive("duration", duration)
-    kept = (data.time >= begin - _SNAP) & (data.time <= end + _SNAP)
-    if kept.sum() < 2:
-        raise ValueRangeError(
-            f"{data.path}: fewer than two samples between {begin:g} and {end:g} s; the log has 0 … {data.time[-1]:g} s"
-        )
-    return kept
-
-
-def _from_columns(data: JointLog, robot: Robot, file: Path | None, topic: str | None) -> _Target:
-    """Return where the commanded positions of the log put the end effector."""
-    if file is not None or topic is not None:
-        raise ValueRangeError("reference_joints: a reference is given, too; give one of them")
-    assert data.target is not None
-    return _Target(Points(data.time, robot.fkm(data.target)), 0.0)
-
-
 def _from_topic(
     data: JointLog, robot: Robot, file: Path | None, topic: str, joints: Sequence[str] | None
-) -> _Target:
+) -> tuple[Reference, float | None]:
     """Return poses of a topic, or where positions of one put the end effector, in the file or else in the log."""
     source = file or data.path
     if not is_recording(source):
@@ -371,7 +338,7 @@ def _from_topic(
         stamps, poses = read_poses(source, topic)
     seconds = (stamps - stamps[0]) / 1e9
     reference = Points(seconds, poses) if len(poses) > 1 else SetPoint(poses[0])
-    return _Target(reference, None if file is not None else (int(stamps[0]) - data.origin) / 1e9)
+    return reference, None if file is not None else (int(stamps[0]) - data.origin) / 1e9
 
 
 def _from_file(file: Path, robot: Robot, q0: Array, options: _LogOptions) -> tuple[Reference, float | None]:
@@ -386,16 +353,15 @@ def _from_file(file: Path, robot: Robot, q0: Array, options: _LogOptions) -> tup
     return Points(taught.time, robot.fkm(taught.q)), None
 
 
-def _short_form(file: Path, data: Any) -> ReferenceFile:
-    data = numbers_for_quantities(str(file), data, list(kinds_of(ReferenceFile)))
-    return convert(file, data, ReferenceFile)
-
-
 def _from_yaml(file: Path, robot: Robot, q0: Array) -> tuple[Reference, float | None]:
     data = parse_yaml(file, read_text(file))
     whole = isinstance(data, dict) and not data.keys().isdisjoint({"name", "law", "laws", "plant", "plants"})
     folder = file.resolve().parent
-    spec: Spec | ReferenceFile = as_spec(str(file), data, folder) if whole else _short_form(file, data)
+    if whole:
+        spec: Spec | ReferenceFile = as_spec(str(file), data, folder)
+    else:
+        data = numbers_for_quantities(str(file), data, list(kinds_of(ReferenceFile)))
+        spec = convert(file, data, ReferenceFile)
     if spec.start is not None:
         q0 = start_configuration(spec.start, robot, f"{file}: start")
     return spec.reference.build(robot.fkm(q0), folder), spec.skip_initial if isinstance(spec, Spec) else None

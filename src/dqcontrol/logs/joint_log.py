@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import FileFormatError, ShapeError
+from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError
 from dqcontrol.files.lerobot_dataset import ACTION, COMMAND, STATE, Dataset, Feature, episode_of, only_episode
 from dqcontrol.logs.joint_messages import held, is_recording, read_commands, read_joint_states
 from dqcontrol.logs.joint_table import DEGREES_NOTE, Angles, must_be_degrees, read_joint_table
@@ -19,7 +19,7 @@ from dqcontrol.logs.text_table import Missing
 from dqcontrol.loop import Record
 from dqcontrol.plants.plant import WRENCH_READINGS
 from dqcontrol.recording import load_metadata, load_record
-from dqcontrol.robots import Robot
+from dqcontrol.robots import Robot, SerialArm, load_robot
 
 _GAP = 3.0  # periods
 _FAR = 12.0  # standard deviations of the noise
@@ -28,28 +28,9 @@ _LEAST = 1e-3  # rad or m
 _BEYOND = 0.05  # rad or m over a limit
 
 
-def remarks(time: Array, q: Array, robot: Robot, names: Sequence[str]) -> tuple[str, ...]:
-    """Return a line for each thing that is unusual in a log.
-
-    Parameters
-    ----------
-    time
-        Shape (N,), s.
-    q
-        Configurations, shape (N, n), rad or m.
-    robot
-        For its limits and units.
-    names
-        Of its joints.
-    """
-    return (*_gaps(time), *_outliers(time, q, robot, names), *_beyond(q, robot, names))
-
-
 def _gaps(time: Array) -> list[str]:
     steps = np.diff(time)
-    if len(steps) < 3:
-        return []
-    period = float(np.median(steps))
+    period = float(np.median(steps)) if len(steps) > 2 else np.inf
     wide = np.flatnonzero(steps > _GAP * period)
     if not len(wide):
         return []
@@ -100,85 +81,8 @@ def _beyond(q: Array, robot: Robot, names: Sequence[str]) -> list[str]:
     lines = [f"{names[i]} by {over[i]:.3g}" for i in range(len(names)) if over[i] > _BEYOND]
     if not lines:
         return []
-    return [
-        f"joints leave the limits of {robot.name} ({', '.join(lines)} rad or m): other units, zeros or signs?"
-    ]
-
-
-class EpisodeLog(NamedTuple):
-    """What an episode holds of a robot's joints: time (N,) s; positions, commands and commanded positions (N, n)."""
-
-    time: Array
-    q: Array
-    command: Array | None
-    target: Array | None
-    notes: tuple[str, ...]
-
-
-def read_episode_log(
-    path: Path, data: Dataset, number: int, robot: Robot, names: Sequence[str], angles: Angles | None
-) -> EpisodeLog:
-    """Return what an episode holds of the named joints, by ``NAME`` or ``NAME.pos``, without others beside them.
-
-    Raises
-    ------
-    FileFormatError
-        If a joint is missing, or fewer than two samples are there.
-    ValueRangeError
-        If angles without a unit must be degrees, and it cannot be told which.
-    """
-    if STATE not in data.features:
-        raise FileFormatError(f"{path}: has no column {STATE}; it has {', '.join(data.features) or 'none'}")
-    values = data.episode(number)
-    time = values["timestamp"][:, 0]
-    if len(time) < 2 or not (np.diff(time) > 0).all():
-        raise FileFormatError(f"{path}: timestamp: expected at least two samples whose time increases")
-    time = np.arange(len(time)) / data.fps  # stamps are float32: 1e-4 s after half an hour
-    notes: list[str] = []
-    state = data.features[STATE]
-    rows = _rows(path, STATE, state, names, "pos")
-    q = values[STATE][:, rows]
-    units = [state.units[i] for i in rows]
-    if angles is None and must_be_degrees(path, robot, units, q):
-        angles = "deg"
-        notes.append(DEGREES_NOTE)
-    q = q * _scales(robot, units, angles)
-    target = command = None
-    if ACTION in data.features:
-        action = data.features[ACTION]
-        kind = "vel" if all(name.endswith(".vel") for name in action.names) else "pos"
-        rows = _rows(path, ACTION, action, names if kind == "pos" else robot.input_names, kind)
-        told = values[ACTION][:, rows]
-        if kind == "pos":
-            target = told * _scales(robot, [action.units[i] for i in rows], angles)
-        else:
-            command = told
-    if COMMAND in data.features:
-        rows = _rows(path, COMMAND, data.features[COMMAND], robot.input_names, "vel")
-        command = values[COMMAND][:, rows]
-    return EpisodeLog(time, q, command, target, tuple(notes))
-
-
-def _rows(path: Path, column: str, feature: Feature, names: Sequence[str], kind: str) -> list[int]:
-    known: dict[str, int] = {}
-    for i, name in enumerate(feature.names):
-        known.setdefault(name.removesuffix(f".{kind}"), i)
-    missing = [name for name in names if name not in known]
-    if missing:
-        raise FileFormatError(
-            f"{path}: {column}: has no {', '.join(missing)}; it has {', '.join(known)} "
-            "(--joints names the joints as the dataset does, in the robot's order)"
-        )
-    return [known[name] for name in names]
-
-
-def _scales(robot: Robot, units: Sequence[str], angles: Angles | None) -> Any:
-    """Return what turns the numbers of each joint into rad and m."""
-    degrees = [
-        kind == "revolute" and (unit in ("deg", "°") or (not unit and angles == "deg"))
-        for kind, unit in zip(robot.joint_types, units, strict=True)
-    ]
-    return np.where(degrees, np.pi / 180, 1.0)
+    listed = ", ".join(lines)
+    return [f"joints leave the limits of {robot.name} ({listed} rad or m): other units, zeros or signs?"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,31 +196,21 @@ def read_joint_log(
     >>> read_joint_log(file, arm).q.round(3).tolist()
     [[0.0, 1.571], [0.017, 1.571]]
     """
-    path, names = Path(path), tuple(joints if joints is not None else robot.joint_names)
-    if len(names) != robot.configuration_size or len(set(names)) != len(names):
-        raise ShapeError(
-            f"joints: {robot.name} has {robot.configuration_size} joints; "
-            f"expected as many different names, got {', '.join(names) or 'none'}"
-        )
+    path, names = Path(path), names_in_log(robot, joints)
     if (dataset := episode_of(path)) is not None:
         number = only_episode(path, *dataset)
-        _refuse_topics(path, "dataset", joint_topic, command_topic)
+        refuse_topics(path, "dataset", joint_topic=joint_topic, command_topic=command_topic)
         if targets is not None:
             raise ShapeError(
                 f"targets: {path} is a dataset, whose commanded positions are its action; leave it out"
             )
-        found = read_episode_log(path, dataset[0], number, robot, names, angles)
-        notes = (*found.notes, *remarks(found.time, found.q, robot, names))
-        return JointLog(path, found.time, found.q, found.command, target=found.target, notes=notes)
+        return _with_remarks(_read_episode(path, dataset[0], number, robot, names, angles), robot, names)
     if path.is_dir() and not (path / "metadata.yaml").exists() and (path / "record.mcap").is_file():
         path = path / "record.mcap"
     if not is_recording(path):
-        _refuse_topics(path, "table", joint_topic, command_topic)
+        refuse_topics(path, "table", joint_topic=joint_topic, command_topic=command_topic)
         table = read_joint_table(path, robot, names, angles=angles, targets=targets, missing=missing)
-        notes = (*table.notes, *remarks(table.time, table.q, robot, names))
-        return JointLog(
-            path, table.time, table.q, table.command, target=table.target, notes=notes, wrench=table.wrench
-        )
+        return _with_remarks(JointLog(path, **table._asdict()), robot, names)
     if targets is not None:
         raise ShapeError(
             f"targets or reference_joints: {path} is a recording and has no columns; name the topic that holds the "
@@ -327,17 +221,111 @@ def read_joint_log(
     if joint_topic is None and command_topic is None and is_own(path):
         return _read_record(path, names, robot)
     stamps, q = read_joint_states(path, names, joint_topic)
-    command = None
-    if command_topic is not None:
-        command = held(*read_commands(path, names, command_topic), stamps)
+    command = held(*read_commands(path, names, command_topic), stamps) if command_topic is not None else None
     time = (stamps - stamps[0]) / 1e9
-    return JointLog(path, time, q, command, int(stamps[0]), notes=remarks(time, q, robot, names))
+    return _with_remarks(JointLog(path, time, q, command, int(stamps[0])), robot, names)
 
 
-def _refuse_topics(path: Path, what: str, joint_topic: str | None, command_topic: str | None) -> None:
-    for field, topic in (("joint_topic", joint_topic), ("command_topic", command_topic)):
+def _with_remarks(log: JointLog, robot: Robot, names: Sequence[str]) -> JointLog:
+    """Return a log with a line for each thing that is unusual in it."""
+    found = *_gaps(log.time), *_outliers(log.time, log.q, robot, names), *_beyond(log.q, robot, names)
+    return replace(log, notes=(*log.notes, *found))
+
+
+def _read_episode(
+    path: Path, data: Dataset, number: int, robot: Robot, names: Sequence[str], angles: Angles | None
+) -> JointLog:
+    """Return what an episode holds of the named joints, by ``NAME`` or ``NAME.pos``, without others beside them.
+
+    Raises
+    ------
+    FileFormatError
+        If a joint is missing, or fewer than two samples are there.
+    ValueRangeError
+        If angles without a unit must be degrees, and it cannot be told which.
+    """
+    if STATE not in data.features:
+        raise FileFormatError(f"{path}: has no column {STATE}; it has {', '.join(data.features) or 'none'}")
+    values = data.episode(number)
+    time = values["timestamp"][:, 0]
+    if len(time) < 2 or not (np.diff(time) > 0).all():
+        raise FileFormatError(f"{path}: timestamp: expected at least two samples whose time increases")
+    time = np.arange(len(time)) / data.fps  # stamps are float32: 1e-4 s after half an hour
+    notes: list[str] = []
+    state = data.features[STATE]
+    rows = _rows(path, STATE, state, names, "pos")
+    q = values[STATE][:, rows]
+    units = [state.units[i] for i in rows]
+    if angles is None and must_be_degrees(path, robot, units, q):
+        angles = "deg"
+        notes.append(DEGREES_NOTE)
+    q = q * _scales(robot, units, angles)
+    target = command = None
+    if ACTION in data.features:
+        action = data.features[ACTION]
+        kind = "vel" if all(name.endswith(".vel") for name in action.names) else "pos"
+        rows = _rows(path, ACTION, action, names if kind == "pos" else robot.input_names, kind)
+        command = values[ACTION][:, rows]
+        if kind == "pos":
+            command, target = None, command * _scales(robot, [action.units[i] for i in rows], angles)
+    if COMMAND in data.features:
+        rows = _rows(path, COMMAND, data.features[COMMAND], robot.input_names, "vel")
+        command = values[COMMAND][:, rows]
+    return JointLog(path, time, q, command, target=target, notes=tuple(notes))
+
+
+def _rows(path: Path, column: str, feature: Feature, names: Sequence[str], kind: str) -> list[int]:
+    known: dict[str, int] = {}
+    for i, name in enumerate(feature.names):
+        known.setdefault(name.removesuffix(f".{kind}"), i)
+    missing = [name for name in names if name not in known]
+    if missing:
+        raise FileFormatError(
+            f"{path}: {column}: has no {', '.join(missing)}; it has {', '.join(known)} "
+            "(--joints names the joints as the dataset does, in the robot's order)"
+        )
+    return [known[name] for name in names]
+
+
+def _scales(robot: Robot, units: Sequence[str], angles: Angles | None) -> Any:
+    """Return what turns the numbers of each joint into rad and m."""
+    degrees = [
+        kind == "revolute" and (unit in ("deg", "°") or (not unit and angles == "deg"))
+        for kind, unit in zip(robot.joint_types, units, strict=True)
+    ]
+    return np.where(degrees, np.pi / 180, 1.0)
+
+
+def refuse_topics(path: Path, what: str, **topics: str | None) -> None:
+    """Raise if a topic is named of what has none."""
+    for field, topic in topics.items():
         if topic is not None:
             raise ShapeError(f"{field}: {path} is a {what} and has no topics, got '{topic}'")
+
+
+def arm_of(robot: str | Path | Robot, why_not: str, *links: str | None) -> SerialArm:
+    """Return an arm on a fixed base, by its name or file with the ends of its chain, or say why a robot is none."""
+    arm = robot if isinstance(robot, Robot) else load_robot(robot, *links)
+    if not isinstance(arm, SerialArm):
+        raise ValueRangeError(f"robot: {arm.name} {why_not}")
+    return arm
+
+
+def names_in_log(robot: Robot, joints: Sequence[str] | None) -> tuple[str, ...]:
+    """Return what a robot's joints are called in a log: as ``joints`` says, or as the robot does.
+
+    Raises
+    ------
+    ShapeError
+        If ``joints`` does not fit the robot.
+    """
+    names = tuple(robot.joint_names if joints is None else joints)
+    if len(names) != robot.configuration_size or len(set(names)) != len(names):
+        raise ShapeError(
+            f"joints: {robot.name} has {robot.configuration_size} joints; "
+            f"expected as many different names, got {', '.join(names) or 'none'}"
+        )
+    return names
 
 
 def is_own(path: Path) -> bool:
@@ -361,6 +349,5 @@ def _read_record(path: Path, names: tuple[str, ...], robot: Robot) -> JointLog:
     stamp = round((record.time[0] - min(0.0, record.time[0])) * 1e9)
     read = [record.readings[name].values for name in WRENCH_READINGS if name in record.readings]
     wrench = np.hstack(read) if len(read) == len(WRENCH_READINGS) else None
-    return JointLog(
-        path, record.time - record.time[0], record.q, record.command, stamp, record, wrench=wrench
-    )
+    time = record.time - record.time[0]
+    return JointLog(path, time, record.q, record.command, stamp, record, wrench=wrench)

@@ -16,7 +16,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, from_extra, suggest, suggest_file
 from dqcontrol.files.input_file import open_regular
 from dqcontrol.recording.cdr import layout_of
-from dqcontrol.recording.mcap_reader import ChunkMessages, read_records
+from dqcontrol.recording.mcap import ChunkMessages, read_records
 
 Stamps = NDArray[np.int64]
 
@@ -56,33 +56,40 @@ def read_joint_states(path: Path, names: Sequence[str], topic: str | None = None
     MissingExtraError
         If rosbags is needed and not installed.
     """
-    with open_messages(path) as messages:
-        topic = _choose(path, messages.types, topic, "joint_topic", (JOINTS,))
-        return _numbers_by_name(path, topic, names, "position", increasing=True) or _series(
-            path, topic, messages, lambda message: _by_name(message, names, "position"), increasing=True
-        )
+    return _read_numbers(path, names, topic, "joint_topic", "position", (JOINTS,))
 
 
 def read_commands(path: Path, names: Sequence[str], topic: str) -> tuple[Stamps, Array]:
     """Return stamps (K,), ns, and commands (K, m) of the named inputs, rad/s or m/s; raises as `read_joint_states`."""
-    with open_messages(path) as messages:
-        topic = _choose(path, messages.types, topic, "command_topic", (JOINTS, NUMBERS))
-        if messages.types[topic] == JOINTS:
-            return _numbers_by_name(path, topic, names, "velocity") or _series(
-                path, topic, messages, lambda message: _by_name(message, names, "velocity")
-            )
-        return _series(path, topic, messages, lambda message: _in_order(message, names))
+    return _read_numbers(path, names, topic, "command_topic", "velocity", increasing=False)
 
 
 def read_targets(path: Path, names: Sequence[str], topic: str) -> tuple[Stamps, Array]:
     """Return stamps (K,), ns, and commanded positions (K, n) of the named joints; raises as `read_joint_states`."""
+    return _read_numbers(path, names, topic, "target_topic", "position")
+
+
+def _read_numbers(
+    path: Path,
+    names: Sequence[str],
+    topic: str | None,
+    option: str,
+    field: str,
+    kinds: tuple[str, ...] = (JOINTS, NUMBERS),
+    *,
+    increasing: bool = True,
+) -> tuple[Stamps, Array]:
+    """Return stamps and one field of the named joints, or the numbers in their order."""
     with open_messages(path) as messages:
-        topic = _choose(path, messages.types, topic, "target_topic", (JOINTS, NUMBERS))
-        if messages.types[topic] == JOINTS:
-            return _numbers_by_name(path, topic, names, "position", increasing=True) or _series(
-                path, topic, messages, lambda message: _by_name(message, names, "position"), increasing=True
-            )
-        return _series(path, topic, messages, lambda message: _in_order(message, names), increasing=True)
+        topic = _choose(path, messages.types, topic, option, kinds)
+        by_name = messages.types[topic] == JOINTS
+        if by_name and (found := _numbers_by_name(path, topic, names, field, increasing=increasing)):
+            return found
+
+        def values(message: Any) -> list[float] | None:
+            return _by_name(message, names, field) if by_name else _in_order(message, names)
+
+        return _series(path, topic, messages, values, increasing=increasing)
 
 
 def read_poses(path: Path, topic: str | None, field: str = "reference_topic") -> tuple[Stamps, Array]:
@@ -125,12 +132,11 @@ def held(stamps: Stamps, values: Array, at: Stamps) -> Array:
 @contextmanager
 def open_messages(path: Path) -> Iterator[OpenRecording]:
     """Open a recording; whatever reading a damaged one raises becomes a `FileFormatError`."""
-    opened = (
-        _open_mcap if path.suffix.lower() == ".mcap" and not path.is_dir() and path.exists() else _open_bag
-    )
+    is_file = path.exists() and not path.is_dir()
     try:
-        if path.exists() and not path.is_dir():
+        if is_file:
             open_regular(path).close()
+        opened = _open_mcap if is_file and path.suffix.lower() == ".mcap" else _open_bag
         with opened(path) as messages:
             yield messages
     except FileFormatError as error:
@@ -150,11 +156,8 @@ def _open_mcap(path: Path) -> Iterator[OpenRecording]:
     from mcap_ros2.decoder import DecoderFactory
 
     channels, schemas = _channels(path)
-    types = {
-        channel.topic: _short(schemas[channel.schema_id].name)
-        for channel in channels.values()
-        if channel.schema_id in schemas
-    }
+    known = [each for each in channels.values() if each.schema_id in schemas]
+    types = {each.topic: _short(schemas[each.schema_id].name) for each in known}
 
     def read(topic: str) -> Iterator[tuple[int, Any]]:
         found: list[tuple[int, Any]] = []
@@ -163,8 +166,8 @@ def _open_mcap(path: Path) -> Iterator[OpenRecording]:
             decode = DecoderFactory().decoder_for(channel.message_encoding, schemas[channel.schema_id])
             if decode is None:
                 raise FileFormatError(f"{path}: {topic}: holds no ROS 2 messages: {channel.message_encoding}")
-            for time, first, size in zip(part.times.tolist(), part.starts, part.sizes, strict=True):
-                found.append((time, decode(part.data[first : first + size].tobytes())))
+            places = zip(part.times.tolist(), part.starts, part.sizes, strict=True)
+            found += [(time, decode(part.data[at : at + size].tobytes())) for time, at, size in places]
         yield from sorted(found, key=lambda each: each[0])
 
     yield OpenRecording(types, read)
@@ -203,18 +206,15 @@ def _numbers_by_name(
     if path.suffix.lower() != ".mcap":
         return None
     channels, _ = _channels(path)
-    stamps, rows = [], []
+    parts = []
     for part in _messages(path, channels, topic):
-        if channels[part.channel].message_encoding != "cdr":
+        is_usual = channels[part.channel].message_encoding == "cdr"
+        if not is_usual or (found := _part_by_name(part, names, field)) is None:
             return None
-        found = _part_by_name(part, names, field)
-        if found is None:
-            return None
-        stamps.append(found[0])
-        rows.append(found[1])
-    if not rows or not sum(map(len, rows)):
+        parts.append(found)
+    if not sum(len(stamps) for stamps, _ in parts):
         return None
-    times, values = np.concatenate(stamps), np.concatenate(rows)
+    times, values = (np.concatenate(each) for each in zip(*parts, strict=True))
     if not np.isfinite(values).all() or (increasing and (np.diff(times) <= 0).any()):
         return None
     order = np.argsort(times, kind="stable")
@@ -256,9 +256,8 @@ def _open_bag(path: Path) -> Iterator[OpenRecording]:
         raise FileFormatError(f"{path}: is a part of a ROS 2 bag; give its folder, with metadata.yaml in it")
     if path.is_dir() and not (path / "metadata.yaml").is_file():
         raise FileFormatError(f"{path}: is no ROS 2 bag: it holds no metadata.yaml")
-    highlevel, typesys = (
-        from_extra(f"rosbags.{part}", "data", f"bags, as {path},") for part in ("highlevel", "typesys")
-    )
+    what = f"bags, as {path},"
+    highlevel, typesys = (from_extra(f"rosbags.{part}", "data", what) for part in ("highlevel", "typesys"))
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     with highlevel.AnyReader([path], default_typestore=store) as reader:
 

@@ -15,23 +15,7 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, suggest
 from dqcontrol.files.input_file import as_number, open_regular, read_text
-from dqcontrol.logs.text_table import (
-    ANGLES,
-    DELIMITERS,
-    EMPTY,
-    LENGTHS,
-    TIME_NAMES,
-    TIME_UNITS,
-    Missing,
-    fill_missing,
-    find_columns,
-    name_and_unit,
-    seconds_from,
-    table_rows,
-    time_unit,
-    unit_scale,
-    written_stamp,
-)
+from dqcontrol.logs import text_table
 from dqcontrol.robots import Robot
 
 Angles = Literal["rad", "deg"]
@@ -81,7 +65,7 @@ def read_joint_table(
     *,
     angles: Angles | None = None,
     targets: str | Sequence[str] | None = None,
-    missing: Missing = "interpolate",
+    missing: text_table.Missing = "interpolate",
 ) -> JointTable:
     """Return what a table holds of a robot's joints.
 
@@ -99,17 +83,16 @@ def read_joint_table(
     columns, stamps, values, notes = _read(path, joint_names, targets)
     unit = columns.units[columns.time]
     if not unit:
-        unit, said = time_unit(stamps)
+        unit, said = text_table.time_unit(stamps)
         notes += said
-    time = seconds_from(stamps, TIME_UNITS[unit])
+    time = text_table.seconds_from(stamps, text_table.TIME_UNITS[unit])
     if angles is None and must_be_degrees(path, robot, [columns.units[i] for i in columns.joints], values):
         angles = "deg"
         notes.append(DEGREES_NOTE)
     values *= _scales(columns, robot.joint_types, angles)
     n = len(joint_names)
-    time, values = fill_missing(
-        path, time, values, [columns.names[i] for i in columns.numbers], n, missing, notes
-    )
+    names = [columns.names[i] for i in columns.numbers]
+    time, values = text_table.fill_missing(path, time, values, names, n, missing, notes)
     ends = np.cumsum([n, len(columns.commands), len(columns.targets)])
     parts = np.split(values, ends, axis=1)
     command, target, wrench = (part if part.shape[1] else None for part in parts[1:])
@@ -119,9 +102,8 @@ def read_joint_table(
 def column_names(path: Path, known: Sequence[str]) -> list[str]:
     """Return the names of the columns of a table without their units; raises as `read_joint_table`."""
     with _opened(path) as stream:
-        return [
-            name_and_unit(cell, known)[0] for cell in next(table_rows(path, _text_lines(path, stream)))[1]
-        ]
+        _, cells = next(text_table.table_rows(path, _text_lines(path, stream)))
+    return [text_table.name_and_unit(cell, known)[0] for cell in cells]
 
 
 def _read(
@@ -132,7 +114,7 @@ def _read(
     if found is not None:
         return found[0], found[1], found[2], []
     text, notes = read_text(path), list[str]()
-    header, *rows = table_rows(path, text.splitlines())
+    header, *rows = text_table.table_rows(path, text.splitlines())
     columns = _chosen(path, header, joint_names, targets)
     width = len(columns.names)
     if rows and len(rows[-1][1]) < width and not text.endswith("\n"):
@@ -140,7 +122,7 @@ def _read(
     for number, cells in rows:
         if len(cells) != width:
             raise FileFormatError(f"{path}:{number}: expected {width} values, got {len(cells)}")
-    stamped = [row for row in rows if row[1][columns.time].lower() not in EMPTY]
+    stamped = [row for row in rows if row[1][columns.time].lower() not in text_table.EMPTY]
     if len(stamped) < len(rows):
         notes.append(f"{len(rows) - len(stamped)} of {len(rows)} lines have no time and are left out")
     if not stamped:
@@ -158,17 +140,19 @@ def _chosen(
     where, n = f"{path}:{header[0]}", len(joint_names)
     commanded = [f"command.{name}" for name in joint_names], [f"u{i + 1}" for i in range(n)]
     wanted = _target_names(joint_names, targets)
-    known = {*joint_names, *(f"q{i + 1}" for i in range(n)), *TIME_NAMES, *_WRENCH}.union(*commanded, *wanted)
-    cells = [name_and_unit(cell, known) for cell in header[1]]
+    numbered = [f"q{i + 1}" for i in range(n)]
+    known = {*joint_names, *numbered, *text_table.TIME_NAMES, *_WRENCH}.union(*commanded, *wanted)
+    cells = [text_table.name_and_unit(cell, known) for cell in header[1]]
     names, units = [cell[0] for cell in cells], [cell[1] for cell in cells]
-    joints = find_columns(where, "joints", names, _measured_names(names, joint_names), "q")
-    commands = _find_commands(where, names, joint_names)
+    joints = text_table.find_columns(where, "joints", names, _measured_names(names, joint_names), "q")
+    is_commanded = not set(names).isdisjoint({*commanded[0], *commanded[1]})
+    commands = text_table.find_columns(where, "commands", names, commanded[0], "u") if is_commanded else []
     lowered = [name.lower() for name in names]
-    time = next((name for name in TIME_NAMES if name in lowered), "time")
-    place = find_columns(where, "column", lowered, [time], "")[0]
-    if units[place] and units[place] not in TIME_UNITS:
+    time = next((name for name in text_table.TIME_NAMES if name in lowered), "time")
+    place = text_table.find_columns(where, "column", lowered, [time], "")[0]
+    if units[place] and units[place] not in text_table.TIME_UNITS:
         raise FileFormatError(
-            f"{where}: {names[place]}: unknown unit '{units[place]}' (allowed: {', '.join(TIME_UNITS)})"
+            f"{where}: {names[place]}: unknown unit '{units[place]}' (allowed: {', '.join(text_table.TIME_UNITS)})"
         )
     found = next((each for each in wanted if set(each) <= set(names)), None)
     if found is None and targets is not None:
@@ -176,7 +160,7 @@ def _chosen(
             f"targets or reference_joints: {where}: columns missing: {', '.join(wanted[0])}"
             f"{suggest(wanted[0][0], names)} (columns: {', '.join(names)})"
         )
-    held = find_columns(where, "commanded positions", names, found, "") if found else []
+    held = text_table.find_columns(where, "commanded positions", names, found, "") if found else []
     wrench = [lowered.index(name) for name in _WRENCH] if set(_WRENCH) <= set(lowered) else []
     return _Columns(where, names, units, place, joints, commands, held, wrench)
 
@@ -211,18 +195,19 @@ def _target_names(joint_names: Sequence[str], targets: str | Sequence[str] | Non
 
 def _scales(columns: _Columns, joint_types: Sequence[str], angles: Angles | None) -> list[float]:
     """Return what turns the numbers of each column into rad, m, rad/s and m/s."""
-    scales = []
+
+    def scale(i: int, allowed: dict[str, float], default: str) -> float:
+        where = f"{columns.where}: {columns.names[i]}"
+        return text_table.unit_scale(where, columns.units[i], allowed, default)
+
+    scales, usual = [], {"revolute": (text_table.ANGLES, angles or "rad")}
     for chosen, per in ((columns.joints, ""), (columns.commands, "/s"), (columns.targets, "")):
         for kind, i in zip(joint_types if chosen else (), chosen, strict=True):
-            table, default = (ANGLES, angles or "rad") if kind == "revolute" else (LENGTHS, "m")
-            allowed = {unit + per: scale for unit, scale in table.items()}
-            scales.append(
-                unit_scale(f"{columns.where}: {columns.names[i]}", columns.units[i], allowed, default + per)
-            )
+            table, default = usual.get(kind, (text_table.LENGTHS, "m"))
+            scales.append(scale(i, {unit + per: factor for unit, factor in table.items()}, default + per))
     for k, i in enumerate(columns.wrench):
         unit = "N" if k < 3 else "N·m"
-        unit_scale(f"{columns.where}: {columns.names[i]}", columns.units[i], {unit: 1.0}, unit)
-        scales.append(1.0)
+        scales.append(scale(i, {unit: 1.0}, unit))
     return scales
 
 
@@ -247,10 +232,8 @@ def must_be_degrees(path: Path, robot: Robot, units: Sequence[str], values: Arra
     """
     types, limits = robot.joint_types, robot.limits
     unsaid = [k for k, unit in enumerate(units) if types[k] == "revolute" and not unit]
-    least, most = (
-        getattr(np, name)(values[:, unsaid], axis=0, initial=0.0, where=~np.isnan(values[:, unsaid]))
-        for name in ("min", "max")
-    )
+    angles = values[:, unsaid]
+    least, most = (find(angles, axis=0, initial=0.0, where=~np.isnan(angles)) for find in (np.min, np.max))
     largest = max(float(-least.min(initial=0.0)), float(most.max(initial=0.0)))
     if largest <= _MANY_TURNS:
         return False
@@ -290,30 +273,21 @@ def _plain(
     """
     values, stamps = [], list[Decimal]()
     with _opened(path) as stream:
-        header, columns = None, None
+        try:
+            header = next(text_table.table_rows(path, _text_lines(path, stream)))
+        except FileFormatError:
+            return None
+        if "\0" in "".join(header[1]):
+            return None
+        columns = _chosen(path, header, joint_names, targets)
         for block in iter(lambda: stream.readlines(_BLOCK), []):
-            if header is None:
-                if any(b"\0" in line for line in block):
-                    return None
-                lines = iter(block)
-                try:
-                    header = next(
-                        table_rows(path, (line.decode("utf-8-sig").rstrip("\r\n") for line in lines))
-                    )
-                except (StopIteration, UnicodeDecodeError, FileFormatError):
-                    return None
-                columns = _chosen(path, header, joint_names, targets)
-                block = list(lines)  # what is behind the header
-            assert columns
             part = _plain_block(b"".join(block), columns)
             if part is None:
                 return None
             values.append(part[0])
             stamps += part[1]
-    if columns is None or not stamps:
-        return None
     increasing = all(after > before for before, after in pairwise(stamps))
-    return (columns, stamps, np.concatenate(values)) if increasing else None
+    return (columns, stamps, np.concatenate(values)) if stamps and increasing else None
 
 
 def _plain_block(text: bytes, columns: _Columns) -> tuple[Array, list[Decimal]] | None:
@@ -321,7 +295,7 @@ def _plain_block(text: bytes, columns: _Columns) -> tuple[Array, list[Decimal]] 
     lines = [line for line in text.splitlines() if line.strip()]
     if not lines:
         return np.zeros((0, len(columns.numbers))), []
-    delimiter = max((each.encode() for each in DELIMITERS), key=lines[0].count)
+    delimiter = max((each.encode() for each in text_table.DELIMITERS), key=lines[0].count)
     try:
         content = b"[[" + b"],[".join(lines).replace(delimiter, b",").replace(b"nan", b"null") + b"]]"
         table = np.array(msgspec.json.decode(content, type=list[list[float | None]]), dtype=np.float64)
@@ -335,20 +309,15 @@ def _plain_block(text: bytes, columns: _Columns) -> tuple[Array, list[Decimal]] 
     return None if np.isinf(values).any() else (values, stamps)
 
 
-def _find_commands(where: str, names: Sequence[str], inputs: Sequence[str]) -> list[int]:
-    """Return the columns of the commands, if there are any."""
-    named = [f"command.{name}" for name in inputs]
-    if not any(name in names for name in (*named, *(f"u{i + 1}" for i in range(len(inputs))))):
-        return []
-    return find_columns(where, "commands", names, named, "u")
-
-
 def _numbers(path: Path, rows: list[tuple[int, list[str]]], columns: _Columns) -> Array:
     """Return the chosen columns, NaN for empty cells, or name the first cell that is no finite number."""
     places = columns.numbers
     try:
         table = np.array(
-            [[cells[i] if cells[i].lower() not in EMPTY else "nan" for i in places] for _, cells in rows],
+            [
+                [cells[i] if cells[i].lower() not in text_table.EMPTY else "nan" for i in places]
+                for _, cells in rows
+            ],
             dtype=np.float64,
         )
     except ValueError:
@@ -356,7 +325,7 @@ def _numbers(path: Path, rows: list[tuple[int, list[str]]], columns: _Columns) -
     if np.isinf(table).any():
         for number, cells in rows:
             for i in places:
-                if cells[i].lower() not in EMPTY:
+                if cells[i].lower() not in text_table.EMPTY:
                     as_number(f"{path}:{number}: {columns.names[i]}", cells[i])
     return table
 
@@ -364,7 +333,8 @@ def _numbers(path: Path, rows: list[tuple[int, list[str]]], columns: _Columns) -
 def _stamps(path: Path, rows: list[tuple[int, list[str]]], columns: _Columns) -> list[Decimal]:
     """Return the stamps with all digits: those of Unix time do not fit a float."""
     name = columns.names[columns.time]
-    stamps = [written_stamp(f"{path}:{number}: {name}", cells[columns.time]) for number, cells in rows]
+    places = [(f"{path}:{number}: {name}", cells[columns.time]) for number, cells in rows]
+    stamps = [text_table.written_stamp(*place) for place in places]
     for k in range(1, len(stamps)):
         if stamps[k] <= stamps[k - 1]:
             now, before = (rows[i][1][columns.time] for i in (k, k - 1))

@@ -20,14 +20,7 @@ from dqcontrol.files.input_file import as_number
 TIME_NAMES = ("time", "timestamp", "t", "stamp", "%time", "__time")
 """Names of the column of time, in small letters."""
 
-TIME_UNITS = {
-    "s": 1.0,
-    "ms": 1e-3,
-    "us": 1e-6,
-    "ns": 1e-9,
-    "µs": 1e-6,
-    "sec": 1.0,
-}
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "µs": 1e-6, "sec": 1.0}
 
 # Joints are logged with periods of 0.25 ms to half a second: of the units that make a period of that, one is left.
 _LARGEST_STEP = {"s": 0.5, "ms": 250.0, "us": 250e3, "ns": math.inf}
@@ -72,14 +65,9 @@ def time_unit(stamps: list[Decimal]) -> tuple[str, list[str]]:
         return "s", []
     step = float(np.median([float(stamps[k] - stamps[k - 1]) for k in range(1, min(len(stamps), 1001))]))
     first = abs(float(stamps[0]))
-    unit = next(
-        (
-            name
-            for name in _WORDS
-            if _UNIX[0] <= first * TIME_UNITS[name] < _UNIX[1] and step * TIME_UNITS[name] < 0.5
-        ),
-        next(name for name, most in _LARGEST_STEP.items() if step < most),
-    )
+    seconds = [name for name in _WORDS if _UNIX[0] <= first * TIME_UNITS[name] < _UNIX[1]]
+    of_dates = [name for name in seconds if step * TIME_UNITS[name] < 0.5]
+    unit = of_dates[0] if of_dates else next(name for name, most in _LARGEST_STEP.items() if step < most)
     if unit == "s":
         return unit, []
     return unit, [
@@ -193,11 +181,8 @@ def table_rows(path: Path, lines: Iterable[str]) -> Iterator[tuple[int, list[str
         if not text.strip() or text.startswith("#"):
             continue
         try:
-            cells = (
-                [cell.strip() for cell in next(csv.reader([text], delimiter=delimiter))]
-                if delimiter
-                else text.split()
-            )
+            row = next(csv.reader([text], delimiter=delimiter)) if delimiter else text.split()
+            cells = [cell.strip() for cell in row]
         except csv.Error as error:
             raise FileFormatError(f"{path}:{number}: {error}") from None
         if header is not None:

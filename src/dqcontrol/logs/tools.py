@@ -32,11 +32,11 @@ from dqcontrol.errors import FileFormatError, ValueRangeError, as_array, as_posi
 from dqcontrol.experiments.results_folder import made_folder
 from dqcontrol.files.plain_data import yaml_text
 from dqcontrol.files.whole_file import whole_file
-from dqcontrol.logs.joint_log import JointLog, read_joint_log
+from dqcontrol.logs.joint_log import JointLog, arm_of, read_joint_log
 from dqcontrol.logs.joint_messages import is_recording, read_wrenches
-from dqcontrol.logs.servos.excitation import write_joint_motion
+from dqcontrol.logs.servos.excitation import middle_of_limits, write_joint_motion
 from dqcontrol.references.straight import PEAK_SPEED, progress
-from dqcontrol.robots import Robot, SerialArm, load_robot
+from dqcontrol.robots import Robot, SerialArm
 from dqcontrol.tables.tables import Cell, Column, Table
 
 SPEC = "tool.yaml"
@@ -153,31 +153,22 @@ def tool_motion(
     >>> len(motion.rests), motion.condition < 1.3
     (6, True)
     """
-    arm = robot if isinstance(robot, Robot) else load_robot(robot)
-    if not isinstance(arm, SerialArm):
-        raise ValueRangeError(
-            f"robot: {arm.name} is no arm on a fixed base; a tool is told by turning its end effector"
-        )
+    arm = arm_of(robot, "is no arm on a fixed base; a tool is told by turning its end effector")
     period, fall = as_positive("period", period), as_array("gravity", gravity, (3,))
     if not fall.any():
         raise ValueRangeError("gravity: is 0, so nothing weighs anything")
-    lower, upper = arm.limits.lower, arm.limits.upper
-    middle = np.where(np.isfinite(lower + upper), 0.5 * np.nan_to_num(lower + upper), 0.0)
-    begin = middle if start is None else as_array("start", start, (arm.configuration_size,))
+    begin = middle_of_limits(arm) if start is None else as_array("start", start, (arm.configuration_size,))
     at_sensor = (sensor or ForceSensor()).pose
     place = algebra.pose(_STRAIGHT, algebra.translation(arm.fkm(begin)))
     back = algebra.conjugate(algebra.pose(algebra.rotation(at_sensor), np.zeros(3)))
     spins = np.arange(_YAWS) * (2 * np.pi / _YAWS)
-    yaws = algebra.pose(
-        [algebra.rotation_from_axis_angle(fall / np.linalg.norm(fall), spin) for spin in spins], np.zeros(3)
-    )
+    down = fall / np.linalg.norm(fall)
+    yaws = algebra.pose([algebra.rotation_from_axis_angle(down, spin) for spin in spins], np.zeros(3))
     rests, at = list[Array](), begin
     left = list(algebra.multiply(_from_down(fall), algebra.pose(tool_orientations(), np.zeros(3))))
     while left:
-        near = [
-            _nearest(arm, algebra.multiply(place, algebra.multiply(yaws, algebra.multiply(turn, back))), at)
-            for turn in left
-        ]
+        turned = [algebra.multiply(yaws, algebra.multiply(turn, back)) for turn in left]
+        near = [_nearest(arm, algebra.multiply(place, each), at) for each in turned]
         ways = [np.inf if q is None else float(np.abs(q - at).max()) for q in near]
         k = int(np.argmin(ways))
         if (q := near[k]) is None:
@@ -198,10 +189,8 @@ def tool_motion(
     for before, after in pairwise(stops):
         seconds = max(PEAK_SPEED * float((np.abs(after - before) / speed).max()), period)
         at_times = np.linspace(0.0, 1.0, max(int(np.ceil(seconds / period)), 1) + 1)[1:, None]
-        parts += [
-            before + progress(at_times) * (after - before),
-            np.repeat(after[None], round(_REST / period), axis=0),
-        ]
+        at_rest = np.repeat(after[None], round(_REST / period), axis=0)
+        parts += [before + progress(at_times) * (after - before), at_rest]
     return ToolMotion(arm, period, np.vstack(parts), found, condition)
 
 
@@ -289,8 +278,9 @@ class ToolIdentification:
             "force_left": round(found.force_left, 6),
             "torque_left": round(found.torque_left, 6),
         }
-        tool = msgspec.to_builtins(found.tool)
-        text = yaml_text({"tool": _rounded(tool), "identified": identified})
+        plain = msgspec.to_builtins(found.tool)
+        tool = {key: _rounded(value) for key, value in plain.items() if value is not None}
+        text = yaml_text({"tool": tool, "identified": identified})
         head = "# A tool on a force sensor, by dqcontrol identify tool: kg, m, N, N·m\n"
         with whole_file(target, overwrite=force) as draft:
             draft.write_text(head + text, encoding="utf-8")
@@ -333,9 +323,7 @@ def tool_from_logs(
     FileFormatError, ShapeError, ValueRangeError
         If a log cannot be read, holds no wrench or no rest, or its orientations are too much alike.
     """
-    arm = robot if isinstance(robot, Robot) else load_robot(robot)
-    if not isinstance(arm, SerialArm):
-        raise ValueRangeError(f"robot: {arm.name} is no arm on a fixed base")
+    arm = arm_of(robot, "is no arm on a fixed base")
     paths = [Path(logs)] if isinstance(logs, str | Path) else [Path(each) for each in logs]
     if not paths:
         raise FileFormatError("logs: expected at least one file, got none")
@@ -374,9 +362,8 @@ def rests(time: Array, q: Array) -> list[tuple[float, float]]:
     if len(time) < 2:
         return []
     width = 2 * max(round(0.5 * _AROUND / float(np.median(np.diff(time)))), 1) + 1
-    spread = maximum_filter1d(q, width, axis=0, mode="nearest") - minimum_filter1d(
-        q, width, axis=0, mode="nearest"
-    )
+    most, least = (each(q, width, axis=0, mode="nearest") for each in (maximum_filter1d, minimum_filter1d))
+    spread = most - least
     still = np.concatenate([[False], (spread <= _STILL).all(axis=1), [False]])
     edges = np.flatnonzero(np.diff(still)).reshape(-1, 2)
     spans = [(float(time[first]), float(time[last - 1])) for first, last in edges]
@@ -396,12 +383,8 @@ def _wrenches(data: JointLog, topic: str | None) -> tuple[Array, Array]:
     )
 
 
-def _rounded(data: dict[str, Any]) -> dict[str, Any]:
+def _rounded(value: Any) -> Any:
     """Return plain data with the digits that a sensor has."""
-    out = dict[str, Any]()
-    for key, value in data.items():
-        if isinstance(value, list | tuple):
-            out[key] = [round(each, 9) for each in value]
-        elif value is not None:
-            out[key] = round(value, 9) if isinstance(value, float) else value
-    return out
+    if isinstance(value, list | tuple):
+        return [_rounded(each) for each in value]
+    return round(value, 9) if isinstance(value, float) else value

@@ -2,7 +2,11 @@ from .clock import (
     Clock as Clock,
     Timing as Timing,
 )
-from .closed_loop import close_loop as close_loop
+from .closed_loop import (
+    Stop as Stop,
+    Trace as Trace,
+    close_loop as close_loop,
+)
 from .live import (
     Live as Live,
     LiveState as LiveState,
@@ -18,7 +22,3 @@ from .simulate import (
     simulate_prepared as simulate_prepared,
 )
 from .supervision import Supervision as Supervision
-from .trace import (
-    Stop as Stop,
-    Trace as Trace,
-)

@@ -184,9 +184,8 @@ class Clock:
         done = self._steps
         if not done:
             raise Error("clock: has paced no loop yet; pass it to close_loop first")
-        return Timing(
-            self._period, self._begin[:done], self._computation[:done], self._idle[:done], self._late[:done]
-        )
+        measured = self._begin, self._computation, self._idle
+        return Timing(self._period, *(each[:done] for each in measured), late=self._late[:done])
 
 
 def threads_of_process() -> list[int]:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
-from dataclasses import replace
+from dataclasses import dataclass, field
+from typing import Annotated, Protocol
 
 import numpy as np
+from msgspec import Meta
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, Kernel
 from dqcontrol.contact.admittance import NEEDS_CONTACT
-from dqcontrol.contact.contact_layout import WRENCH
 from dqcontrol.controller.controller import Controller, status_text
 from dqcontrol.errors import DivergedError, Error, FallenError, ShapeError, ValueRangeError, as_array
 from dqcontrol.files.long_array import long_array
@@ -20,10 +21,10 @@ from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.record import has_failed
 from dqcontrol.loop.replanning import Replanning
-from dqcontrol.loop.signals import Readings
+from dqcontrol.loop.signals import Readings, Signal
 from dqcontrol.loop.supervision import Senses, Supervision, most_steps_to_rest
-from dqcontrol.loop.trace import SampleSink, Stop, Trace, empty_records, ended
-from dqcontrol.plants.disturbance_step import RunningDisturbance
+from dqcontrol.named_fields import NamedFields
+from dqcontrol.plants.disturbance import RunningDisturbance
 from dqcontrol.plants.plant import CompiledPlant, PlantProtocol, RunningPlant, running_plant
 from dqcontrol.references.follow import Follow
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE
@@ -32,6 +33,63 @@ from dqcontrol.supervisor.supervisor_layout import GO, moment_layout
 _PROGRESS_EVERY = 50  # steps
 _SUPERVISOR = "the supervisor"
 _LOST = "the measured configuration is not finite"
+
+
+class SampleSink(Protocol):
+    """Takes samples one by one and returns at once; `dqcontrol.recording.RecordStream` is one.
+
+    Attributes
+    ----------
+    failure
+        Why samples are lost, empty while none is: the loop then stops the robot.
+    """
+
+    failure: str
+
+    def take(
+        self, sample: Array, q: Array, measured: Array, command: Array, interventions: float = 0.0
+    ) -> None:
+        """Take one sample.
+
+        Parameters
+        ----------
+        sample
+            As of ``Sample.data``, shape (21,); the time increases.
+        q, measured
+            True and measured configuration, shape (n,), rad or m.
+        command
+            Inputs after all limits, shape (m,), rad/s or m/s.
+        interventions
+            Code of the supervisor.
+        """
+        ...
+
+
+FARTHEST = 1e4  # rad or m: no robot goes there
+
+
+class Stop(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """End a run early, once the error norm has stayed below a tolerance."""
+
+    error: Annotated[float, Meta(gt=0, description="|vec8(1 − x*x_d)|")]
+    samples: Annotated[int, Meta(ge=1, description="consecutive samples")] = 50
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What the loop saw at each sample, and why it ended.
+
+    With a supervisor the last samples are those in which the robot came to rest: what is desired rests there too.
+    """
+
+    q: Array
+    measured: Array
+    command: Array
+    stopped: str
+    desired: Array
+    disturbance: Array | None = None  # inertial twist, shape (done, 6)
+    readings: dict[str, Signal] = field(default_factory=dict)  # what else the plant sensed
+    kept: Array | None = None  # reports of the law's constraints
 
 
 def close_loop(
@@ -159,6 +217,17 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
     law, samples, supervision, disturbance = steps.law, steps.samples, steps.supervision, steps.disturbance
     count = len(steps.samples)
     done, settling = np.zeros(3), np.zeros(9)
+    supervised, disturbed = compiled.UNSUPERVISED, compiled.UNDISTURBED
+    if supervision:
+        supervised = compiled.supervisor_arrays(
+            memory=supervision.supervisor.memory,
+            moment=moment_layout.pack(age=0.0, elapsed=supervision.period, request=GO, known=0.0, still=0.0),
+            state=supervision.state,
+            codes=supervision.codes[:count],
+        )
+    if disturbance:
+        given = {"rows": disturbance.rows, "parameters": disturbance.parameters, "work": disturbance.work}
+        disturbed = compiled.disturbance_arrays(**given, realised=steps.realised[:count])
     status = compiled.rollout(
         compiled.stages(
             kinematics=law.robot.kernels.twist_kinematics.pointer,
@@ -168,31 +237,9 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
             settled=compiled.settled.pointer if stop else 0,
         ),
         compiled.law_arrays(plan=law.plan, memory=law.memory, state=steps.law_state),
-        compiled.supervisor_arrays(
-            memory=supervision.supervisor.memory,
-            moment=moment_layout.pack(age=0.0, elapsed=supervision.period, request=GO, known=0.0, still=0.0),
-            state=supervision.state,
-            codes=supervision.codes[:count],
-        )
-        if supervision
-        else compiled.UNSUPERVISED,
-        compiled.disturbance_arrays(
-            rows=disturbance.rows,
-            parameters=disturbance.parameters,
-            work=disturbance.work,
-            realised=steps.realised[:count],
-        )
-        if disturbance
-        else compiled.UNDISTURBED,
-        compiled.plant_arrays(
-            parameters=plant.parameters,
-            state=plant.state,
-            noise=plant.noise,
-            q=plant.q,
-            measured=plant.measured,
-            wrench=plant.wrench if plant.wrench.size else np.full(WRENCH, np.nan),
-            readings=plant.readings,
-        ),
+        supervised,
+        disturbed,
+        compiled.moved_plant(plant),
         compiled.course(samples=samples, stop=_stop_array(stop), done=done, settling=settling),
         compiled.Records(*(each[:count] for each in (*steps.records, steps.readings.rows))),
     )
@@ -214,39 +261,38 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
     return steps.end(failure, halted, finished)
 
 
+@dataclass(eq=False)
 class _Steps:
     """The loop in Python, one period after the other, and how it ends."""
 
-    def __init__(
-        self,
-        law: Controller,
-        plant: PlantProtocol,
-        samples: Array,
-        disturbance: RunningDisturbance | None,
-        clock: Clock | None,
-        supervision: Supervision | None,
-        recording: SampleSink | None,
-        follow: Follow | None,
-        replanning: Replanning | None,
-    ) -> None:
-        self.law, self.samples, self.disturbance = law, samples, disturbance
-        self.replanning = replanning
-        self.plant = live = running_plant(plant)
-        self.clock, self.supervision, self.recording = clock, supervision, recording
-        self._follow_body, self._followed = follow, np.zeros(8)
+    law: Controller
+    moved: PlantProtocol
+    samples: Array
+    disturbance: RunningDisturbance | None
+    clock: Clock | None
+    supervision: Supervision | None
+    recording: SampleSink | None
+    follow: Follow | None
+    replanning: Replanning | None
+
+    def __post_init__(self) -> None:
+        law, samples, supervision = self.law, self.samples, self.supervision
+        self.plant, self._followed = running_plant(self.moved), np.zeros(8)
         self.desired, self.senses = samples, None
         if supervision is not None:
             self.desired = long_array(len(samples) + most_steps_to_rest(supervision.supervisor), SAMPLE_SIZE)
             self.desired[: len(samples)] = samples
-            self.senses = Senses(plant, supervision.supervisor)
+            self.senses = Senses(self.moved, supervision.supervisor)
             supervision.begin(len(self.desired))
-        self.records = empty_records(law, self.desired)
-        self.realised = np.zeros((len(self.desired), 6)) if disturbance else np.zeros((0, 6))
-        self.law_state = law.initial_state(plant.q)
+        n, m, size, report = len(self.plant.q), law.robot.input_size, len(self.desired), len(law.report)
+        kept = long_array(size, report) if report else np.zeros((size, 0))
+        self.records = long_array(size, n), long_array(size, n), long_array(size, m), kept
+        self.realised = np.zeros((size if self.disturbance else 0, 6))
+        self.law_state = law.initial_state(self.plant.q)
         self.done, self.was_sent, self.rests = 0, True, False
-        self.readings = Readings(live, len(self.desired))
+        self.readings = Readings(self.plant, size)
         self._fault, self.unanswered = "", ""
-        if clock is not None:
+        if self.clock is not None:
             self._take_memory()
 
     def _take_memory(self) -> None:
@@ -274,18 +320,23 @@ class _Steps:
                 self.done = done
             else:
                 halted = self._why(supervision, halted)
-        realised = self.realised if self.disturbance else None
-        desired = self.law.guided(self.desired, self.law_state)
-        found = ended(self.done, desired, self.records, realised, failure, halted, finished)
+        done, desired = self.done, self.law.guided(self.desired, self.law_state)
+        lost, why = _first_beyond(FARTHEST, self.records[0][:done]), failure
+        if lost:
+            done, why = lost, f"a joint went beyond {FARTHEST:g} rad or m"
+        if why is not None:
+            stopped = f"diverged at {desired[done, TIME]:g} s: {why}"
+        elif halted:
+            stopped = f"halted at {desired[max(done - 1, 0), TIME]:g} s: {halted}"
+        else:
+            stopped = finished or ("duration" if done == len(desired) else "settled")
         # a stop after the fault is its consequence, a failure is not
-        is_first = (supervision and not failure) or not has_failed(found.stopped)
-        stopped = self._fault if self._fault and is_first else found.stopped
-        signals = self.readings.signals(len(found.q))
-        if supervision:
-            signals |= supervision.signals(len(found.q))
-        if not signals and stopped == found.stopped:
-            return found
-        return replace(found, stopped=stopped, readings=signals)
+        if self._fault and ((supervision and not failure) or not has_failed(stopped)):
+            stopped = self._fault
+        q, measured, command, kept = (array[:done] for array in self.records)
+        realised = self.realised[:done] if self.disturbance else None
+        signals = self.readings.signals(done) | (supervision.signals(done) if supervision else {})
+        return Trace(q, measured, command, stopped, desired[:done], realised, signals, kept)
 
     def _why(self, supervision: Supervision, halted: str) -> str:
         """Say why the supervisor stopped the robot, if it did not only end what was over."""
@@ -410,7 +461,7 @@ class _Steps:
         """Let law and desired sample know where watched bodies are measured."""
         for name, pose in self.plant.seen.items():
             self.law.place(name, pose)
-        follow = self._follow_body
+        follow = self.follow
         if follow is None or k >= len(self.samples):
             return
         if row[TIME] <= follow.until:
@@ -453,6 +504,14 @@ class _Steps:
         row[TIME] = before[TIME] + self.law.period
 
 
+def _first_beyond(bound: float, rows: Array) -> int:
+    """Return the first row with a number beyond ± bound, or 0."""
+    if not rows.size or max(rows.max(), -rows.min()) <= bound:  # a tenth of the time of looking at each row
+        return 0
+    found = np.flatnonzero((np.abs(rows) > bound).any(axis=1))
+    return int(found[0]) if len(found) else 0
+
+
 def _ask(law: Controller, measured: Array, row: Array, k: int, state: Array, command: Array) -> str | None:
     """Write what the law says; say why it cannot, and write NaN."""
     try:
@@ -473,15 +532,10 @@ def _warm_up(
     law: Controller, plant: RunningPlant, samples: Array, disturbance: RunningDisturbance | None
 ) -> None:
     """Compile what the loop calls, so that its first steps are as fast as the others."""
-    compiled_plant = plant.compiled()
-    kernels_of_loop = (
-        compiled.settled,
-        compiled_plant and compiled_plant.kernel,
-        disturbance and disturbance.kernel,
-    )
-    for kernel in kernels_of_loop:
-        if isinstance(kernel, Kernel):
-            _ = kernel.pointer
+    for each in (plant.compiled(), disturbance):
+        if each is not None and isinstance(each.kernel, Kernel):
+            _ = each.kernel.pointer
+    _ = compiled.settled.pointer
     if isinstance(law.kernel, Kernel):
         with suppress(DivergedError, ValueRangeError):  # the loop will say so
             for row in samples[:1]:

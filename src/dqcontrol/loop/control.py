@@ -10,9 +10,9 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.controller import Controller
 from dqcontrol.errors import DivergedError, Error, FallenError, ValueRangeError
+from dqcontrol.loop.closed_loop import SampleSink
 from dqcontrol.loop.supervision import BlackBox
 from dqcontrol.loop.targets import JogTarget, Target
-from dqcontrol.loop.trace import SampleSink
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot
 from dqcontrol.supervisor import PreparedSupervisor, supervisor_layout as layout
@@ -253,18 +253,8 @@ class Control:
                 self.law.wrench[:] = wrench if wrench.size else math.nan
             self._ask_law(self.time)
         request, self._request = self._request, GO
-        rests = self.supervisor.step(
-            self.measured,
-            self.wanted,
-            self._state,
-            age,
-            request,
-            self.command,
-            self._elapsed,
-            effort,
-            wrench,
-            self._still,
-        )
+        given = self.measured, self.wanted, self._state, age, request, self.command
+        rests = self.supervisor.step(*given, self._elapsed, effort, wrench, self._still)
         self.law.sent(self._law_state, self.command)
         code = self.supervisor.code(self._state)
         self.black_box.take(self._elapsed, self.desired, self.measured, self.measured, self.command, code)

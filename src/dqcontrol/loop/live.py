@@ -17,12 +17,12 @@ from dqcontrol.controller import Controller, PreparedTasks
 from dqcontrol.errors import FallenError, ShapeError, as_array, as_positive
 from dqcontrol.laws.law import Law
 from dqcontrol.limits import CommandLimits
+from dqcontrol.loop.closed_loop import SampleSink
 from dqcontrol.loop.control import Control, Phase, warm_up
 from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.replanning import refuse_replanning
 from dqcontrol.loop.supervision import BlackBox, Senses
 from dqcontrol.loop.targets import PoseTarget, SampledTarget, Speeds, Target, TwistTarget
-from dqcontrol.loop.trace import SampleSink
 from dqcontrol.plants.plant import (
     Plant,
     PlantProtocol,
@@ -173,9 +173,8 @@ class Live:
         self._mode: CommandMode = lagging_mode(kind) if kind else "measured"
         self.lag: Lag = kind.lag(robot) if kind else AT_ONCE
         self._limits = limits_before(kind, limits, robot) if kind else limits or CommandLimits()
-        guard = (supervisor or Supervisor()).prepare(
-            robot, period, command_mode(kind) if kind else "integrated"
-        )
+        mode = command_mode(kind) if kind else "integrated"
+        guard = (supervisor or Supervisor()).prepare(robot, period, mode)
         self._reference: Reference | None = None
         self._tasks = tasks
         self._aims: dict[int, PoseTarget] = {}  # of further tasks, by their numbers
@@ -337,12 +336,12 @@ class Live:
     def _missing(self, pose: Array) -> float:
         """Return how far the farthest of law and further tasks is from its pose asked for, m; NaN if none is."""
         told = [(self._task_pose(i, self._q), target.goal) for i, target in self._aims.items()]
-        left = [
-            float(np.linalg.norm(algebra.translation(goal) - algebra.translation(own)))
+        ways = [
+            np.linalg.norm(algebra.translation(goal) - algebra.translation(own))
             for own, goal in ((pose, self.target), *told)
             if goal is not None and np.isfinite(goal).all()
         ]
-        return float(np.fmax.reduce(left, initial=np.nan))
+        return float(np.fmax.reduce(ways, initial=np.nan))
 
     def _task_pose(self, number: int, q: Array) -> Array:
         assert self._tasks is not None

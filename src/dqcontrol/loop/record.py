@@ -194,10 +194,8 @@ class Record:
     @cached_property
     def position_error(self) -> Array:
         """Distance |p_d − p|, shape (N,), m."""
-        distances = row_by_row(
-            lambda wanted, is_: row_norms(wanted - is_), self.desired_position, self.position
-        )
-        return _locked(distances)
+        ends = self.desired_position, self.position
+        return _locked(row_by_row(lambda wanted, is_: row_norms(wanted - is_), *ends))
 
     @cached_property
     def orientation_error(self) -> Array:

@@ -223,8 +223,5 @@ def _plans_of(reference: Reference | None, times: Array) -> list[MadePlan]:
 
     ways = zip(reference.ways, reference.begins, strict=True) if steps else [(reference, 0.0)]
     found = [(each.arm if isinstance(each, DriveAndPlan) else each, begin) for each, begin in ways]
-    return [
-        MadePlan(int(np.searchsorted(times, begin - SNAP)), way)
-        for way, begin in found
-        if isinstance(way, PlanTo)
-    ]
+    plans = [(way, begin) for way, begin in found if isinstance(way, PlanTo)]
+    return [MadePlan(int(np.searchsorted(times, begin - SNAP)), way) for way, begin in plans]

@@ -14,8 +14,8 @@ from dqcontrol.compiled.intrinsics import ADDRESS, caller
 from dqcontrol.compiled.memory_layout import Bundle
 from dqcontrol.contact.contact_layout import WRENCH
 from dqcontrol.controller.command_kernel import LAW_FAILED, PLAN, compute_command, note_sent, unpack
-from dqcontrol.plants.disturbance_step import DISTURBANCE, ROW
-from dqcontrol.plants.plant import PLANT
+from dqcontrol.plants.disturbance import DISTURBANCE, ROW
+from dqcontrol.plants.plant import PLANT, CompiledPlant
 from dqcontrol.supervisor.supervisor_layout import AT_REST, NOW, SUPERVISOR
 
 PLANT_FAILED = 2 * LAW_FAILED  # added to the status of what failed; the kinematics' own stays
@@ -164,18 +164,26 @@ records: Bundle[Records] = Bundle(Records)
 course: Bundle[Course] = Bundle(Course)
 
 _NOTHING: Array = np.zeros(0)
-UNSUPERVISED: SupervisorArrays = supervisor_arrays(
-    memory=_NOTHING, moment=_NOTHING, state=_NOTHING, codes=_NOTHING
-)
-UNDISTURBED: DisturbanceArrays = disturbance_arrays(
-    rows=np.zeros((0, ROW)), parameters=_NOTHING, work=_NOTHING, realised=np.zeros((1, 6))
-)
+UNSUPERVISED: SupervisorArrays = supervisor_arrays(**dict.fromkeys(SupervisorArrays._fields, _NOTHING))
+_NO_ROWS = {"rows": np.zeros((0, ROW)), "realised": np.zeros((1, 6))}
+UNDISTURBED: DisturbanceArrays = disturbance_arrays(**_NO_ROWS, parameters=_NOTHING, work=_NOTHING)
 
-ROLLOUT = STATUS(
-    *(each.type for each in (stages, law_arrays, supervisor_arrays, disturbance_arrays, plant_arrays)),
-    course.type,
-    records.type,
-)
+
+def moved_plant(plant: CompiledPlant) -> PlantArrays:
+    """Return the arrays of a plant."""
+    return plant_arrays(
+        parameters=plant.parameters,
+        state=plant.state,
+        noise=plant.noise,
+        q=plant.q,
+        measured=plant.measured,
+        wrench=plant.wrench if plant.wrench.size else np.full(WRENCH, np.nan),
+        readings=plant.readings,
+    )
+
+
+_ARRAYS = law_arrays, supervisor_arrays, disturbance_arrays, plant_arrays, course, records
+ROLLOUT = STATUS(stages.type, *(each.type for each in _ARRAYS))
 
 
 @kernel(SETTLED)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.controller.controller import Controller
-from dqcontrol.plants.plant import Channel, RunningPlant
+from dqcontrol.plants.plant import RunningPlant
 from dqcontrol.robots.robot import Robot
 
 ACTUATORS = "actuator_command"
@@ -55,27 +55,20 @@ class Readings:
 
     def signals(self, count: int) -> dict[str, Signal]:
         """Return the first samples of all quantities by name."""
-        found = foreseen_signals(self._plant, count)
+        values = {channel: _first(values, count) for channel, values in self._plant.foreseen}
         first = 0
         for channel in self._plant.channels:
-            values = self.rows[:count, first : first + channel.size]
-            found[channel.name] = _signal(channel, values)
+            values[channel] = self.rows[:count, first : first + channel.size]
             first += channel.size
-        return found
-
-
-def foreseen_signals(plant: RunningPlant, count: int) -> dict[str, Signal]:
-    """Return the first samples of what a plant knew before, by name."""
-    return {channel.name: _signal(channel, _first(values, count)) for channel, values in plant.foreseen}
+        found = [
+            Signal(each.name, each.parts, (each.unit,) * each.size, rows) for each, rows in values.items()
+        ]
+        return {signal.name: signal for signal in found}
 
 
 def _first(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """Return the first rows; beyond them the last one is repeated."""
     return values[np.minimum(np.arange(count), len(values) - 1)] if count > len(values) else values[:count]
-
-
-def _signal(channel: Channel, values: NDArray[np.float64]) -> Signal:
-    return Signal(channel.name, channel.parts, (channel.unit,) * channel.size, values)
 
 
 def actuator_command(robot: Robot, q: NDArray[np.float64], command: NDArray[np.float64]) -> dict[str, Signal]:
@@ -101,10 +94,8 @@ def actuator_command(robot: Robot, q: NDArray[np.float64], command: NDArray[np.f
     if robot.form == "unconstrained":
         inputs = robot.feasible_inputs(q[finite], inputs)
     values[finite] = driven.wheel_speeds(inputs)
-    parts, units = (
-        list(driven.input_names),
-        ["m/s" if kind == "prismatic" else "rad/s" for kind in driven.input_types],
-    )
+    parts = list(driven.input_names)
+    units = ["m/s" if kind == "prismatic" else "rad/s" for kind in driven.input_types]
     for k, (first, *_) in enumerate(driven.drives):
         j = int(first) - k
         prefix = parts[j].removesuffix("v")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -11,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, Kernel
-from dqcontrol.contact.contact_layout import WRENCH
 from dqcontrol.controller.controller import Controller
 from dqcontrol.controller.task_levels import FurtherTask, PreparedTasks
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_array, as_positive
@@ -20,13 +20,12 @@ from dqcontrol.laws.law import Law
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.clock import Clock
-from dqcontrol.loop.closed_loop import close_loop
+from dqcontrol.loop.closed_loop import FARTHEST, SampleSink, Stop, close_loop
 from dqcontrol.loop.constraint_signals import constraint_signals, held_signals
 from dqcontrol.loop.record import Record, has_failed
 from dqcontrol.loop.replanning import Replanning, plan_signals, refuse_replanning
 from dqcontrol.loop.signals import Signal, actuator_command, task_errors
 from dqcontrol.loop.supervision import BlackBox, Supervision, Watch
-from dqcontrol.loop.trace import FARTHEST, SampleSink, Stop
 from dqcontrol.plants.disturbance import Disturbance
 from dqcontrol.plants.plant import (
     CompiledPlant,
@@ -130,16 +129,9 @@ def simulate(
     times = period * np.arange(step_count(reference, period, duration), dtype=np.float64)
     samples = reference.samples(times)
     further = PreparedTasks(robot, list(tasks), q0, times) if tasks else None
+    before, mode = limits_before(plant, limits, robot), lagging_mode(plant)
     return simulate_prepared(
-        law.prepare(
-            robot,
-            reference,
-            period,
-            limits_before(plant, limits, robot),
-            lagging_mode(plant),
-            further,
-            plant.lag(robot),
-        ),
+        law.prepare(robot, reference, period, before, mode, further, plant.lag(robot)),
         plant,
         q0,
         samples,
@@ -305,6 +297,7 @@ class RolloutView(NamedTuple):
     readings: Mapping[str, Signal] = MappingProxyType({})
 
 
+@dataclass(eq=False)
 class RepeatedLoop:
     """A plant at its start and a desired motion, for many laws one after the other.
 
@@ -337,33 +330,27 @@ class RepeatedLoop:
     True
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        plant: Plant,
-        start: Array,
-        period: float,
-        samples: Array,
-        *,
-        seed: int,
-        supervisor: Supervisor | None = None,
-        disturbance: Disturbance | None = None,
-    ) -> None:
-        self.robot = robot
-        self.plant = plant
-        self.start = start
-        self.period = period
-        self.samples: Array = np.ascontiguousarray(samples)
-        self._seed, self._supervisor, self._disturbance = seed, supervisor, disturbance
+    robot: Robot
+    plant: Plant
+    start: Array
+    period: float
+    samples: Array
+    _: KW_ONLY
+    seed: int
+    supervisor: Supervisor | None = None
+    disturbance: Disturbance | None = None
+
+    def __post_init__(self) -> None:
+        plant, self.samples = self.plant, np.ascontiguousarray(self.samples)
         if plant.is_robot:
             kind = type(plant).__struct_config__.tag
             raise ValueRangeError(
                 f"plant: '{kind}' is a robot, and a search would run it many times; search on a simulated one, as a "
                 "servo that dqcontrol identify found"
             )
-        live = running_plant(plant.start(robot, start, period, len(samples), seed))
-        ready = live.compiled()
-        is_free = supervisor is None and disturbance is None
+        periods = self.period, len(self.samples), self.seed
+        ready = running_plant(plant.start(self.robot, self.start, *periods)).compiled()
+        is_free = self.supervisor is None and self.disturbance is None
         self._compiled = ready if ready is not None and is_free and isinstance(ready.kernel, Kernel) else None
         if self._compiled is not None:
             self._begin(self._compiled)
@@ -375,25 +362,12 @@ class RepeatedLoop:
         self._kept = plant.state, plant.q, plant.measured
         self._done = np.zeros(1)
         self._records = np.empty((count, n)), np.empty((count, n)), np.empty((count, m))
-        self._stages = compiled.stages(
-            kinematics=self.robot.kernels.twist_kinematics.pointer,
-            supervisor=0,
-            disturbance=0,
-            plant=plant.kernel.pointer,
-            settled=0,
-        )
-        self._moved = compiled.plant_arrays(
-            parameters=plant.parameters,
-            state=plant.state,
-            noise=plant.noise,
-            q=plant.q,
-            measured=plant.measured,
-            wrench=plant.wrench if plant.wrench.size else np.full(WRENCH, np.nan),
-            readings=np.zeros(0),
-        )
-        self._course = compiled.course(
-            samples=self.samples, stop=np.zeros(2), done=self._done, settling=np.zeros(9)
-        )
+        idle = dict.fromkeys(("supervisor", "disturbance", "settled"), 0)
+        kinematics = self.robot.kernels.twist_kinematics.pointer
+        self._stages = compiled.stages(kinematics=kinematics, plant=plant.kernel.pointer, **idle)
+        self._moved = compiled.moved_plant(plant)
+        stop = {"stop": np.zeros(2), "settling": np.zeros(9)}
+        self._course = compiled.course(samples=self.samples, done=self._done, **stop)
         self._written: dict[int, compiled.Records] = {}
 
     def _records_of(self, report: int) -> compiled.Records:
@@ -401,9 +375,7 @@ class RepeatedLoop:
         if report not in self._written:
             count = len(self.samples)
             arrays = *self._records, np.empty((count, report)), np.empty((count, 0))
-            self._written[report] = compiled.records(
-                **dict(zip(compiled.Records._fields, arrays, strict=True))
-            )
+            self._written[report] = compiled.Records(*arrays)
         return self._written[report]
 
     def run(self, law: Controller) -> RolloutView:
@@ -428,19 +400,13 @@ class RepeatedLoop:
         return RolloutView(self.samples[:done], q, measured, command, lost)
 
     def _close_loop(self, law: Controller) -> RolloutView:
-        supervision = (
-            supervise(self._supervisor, law, self.plant, self.start) if self._supervisor is not None else None
-        )
-        disturbance = self._disturbance
+        supervisor, disturbance = self.supervisor, self.disturbance
+        supervision = supervisor and supervise(supervisor, law, self.plant, self.start)
+        periods = self.period, len(self.samples), self.seed
+        moved = disturbance and disturbance.start(self.robot, *periods)
         try:
-            trace = close_loop(
-                law,
-                self.plant.start(self.robot, self.start, self.period, len(self.samples), self._seed),
-                self.samples,
-                disturbance=disturbance
-                and disturbance.start(self.robot, self.period, len(self.samples), self._seed),
-                supervision=supervision,
-            )
+            plant = self.plant.start(self.robot, self.start, *periods)
+            trace = close_loop(law, plant, self.samples, disturbance=moved, supervision=supervision)
         except DivergedError:
             empty = np.zeros((0, self.robot.configuration_size))
             return RolloutView(self.samples[:0], empty, empty, np.zeros((0, self.robot.input_size)), True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +15,7 @@ from dqcontrol.loop.signals import Signal
 from dqcontrol.plants.plant import PlantProtocol, running_plant
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots.robot import Robot
-from dqcontrol.supervisor import supervisor_layout as layout
+from dqcontrol.supervisor import PreparedSupervisor, supervisor_layout as layout
 from dqcontrol.supervisor.interventions import (
     COMMAND,
     INTERVENTIONS,
@@ -25,10 +24,6 @@ from dqcontrol.supervisor.interventions import (
     reasons,
 )
 from dqcontrol.supervisor.supervisor_layout import END, FINISH, GO, STOP
-
-if TYPE_CHECKING:
-    from dqcontrol.supervisor import PreparedSupervisor
-
 
 SECONDS = 20.0  # before a stop: what led to it, and not more than a person looks at
 _MOST_ROWS = 20_000  # 20 s at 1 kHz
@@ -218,12 +213,10 @@ class Supervision:
         elapsed: float | None = None,
     ) -> bool:
         """Replace the command of sample k by what leaves; return whether the robot is stopped and at rest."""
-        age, effort, wrench = (
-            (senses.age, senses.effort, senses.wrench) if senses else (0.0, _NOTHING, _NOTHING)
-        )
-        halted = self.supervisor.step(
-            measured, command, self.state, age, self.request, command, elapsed, effort, wrench
-        )
+        age = senses.age if senses else 0.0
+        felt = (senses.effort, senses.wrench) if senses else (_NOTHING, _NOTHING)
+        asked = measured, command, self.state, age, self.request, command
+        halted = self.supervisor.step(*asked, elapsed, *felt)
         self.codes[k] = code = self.supervisor.code(self.state)
         if self._watch and code != (self.codes[k - 1] if k else 0):
             self._watch(time, reasons(code))

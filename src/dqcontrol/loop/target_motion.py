@@ -131,9 +131,8 @@ def _advance(passed, moving):
     present, turn, w, v = moving.pose, moving.turn, moving.angular, moving.linear
     half = 0.5 * passed
     exp_quaternion((half * w[0], half * w[1], half * w[2]), turn)
-    quaternion_product(
-        (turn[0], turn[1], turn[2], turn[3]), (present[0], present[1], present[2], present[3]), turn
-    )
+    now = present[0], present[1], present[2], present[3]
+    quaternion_product((turn[0], turn[1], turn[2], turn[3]), now, turn)
     px, py, pz = position(present)
     px, py, pz = px + passed * v[0], py + passed * v[1], pz + passed * v[2]
     _place((turn[0], turn[1], turn[2], turn[3]), (px, py, pz), present)
@@ -165,9 +164,8 @@ def _is_held(pose, time, given, bounds, moving):
 @inline
 def _find_turn(present, goal, turn, way):
     """Write half the rotation vector, base axes, that turns one pose into another; ``turn`` is scratch."""
-    quaternion_product(
-        (goal[0], goal[1], goal[2], goal[3]), (present[0], -present[1], -present[2], -present[3]), turn
-    )
+    back = present[0], -present[1], -present[2], -present[3]
+    quaternion_product((goal[0], goal[1], goal[2], goal[3]), back, turn)
     if turn[0] < 0.0:
         for i in range(4):
             turn[i] = -turn[i]
@@ -222,10 +220,8 @@ def move_to_pose(pose, time, asked, speeds, memory):
     time_left = max(way / bounds.linear, angle / bounds.angular)  # at full speed
     rate = bounds.acceleration / bounds.linear
     slower = rate * passed  # in a period; from the pace below, the target comes to rest at its goal
-    before = max(
-        math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) / bounds.linear,
-        math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]) / bounds.angular,
-    )
+    linear = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) / bounds.linear
+    before = max(linear, math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]) / bounds.angular)
     stopping = math.sqrt(0.25 * slower * slower + 2.0 * rate * time_left) - 0.5 * slower
     pace = min(1.0, before + slower, stopping, time_left / passed) / max(time_left, _TINY)
     px, py, pz = position(present)

@@ -11,16 +11,7 @@ import numpy as np
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import Kernel
-from dqcontrol.loop.target_motion import (
-    MOVING_SIZE,
-    asked_pose,
-    asked_twist,
-    move_by_twist,
-    move_to_pose,
-    move_with_pose,
-    moving_sample,
-    target_speeds,
-)
+from dqcontrol.loop import target_motion
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME
 
 _NOTHING: Array = np.zeros(0)
@@ -84,23 +75,18 @@ class MovingTarget:
 
     def __init__(self, speeds: Speeds, timeout: float) -> None:
         self.speeds, self.timeout = speeds, timeout
-        self._memory = np.zeros(MOVING_SIZE)
+        self._memory = np.zeros(target_motion.MOVING_SIZE)
         self._row, self._asked = self._memory[:SAMPLE_SIZE], _NOTHING
 
     def start(self, pose: Array, time: float = 0.0) -> None:
         """Begin at rest where the end effector is."""
         self._memory[:] = 0.0
-        moving = moving_sample(self._memory)
+        moving = target_motion.moving_sample(self._memory)
         moving.pose[:], moving.last[0], self._asked = pose, time, _NOTHING
 
     def sample(self, time: float, pose: Array) -> Array:
         """Return where the desired pose has come to."""
-        bounds = target_speeds.pack(
-            linear=self.speeds.linear,
-            angular=self.speeds.angular,
-            timeout=self.timeout,
-            acceleration=self.speeds.acceleration,
-        )
+        bounds = target_motion.target_speeds.pack(timeout=self.timeout, **vars(self.speeds))
         self._motion(pose, time, self._asked, bounds, self._memory)
         return self._row
 
@@ -120,14 +106,15 @@ class PoseTarget(MovingTarget):
         After which a pose no longer counts, s; infinite for goals that are said once.
     """
 
-    _motion = move_to_pose
+    _motion = target_motion.move_to_pose
 
     def __init__(self, speeds: Speeds, timeout: float = math.inf) -> None:
         super().__init__(speeds, timeout)
 
     def ask(self, time: float, goal: Array) -> None:
         """Go to a pose (8,) that was said at a time, s."""
-        self._asked = asked_pose.pack(pose=goal if np.isfinite(goal).all() else np.full(8, np.nan), time=time)
+        pose = goal if np.isfinite(goal).all() else np.full(8, np.nan)
+        self._asked = target_motion.asked_pose.pack(pose=pose, time=time)
 
     @property
     def goal(self) -> Array | None:
@@ -197,7 +184,7 @@ class LeaderTarget(PoseTarget):
     (0.501, 0.1)
     """
 
-    _motion = move_with_pose
+    _motion = target_motion.move_with_pose
 
     def __init__(self, speeds: Speeds, timeout: float = math.inf) -> None:
         super().__init__(speeds, timeout)
@@ -236,7 +223,7 @@ class TwistTarget(MovingTarget):
         After which a twist no longer counts, s.
     """
 
-    _motion = move_by_twist
+    _motion = target_motion.move_by_twist
 
     def __init__(self, speeds: Speeds, timeout: float = 0.1) -> None:
         super().__init__(speeds, timeout)
@@ -246,9 +233,8 @@ class TwistTarget(MovingTarget):
         if not (np.isfinite(linear).all() and np.isfinite(angular).all()):  # it is none
             linear, angular = np.zeros(3), np.zeros(3)
         share = self.speeds.share(float(np.linalg.norm(linear)), float(np.linalg.norm(angular)))
-        self._asked = asked_twist.pack(
-            angular=share * angular, linear=share * linear, time=time, of_hand=of_hand
-        )
+        twist = {"angular": share * angular, "linear": share * linear}
+        self._asked = target_motion.asked_twist.pack(**twist, time=time, of_hand=of_hand)
 
 
 class JogTarget:

@@ -132,9 +132,8 @@ class Camera(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True)
         ValueRangeError
             If there is more than one frame a period, or the delay is of too many periods.
         """
-        delay, _ = begun_periods(
-            "plant.camera.delay", self.delay, period
-        )  # read at the sample after its arrival
+        # read at the sample after its arrival
+        delay, _ = begun_periods("plant.camera.delay", self.delay, period)
         if self.rate * period > 1 + _SNAP:
             raise ValueRangeError(
                 f"plant.camera.rate: must be ≤ {1 / period:g} Hz, one frame a period, got {self.rate:g}"
@@ -171,14 +170,12 @@ class Camera(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True)
     def _errors(self, count: int, bases: int, seed: list[int]) -> Array:
         """Draw the error of each frame, shape (count, 3 b)."""
         noise = np.random.default_rng([*seed, 3]).standard_normal((count, bases, 3))
-        chance, direction, side = (
-            np.random.default_rng([*seed, 4]).random((count, bases, 3)).transpose(2, 0, 1)
-        )
+        chances = np.random.default_rng([*seed, 4]).random((count, bases, 3))
+        chance, direction, side = chances.transpose(2, 0, 1)
         errors = noise * [self.position_noise, self.position_noise, self.angle_noise]
         angle = 2 * math.pi * direction
         far = self.outlier_position
-        outliers = np.stack(
-            [far * np.cos(angle), far * np.sin(angle), self.outlier_angle * np.sign(side - 0.5)], axis=-1
-        )
+        turn = self.outlier_angle * np.sign(side - 0.5)
+        outliers = np.stack([far * np.cos(angle), far * np.sin(angle), turn], axis=-1)
         errors += np.where((chance < self.outlier_probability)[..., None], outliers, 0.0)
         return errors.reshape(count, 3 * bases)

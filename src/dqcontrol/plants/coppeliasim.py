@@ -142,10 +142,8 @@ class RunningCoppelia(RunningPlant):
 
 
 def _connect(plant: CoppeliaPlant) -> Any:
-    zmq, remote_api = (
-        from_extra(name, "coppeliasim", "plants in CoppeliaSim")
-        for name in ("zmq", "coppeliasim_zmqremoteapi_client")
-    )
+    names = "zmq", "coppeliasim_zmqremoteapi_client"
+    zmq, remote_api = (from_extra(name, "coppeliasim", "plants in CoppeliaSim") for name in names)
     client = remote_api.RemoteAPIClient(plant.host, plant.port)
     for option in (zmq.RCVTIMEO, zmq.SNDTIMEO):
         client.socket.setsockopt(option, math.ceil(plant.timeout * 1000))

@@ -106,13 +106,11 @@ def smooth_slopes(function: Callable[[Array], Array], scale: Array) -> Array | N
     ([[3.0]], None)
     """
     here, changes = function(np.zeros_like(scale)), _STEP * np.diag(scale)
-    (ahead, behind), (far_ahead, far_behind) = (
-        [
-            np.column_stack([(function(sign * count * change) - here) / count for change in changes])
-            for sign in (1, -1)
-        ]
-        for count in (1, 2)
-    )
+
+    def moved(count: int, sign: int) -> Array:
+        return np.column_stack([(function(sign * count * each) - here) / count for each in changes])
+
+    ahead, behind, far_ahead, far_behind = (moved(count, sign) for count in (1, 2) for sign in (1, -1))
     slope, wide = (ahead - behind) / 2, (far_ahead - far_behind) / 2
     allowed = _SMOOTH * np.abs(slope).max(axis=1, keepdims=True) + _ROUNDING
     if (np.abs(ahead + behind) > allowed).any() or (np.abs(wide - slope) > allowed).any():

@@ -121,9 +121,7 @@ class OwnPlant(Plant, frozen=True, kw_only=True, tag="own"):
 
         for _ in range(_PERIODS):
             rest = step(np.zeros(rest.size + robot.input_size))
-        slopes = smooth_slopes(
-            step, np.concatenate([np.maximum(1.0, np.abs(rest)), np.ones(robot.input_size)])
-        )
+        slopes = smooth_slopes(step, np.append(np.maximum(1.0, np.abs(rest)), np.ones(robot.input_size)))
         if slopes is None or not np.isfinite(slopes).all():
             return None
         return LinearModel(slopes[:, : rest.size], slopes[:, rest.size :]).reduced(round(_HORIZON / period))

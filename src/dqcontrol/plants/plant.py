@@ -200,26 +200,15 @@ class RunningPlant:
         return None
 
 
-def _of_plant(name: str) -> Any:
-    """Return a property: the plant's own attribute, or the default of `RunningPlant`."""
-    default = getattr(RunningPlant, name, None)
-    return property(lambda self: getattr(self._plant, name, default))
-
-
 class _CompletedPlant(RunningPlant):
     """A user's plant with the defaults for what it has not; what it has may also come later."""
-
-    q, measured = _of_plant("q"), _of_plant("measured")
-    fault, age, effort, wrench = (_of_plant(name) for name in ("fault", "age", "effort", "wrench"))
-    channels, readings, foreseen = (_of_plant(name) for name in ("channels", "readings", "foreseen"))
-    seen = _of_plant("seen")
 
     def __init__(self, plant: PlantProtocol) -> None:
         self._plant = plant
 
-    def step(self, command: Array) -> None:
-        """Step the plant."""
-        self._plant.step(command)
+    def __getattribute__(self, name: str) -> Any:
+        plant = object.__getattribute__(self, "_plant") if name != "_plant" else None
+        return getattr(plant, name) if hasattr(plant, name) else object.__getattribute__(self, name)
 
 
 def running_plant(plant: PlantProtocol) -> RunningPlant:
@@ -337,9 +326,22 @@ class Plant(
 
     @classmethod
     def complete(cls, data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-        """Return what a spec in a folder says of such a plant so that it needs no folder: names of files absolute."""
+        """Return what a spec in a folder says of such a plant so that it needs no folder: names of files absolute.
+
+        What a plant file holds stands in the place of ``file``; what the spec says besides counts before that.
+        """
+        if (
+            isinstance(data.get("file"), str)
+            and (of_file := cls.of_servos(folder / data["file"])) is not None
+        ):
+            data = of_file | {key: value for key, value in data.items() if key != "file"}
         names = {key: data[key] for key in cls.file_keys if isinstance(data.get(key), str)}
         return {**data, **{key: str((folder / name).resolve()) for key, name in names.items()}}
+
+    @classmethod
+    def of_servos(cls, path: Path) -> dict[str, Any] | None:
+        """Return what a plant file of servos says of such a plant, as plain data; None if it takes none."""
+        return None
 
     def varied(self, lag: float, delay: float) -> Plant | None:
         """Return the same plant with other joints, for what is uncertain of them; None if it has no such parameters.
@@ -477,20 +479,14 @@ def begun_periods(field: str, seconds: float, period: float) -> tuple[int, float
     >>> [begun_periods("delay", delay, 0.01) for delay in (0.0, 0.02, 0.025)]
     [(0, 1.0), (2, 1.0), (3, 0.5)]
     """
-    periods = _periods(field, seconds, period)
-    if abs(round(periods) * period - seconds) <= 1e-9:
-        return round(periods), 1.0
-    return math.ceil(periods), round(periods - math.floor(periods), 12)
-
-
-def _periods(field: str, seconds: float, period: float) -> float:
-    """Return a time of at least 0 over the period; refuse more periods than there is sense in remembering."""
     periods = as_positive(field, seconds, zero_allowed=True) / period
     if not periods <= _MOST_LATE:
         raise ValueRangeError(
             f"{field}: must be ≤ {_MOST_LATE:,} periods of {period:g} s, {_MOST_LATE * period:.4g} s, got {seconds:g} s"
         )
-    return periods
+    if abs(round(periods) * period - seconds) <= 1e-9:
+        return round(periods), 1.0
+    return math.ceil(periods), round(periods - math.floor(periods), 12)
 
 
 class CompiledPlant(RunningPlant):
@@ -525,9 +521,8 @@ class CompiledPlant(RunningPlant):
         """Apply the inputs for one period; see `RunningPlant.step`."""
         if self._step == len(self.noise):
             raise ValueRangeError(f"step: the plant was started for {self._step} periods, and they are over")
-        status = self.kernel(
-            command, self.parameters, self.noise[self._step], self.state, self.q, self.measured
-        )
+        noise = self.noise[self._step]
+        status = self.kernel(command, self.parameters, noise, self.state, self.q, self.measured)
         if status == WRONG_SIZE:
             raise ShapeError(f"command: does not fit the robot, got shape {np.shape(command)}")
         if status:

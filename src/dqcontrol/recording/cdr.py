@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -97,8 +97,6 @@ class Layout(NamedTuple):
         These bytes.
     names
         Of the joints, where it has some.
-    stamped
-        Whether it begins with a header.
     """
 
     size: int
@@ -106,7 +104,45 @@ class Layout(NamedTuple):
     form: NDArray[np.intp]
     expected: Bytes
     names: tuple[str, ...]
-    stamped: bool
+
+
+DEFINITIONS = {
+    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec\n",
+    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
+    "std_msgs/Float64": "float64 data\n",
+    "std_msgs/MultiArrayDimension": "string label\nuint32 size\nuint32 stride\n",
+    "std_msgs/MultiArrayLayout": "std_msgs/MultiArrayDimension[] dim\nuint32 data_offset\n",
+    "std_msgs/Float64MultiArray": "std_msgs/MultiArrayLayout layout\nfloat64[] data\n",
+    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z\n",
+    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z\n",
+    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n",
+    "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation\n",
+    "geometry_msgs/Twist": "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n",
+    "geometry_msgs/Accel": "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n",
+    "geometry_msgs/PoseStamped": "std_msgs/Header header\ngeometry_msgs/Pose pose\n",
+    "geometry_msgs/TwistStamped": "std_msgs/Header header\ngeometry_msgs/Twist twist\n",
+    "geometry_msgs/AccelStamped": "std_msgs/Header header\ngeometry_msgs/Accel accel\n",
+    "sensor_msgs/JointState": (
+        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort\n"
+    ),
+}
+
+
+def full_name(kind: str) -> str:
+    """Return the full name of a type, as ``std_msgs/msg/Float64`` of ``std_msgs/Float64``."""
+    return kind.replace("/", "/msg/")
+
+
+def definition(kind: str) -> str:
+    """Return a type's definition and those of all its parts, as ROS 2 tools write them."""
+    text, todo, seen = DEFINITIONS[kind], [kind], {kind}
+    for name in todo:
+        for word in DEFINITIONS[name].replace("[]", "").split():
+            if word in DEFINITIONS and word not in seen:
+                seen.add(word)
+                todo.append(word)
+                text += f"{'=' * 80}\nMSG: {word}\n{DEFINITIONS[word]}"
+    return text
 
 
 class _Walk:
@@ -116,8 +152,9 @@ class _Walk:
         if message[:2] != b"\x00\x01":
             raise ValueError("the message is not little-endian CDR")
         self.message, self.place = message, 4
-        self.form: list[tuple[int, int]] = []
+        self.form: list[tuple[int, int]] = [(0, 2)]
         self.fields: dict[str, tuple[int, int]] = {}
+        self.names: tuple[str, ...] = ()
 
     def skip(self, size: int, alignment: int) -> int:
         """Return where something begins, and go behind it."""
@@ -140,58 +177,30 @@ class _Walk:
         self.form.append((first, self.place))
         return self.message[first : self.place].rstrip(b"\0").decode()
 
-    def header(self) -> None:
-        """Go behind a std_msgs/Header."""
-        self.skip(8, 4)
-        self.text()
-
-    def floats(self, name: str, count: int) -> None:
-        """Note float64 numbers."""
-        self.fields[name] = (self.skip(8 * count, 8) if count else self.place, count)
-
-    def layout(self, names: Sequence[str] = (), *, stamped: bool = False) -> Layout:
-        """Return what was found."""
-        form = np.concatenate([np.arange(*each) for each in [(0, 2), *self.form]]).astype(np.intp)
-        expected = np.frombuffer(self.message, dtype=np.uint8)[form]
-        return Layout(len(self.message), self.fields, form, expected, tuple(names), stamped)
-
-
-def _joint_state(walk: _Walk) -> Layout:
-    walk.header()
-    names = [walk.text() for _ in range(walk.count())]
-    for field in ("position", "velocity", "effort"):
-        walk.floats(field, walk.count())
-    return walk.layout(names, stamped=True)
-
-
-def _numbers(walk: _Walk) -> Layout:
-    for _ in range(walk.count()):
-        walk.text()
-        walk.skip(8, 4)
-    walk.skip(4, 4)
-    walk.floats("data", walk.count())
-    return walk.layout()
-
-
-def _stamped(count: int) -> Callable[[_Walk], Layout]:
-    def walked(walk: _Walk) -> Layout:
-        walk.header()
-        walk.floats("data", count)
-        return walk.layout(stamped=True)
-
-    return walked
-
-
-_LAYOUTS = {
-    "sensor_msgs/JointState": _joint_state,
-    "std_msgs/Float64MultiArray": _numbers,
-    "geometry_msgs/PoseStamped": _stamped(7),
-    "geometry_msgs/TwistStamped": _stamped(6),
-}
+    def through(self, kind: str) -> None:
+        """Go through a message of a type, or a part of one; single float64 numbers are one field, ``data``."""
+        for line in DEFINITIONS[kind].splitlines():
+            part, name = line.split()
+            count = self.count() if part.endswith("[]") else 1
+            match part.removesuffix("[]"):
+                case "string":
+                    texts = tuple(self.text() for _ in range(count))
+                    self.names = texts if name == "name" else self.names
+                case "float64" if part == "float64":
+                    first, before = self.fields.get("data", (self.skip(0, 8), 0))
+                    self.skip(8, 8)
+                    self.fields["data"] = first, before + 1
+                case "float64":
+                    self.fields[name] = (self.skip(8 * count, 8) if count else self.place, count)
+                case "int32" | "uint32":
+                    self.skip(4, 4)
+                case inner:
+                    for _ in range(count):
+                        self.through(inner)
 
 
 def layout_of(kind: str, message: bytes) -> Layout:
-    """Return where a message of one of the types in `_LAYOUTS` has its numbers.
+    """Return where a message of one of the types in `DEFINITIONS` has its numbers.
 
     Parameters
     ----------
@@ -207,6 +216,10 @@ def layout_of(kind: str, message: bytes) -> Layout:
         If it is no such message.
     """
     try:
-        return _LAYOUTS[kind](_Walk(message))
+        walk = _Walk(message)
+        walk.through(kind)
     except (struct.error, UnicodeDecodeError, IndexError) as error:
         raise ValueError(f"no message of {kind}: {error}") from None
+    form = np.concatenate([np.arange(*each) for each in walk.form]).astype(np.intp)
+    expected = np.frombuffer(message, dtype=np.uint8)[form]
+    return Layout(len(message), walk.fields, form, expected, walk.names)

@@ -77,9 +77,8 @@ def signals(
     joints = _units("joint_units", joint_units, record.joint_names)
     inputs = tuple(f"{unit}/s" for unit in _units("input_units", input_units, record.input_names))
     twist, rate = ("rad/s",) * 3 + ("m/s",) * 3, ("rad/s²",) * 3 + ("m/s²",) * 3
-    disturbed = (
-        () if record.disturbance is None else (Signal("disturbance", _TWIST, twist, record.disturbance),)
-    )
+    moved = record.disturbance
+    disturbed = () if moved is None else (Signal("disturbance", _TWIST, twist, moved),)
     return (
         Signal("time", (), ("s",), record.time[:, None]),
         Signal("q", record.joint_names, joints, record.q),
@@ -225,22 +224,14 @@ WRITERS: dict[str, Callable[[Path, Record, Sequence[Signal], Mapping[str, str]],
 
 
 _POSE_FEATURE = Feature(DUAL_QUATERNION, ("",) * 4 + ("m",) * 4)
-_TAKEN_EARLY = (
-    1e-6  # s: stamps of a recording are whole nanoseconds, and floats of a million seconds 1e-10 apart
-)
+# s: stamps of a recording are whole nanoseconds, and floats of a million seconds 1e-10 apart
+_TAKEN_EARLY = 1e-6
 
 
 def record_columns(robot: Robot, record: Record) -> dict[str, tuple[Feature, Array]]:
     """Return the columns of a run; see `motion_columns`."""
-    return motion_columns(
-        robot,
-        record.time,
-        record.measured,
-        record.command,
-        None,
-        record.desired_pose,
-        record.readings.values(),
-    )
+    motion = record.time, record.measured, record.command
+    return motion_columns(robot, *motion, None, record.desired_pose, record.readings.values())
 
 
 def motion_columns(

@@ -23,9 +23,8 @@ from dqcontrol.supervisor.interventions import INTERVENTIONS
 
 _EVERY = 0.1  # s between drains: little at once, as the loop may have to wait for it
 _CHUNK = 1.0  # s, recorded or on the clock, of one chunk, of whose index 0.2 kB stay in memory
-_URGENCY = (
-    1  # of real-time scheduling, if the loop has it: at ordinary priority this could keep the loop waiting
-)
+# of real-time scheduling, if the loop has it: at ordinary priority this could keep the loop waiting
+_URGENCY = 1
 _SWITCH = 1e-4  # s: how long the writing thread may keep the loop from going on
 
 
@@ -110,9 +109,8 @@ class RecordStream:
         try:
             if not self.failure:
                 self._drain(everything=True)
-                self._writer.add_metadata(
-                    END, {"samples": str(self._written), "stopped": stopped or "duration"}
-                )
+                end = {"samples": str(self._written), "stopped": stopped or "duration"}
+                self._writer.add_metadata(END, end)
                 self._writer.finish()
         except OSError as error:
             self.failure = _worded(error)

@@ -123,16 +123,9 @@ class LawEvaluation:
 
     def _loop(self, scene: PreparedRobot, plant: Plant, seed: int) -> RepeatedLoop:
         spec = self._spec
-        return RepeatedLoop(
-            self._scenes[0].robot,
-            plant,
-            scene.start,
-            spec.period,
-            scene.samples,
-            seed=seed,
-            supervisor=spec.supervisor_of(plant),
-            disturbance=spec.disturbance,
-        )
+        between = {"supervisor": spec.supervisor_of(plant), "disturbance": spec.disturbance}
+        moved = plant, scene.start, spec.period, scene.samples
+        return RepeatedLoop(self._scenes[0].robot, *moved, seed=seed, **between)
 
     @property
     def steps(self) -> int:
@@ -153,9 +146,8 @@ class LawEvaluation:
 
     def _prepared(self, law: Law, scene: PreparedRobot) -> Controller:
         period, limits = self._spec.period, self._limits
-        made = law.prepare(
-            scene.robot, scene.reference, period, limits, self._mode, scene.tasks, lag=self._lag
-        )
+        given = period, limits, self._mode, scene.tasks, self._lag
+        made = law.prepare(scene.robot, scene.reference, *given)
         refuse_replanning(made, scene.reference, "which runs that are only judged do not")
         return made
 
@@ -164,12 +156,8 @@ class LawEvaluation:
         if self._judge is None:
             return Slack(0.0, math.inf, math.inf)
         found = [self._judge.slack(law, each) for each in dict.fromkeys(self.prepared(law))]
-        return Slack(
-            max(each.product for each in found),
-            min(each.share for each in found),
-            min(each.of_margin for each in found),
-            min(each.of_null_space for each in found),
-        )
+        products, *shares = zip(*found, strict=True)
+        return Slack(max(products), *map(min, shares))
 
     def __call__(self, law: Law, *, damped: bool = True) -> Evaluated:
         """Run a law everywhere; one that is not stable enough, or not as ``damped`` as asked, does not run at all."""
@@ -236,12 +224,11 @@ def searched_scenes(problem: TuneProblem) -> list[PreparedRobot]:
         If a motion or start does not fit or is out of reach.
     """
     spec, block = problem.spec, problem.block
-    starts = [spec.start, *block.starts]
     found = []
-    for i, start in enumerate(starts):
+    for i, start in enumerate([spec.start, *block.starts]):
         for k, reference in enumerate([spec.reference, *block.references]):
             place = [f"tune.starts[{i - 1}]"] * bool(i) + [f"tune.references[{k - 1}]"] * bool(k)
-            found.append(_scene(problem, changed(spec, start=start, reference=reference), ", ".join(place)))
+            found.append(_scene(problem, start, reference, ", ".join(place)))
     return found
 
 
@@ -259,11 +246,7 @@ def held_out_scenes(problem: TuneProblem) -> list[PreparedRobot]:
     references = held_out.references or [spec.reference]
     starts = held_out.starts or [spec.start]
     return [
-        _scene(
-            problem,
-            changed(spec, start=start, reference=reference),
-            f"tune.held_out, motion {k + 1}, start {i + 1}",
-        )
+        _scene(problem, start, reference, f"tune.held_out, motion {k + 1}, start {i + 1}")
         for i, start in enumerate(starts)
         for k, reference in enumerate(references)
     ]
@@ -285,7 +268,7 @@ def _nearby(problem: TuneProblem) -> Iterator[PreparedRobot]:
     references = [spec.reference, *problem.block.references]
 
     def scenes(start: Any) -> list[PreparedRobot]:
-        return [_scene(problem, changed(spec, start=start, reference=each), "") for each in references]
+        return [_scene(problem, start, each) for each in references]
 
     home = scenes(spec.start)
     limits, draw, found = home[0].robot.limits, np.random.default_rng(spec.seed), 0
@@ -316,13 +299,12 @@ def _has_room(scene: PreparedRobot) -> bool:
     return demand is not None and demand.limit_margin > AT_LIMIT
 
 
-def _scene(problem: TuneProblem, spec: object, place: str) -> PreparedRobot:
+def _scene(problem: TuneProblem, start: Any, reference: Any, place: str = "") -> PreparedRobot:
+    spec = changed(problem.spec, start=start, reference=reference)
     try:
-        setting = prepare_spec(spec, problem.folder, {})  # type: ignore[arg-type]
+        scene = prepare_spec(spec, problem.folder, {}).scene
     except Error as error:
-        at = f"{place}: " if place else ""
-        raise type(error)(f"{problem.where}: {at}{error}") from None
-    scene = setting.scene
+        raise type(error)(": ".join(filter(None, (problem.where, place, str(error))))) from None
     if len(scene.samples) < 3:
         raise ValueRangeError(
             f"{problem.where}: duration: takes {len(scene.samples)} samples; a search needs 3"

@@ -6,17 +6,17 @@ import math
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
-from msgspec import structs
 from msgspec.structs import replace
 
 from dqcontrol.errors import Error, ShapeError, ValueRangeError, error_prefix, unknown_name
-from dqcontrol.experiments.prepared_experiment import PreparedRobot, program
+from dqcontrol.experiments.prepared_experiment import program
 from dqcontrol.experiments.row_file import Row, parquet, read_rows, write_whole
 from dqcontrol.files.plain_data import finite_or_none
 from dqcontrol.laws import Law
@@ -44,6 +44,10 @@ _SLOWEST = 50.0  # times the gain at the side where the margin ends
 _SHARES = SearchRange(low=2e-3, high=0.25)
 _INTEGRAL = "integral_gain"
 _MARGIN_TOLERANCE = 1e-3  # relative error of a margin that is asked for
+# with these alone a margin goes exactly with one over the gain: not with lags of a law's own, nor over a horizon
+_SCALING = {"gain", "integral_gain"} | {
+    f"{part}_{kind}" for part in ("orientation", "translation") for kind in ("gain", "gamma")
+}
 _MOST_STEPS = 4  # rescalings; they end by themselves within `_MARGIN_TOLERANCE`
 
 Judge = Callable[[Law], Slack]
@@ -111,10 +115,8 @@ class SearchSpace:
         inner: Any = self.law
         *path, last = key.split(".")
         for name in path:
-            inner = (
-                getattr(inner, name) if isinstance(inner, msgspec.Struct) and name in _fields(inner) else None
-            )
-        if not isinstance(inner, msgspec.Struct) or last not in _fields(inner):
+            inner = getattr(inner, name) if name in _fields(inner) else None
+        if last not in _fields(inner):
             known = [LOOP_GAIN, *([INTEGRAL_SHARE] if _INTEGRAL in self.law.gain_powers else [])]
             raise unknown_name(f"tune.free.{self.label}", key, [*known, *_fields(self.law)])
         if not isinstance(getattr(inner, last), int | float | None):
@@ -136,16 +138,13 @@ class SearchSpace:
                 f"null_space.gain: too high for any law: margin and damping as asked allow "
                 f"{slowest.of_null_space:.3g} times as much"
             )
-        spans = [
-            f"{key} in {span.low:g} … {span.high:g}" for key, span in self.ranges.items() if span is not None
-        ]
-        at = (
-            f"; it ends at kT = {slowest.share * slowest.product:.3g}, and the slowest law has "
-            f"{slowest.product:.3g}"
-        )
+        given = [(key, span) for key, span in self.ranges.items() if span is not None]
+        spans = " and ".join(f"{key} in {span.low:g} … {span.high:g}" for key, span in given)
+        product = slowest.product
+        ends = f"; it ends at kT = {slowest.share * product:.3g}, and the slowest law has {product:.3g}"
         raise ValueRangeError(
-            f"tune.free.{self.label}: no law with {' and '.join(spans) or 'any loop_gain'} keeps margin and damping as "
-            f"asked{at if slowest.product else ''}"
+            f"tune.free.{self.label}: no law with {spans or 'any loop_gain'} keeps margin and damping as "
+            f"asked{ends if product else ''}"
         )
 
     def slack(self, law: Law) -> Slack:
@@ -187,7 +186,7 @@ class SearchSpace:
         for _ in range(_MOST_STEPS):
             factor *= found / wanted
             scaled = law.scaled(factor)
-            if _scales(law):
+            if set(law.gain_powers) <= _SCALING:
                 break
             found = self.slack(scaled).share
             if not 0 < found < math.inf or abs(found / wanted - 1) < _MARGIN_TOLERANCE:
@@ -197,21 +196,13 @@ class SearchSpace:
     def parameters(self, law: Law) -> dict[str, Any]:
         """Return those of its keys that differ from the spec's law."""
         before, after = msgspec.to_builtins(self.law), msgspec.to_builtins(law)
-        changed = {key: value for key, value in after.items() if value != before.get(key) and key != "kind"}
+        changed = {key for key, value in after.items() if value != before.get(key)} - {"kind"}
         searched = set(self.law.gain_powers) & set(before) | {key.partition(".")[0] for key in self.ranges}
         return {key: value for key, value in after.items() if key in changed or (key in searched and value)}
 
 
-def _scales(law: Law) -> bool:
-    """Return whether its margin goes exactly with one over the gain: not with lags of its own, nor over a horizon."""
-    return set(law.gain_powers) <= {"gain", "integral_gain", "orientation_gain", "translation_gain"} | {
-        "orientation_gamma",
-        "translation_gamma",
-    }
-
-
-def _fields(part: msgspec.Struct) -> tuple[str, ...]:
-    return type(part).__struct_fields__
+def _fields(part: Any) -> tuple[str, ...]:
+    return getattr(type(part), "__struct_fields__", ())
 
 
 def _with_value(part: Any, path: Sequence[str], value: float) -> Any:
@@ -248,7 +239,7 @@ class LawTask:
     label: str
     part: int
     program: str
-    file: Path | None = field(default=None)
+    file: Path | None = None
 
     def run(self) -> tuple[int, LawResult]:
         """Return its number and what was found.
@@ -309,11 +300,11 @@ class LawResult(msgspec.Struct, frozen=True):
     held_out_total: float
     violation: float
     held_out_violation: float
-    evaluations: int
-    at_side: list[str]
-    front: list[tuple[dict[str, Any], float, float]]
-    rows: list[dict[str, Any]]
-    seconds: tuple[float, float]
+    evaluations: int = 0
+    at_side: list[str] = []
+    front: list[tuple[dict[str, Any], float, float]] = []
+    rows: list[dict[str, Any]] = []
+    seconds: tuple[float, float] = (0.0, 0.0)
     faster: LawResult | None = None
 
 
@@ -334,12 +325,11 @@ class LawSearch:
         self._problem, self._file = problem, file
         self.label = label
         ready = ready_problem(problem)
-        self.law: Law = _law(problem, label)
+        self.law: Law = next(each.law for each in problem.spec.variants if each.label == label)
         self._evaluate, self._held_out = ready.searched, ready.held_out
         with error_prefix(problem.where):
-            self.space: SearchSpace = SearchSpace(
-                label, self.law, problem.block.free.get(label), self._evaluate.slack
-            )
+            ranges = problem.block.free.get(label)
+            self.space: SearchSpace = SearchSpace(label, self.law, ranges, self._evaluate.slack)
         self._known: dict[Point, Evaluated] = {}
         self._written, self._running = time.monotonic(), 0.0
         if file is not None and file.exists():
@@ -383,9 +373,8 @@ class LawSearch:
     def search(self) -> SimplexSearch:
         """Spend the budget, and return what was asked for."""
         size, block = len(self.space.names), self._problem.block
-        search = SimplexSearch(
-            lambda point: self.evaluate(point).rank, size, block.budget, self._problem.spec.seed
-        )
+        seed = self._problem.spec.seed
+        search = SimplexSearch(lambda point: self.evaluate(point).rank, size, block.budget, seed)
         search.run()
         return search
 
@@ -393,16 +382,14 @@ class LawSearch:
         """Search, judge the best on what the search did not see, and return it."""
         begun = time.perf_counter()
         search = self.search()
-        best = search.best
-        law, found = self._confirmed(best)
+        law, found = self._confirmed(search.best)
         seconds = time.perf_counter() - begun, self._running
         front = self._front()
         self._write()
-        result = self._result(law, found)
-        return structs.replace(
-            result,
+        return replace(
+            self._result(law, found),
             evaluations=len(search.points),
-            at_side=self._at_side(best),
+            at_side=self._at_side(search.best),
             front=front,
             rows=self._rows(),
             seconds=seconds,
@@ -422,11 +409,6 @@ class LawSearch:
             held_out_total=judged.total,
             violation=found.violation,
             held_out_violation=judged.violation,
-            evaluations=0,
-            at_side=[],
-            front=[],
-            rows=[],
-            seconds=(0.0, 0.0),
         )
 
     def _faster(self, law: Law, found: Evaluated) -> LawResult | None:
@@ -440,7 +422,7 @@ class LawSearch:
         best = min(tried, key=lambda each: each[1].rank, default=None)
         if best is None or best[1].violation > found.violation or not best[1].total < found.total:
             return None
-        return structs.replace(self._result(*best), evaluations=len(tried))
+        return replace(self._result(*best), evaluations=len(tried))
 
     def _confirmed(self, point: Point) -> tuple[Law, Evaluated]:
         """Return the law of a point, slower by the little that its margin is short of what is asked for."""
@@ -455,7 +437,7 @@ class LawSearch:
         """Return what lies at a side of the cube, but for gains at the margin: that is their end by intention."""
         sides = []
         for name, share in zip(self.space.names, point, strict=True):
-            by_margin = name == "loop_gain" and self.space.ranges[name] is None
+            by_margin = name == LOOP_GAIN and self.space.ranges[name] is None
             if share < 2 * _GRID_TOLERANCE or share > 1 - 2 * _GRID_TOLERANCE:
                 sides.append(f"{name} (margin)" if by_margin and share > 0.5 else name)
         return sides
@@ -468,23 +450,15 @@ class LawSearch:
 
         def pair(point: Point) -> tuple[float, float] | None:
             found = self.evaluate(point)
-            if found.violation:
-                return None
-            first, second = (
-                sign * found.value(name) for sign, name in zip(signs, front.objectives, strict=True)
-            )
-            return first, second
+            first, second = map(found.value, front.objectives)
+            return None if found.violation else (signs[0] * first, signs[1] * second)
 
         found = search_front(pair, len(self.space.names), front.budget, self._problem.spec.seed)
-        points, values = list(found), list(found.values())
-        best = nondominated(values) if values else []
+        compromises = list(found.items())
+        best = nondominated(list(found.values())) if found else []
         return [
-            (
-                self.space.parameters(self.space.law_at(points[i])),
-                signs[0] * values[i][0],
-                signs[1] * values[i][1],
-            )
-            for i in best
+            (self.space.parameters(self.space.law_at(point)), signs[0] * first, signs[1] * second)
+            for point, (first, second) in map(compromises.__getitem__, best)
         ]
 
 
@@ -492,31 +466,20 @@ class LawSearch:
 class ReadyProblem:
     """What all laws of a problem share in one process."""
 
-    scenes: list[PreparedRobot]
     family: PlantFamily
     searched: LawEvaluation
     held_out: LawEvaluation
 
 
-_ready: dict[int, tuple[TuneProblem, ReadyProblem]] = {}
-
-
+@lru_cache(maxsize=1)
 def ready_problem(problem: TuneProblem) -> ReadyProblem:
-    """Return scenes, plants and loops of a problem, made once in each process.
+    """Return plants and loops of a problem, made once in each process.
 
     Raises
     ------
     Error
         If something does not fit or is out of reach.
     """
-    key = id(problem)
-    if key not in _ready or _ready[key][0] is not problem:
-        _ready.clear()
-        _ready[key] = problem, _made_ready(problem)
-    return _ready[key][1]
-
-
-def _made_ready(problem: TuneProblem) -> ReadyProblem:
     spec, block = problem.spec, problem.block
     scenes = searched_scenes(problem)
     plant = next(iter(spec.plant_by_label.values()))
@@ -525,12 +488,7 @@ def _made_ready(problem: TuneProblem) -> ReadyProblem:
         judge = StabilityJudge(spec, scenes[0], family, block.damping)
     seeds = range(spec.seed, spec.seed + block.seeds)
     return ReadyProblem(
-        scenes,
         family,
         LawEvaluation(problem, scenes, family, seeds, judge),
         LawEvaluation(problem, held_out_scenes(problem), family, held_out_seeds(problem), None),
     )
-
-
-def _law(problem: TuneProblem, label: str) -> Law:
-    return next(variant.law for variant in problem.spec.variants if variant.label == label)

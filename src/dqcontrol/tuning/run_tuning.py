@@ -86,22 +86,19 @@ class TunedLaw:
     def to_dict(self) -> dict[str, Any]:
         """Return an entry of ``winners.json``: numbers of the objectives in the units of tables."""
 
-        def shown(values: Mapping[str, float]) -> dict[str, float | None]:
-            return {name: finite_or_none(values[name]) for name in self.objectives} | {
-                "total": finite_or_none(
-                    self.result.total if values is self.result.searched else self.result.held_out_total
-                )
-            }
+        def shown(values: Mapping[str, float], total: float) -> dict[str, float | None]:
+            return finite_or_none({name: values[name] for name in self.objectives} | {"total": total})
 
+        found = self.result
         return {
             "law": self.label,
-            "parameters": self.result.parameters,
-            "objectives": shown(self.result.searched),
-            "held_out": shown(self.result.held_out),
-            "margin": None if self.margin is None else finite_or_none(self.margin),
-            "overshoot": None if self.overshoot is None else finite_or_none(self.overshoot),
+            "parameters": found.parameters,
+            "objectives": shown(found.searched, found.total),
+            "held_out": shown(found.held_out, found.held_out_total),
+            "margin": finite_or_none(self.margin),
+            "overshoot": finite_or_none(self.overshoot),
             "verdict": self.verdict,
-            "evaluations": self.result.evaluations,
+            "evaluations": found.evaluations,
         }
 
 
@@ -169,20 +166,13 @@ class Tuning:
         ]
         for label, each in shown:
             found = each.result
+            parameters = [f"{key} {_in_short(value)}" for key, value in found.parameters.items()]
+            objectives = [found.searched[name] for name in names]
+            numbers = [*objectives, found.total, found.held_out_total, each.margin]
             percent = None if each.overshoot is None else 100 * each.overshoot
-            rows.append(
-                [
-                    label,
-                    ", ".join(f"{key} {_in_short(value)}" for key, value in found.parameters.items()),
-                    *(finite_or_none(found.searched[name]) for name in names),
-                    finite_or_none(found.total),
-                    finite_or_none(found.held_out_total),
-                    None if each.margin is None or not math.isfinite(each.margin) else each.margin,
-                    percent if percent is None or percent >= LEAST_OVERSHOOT else 0.0,
-                    each.verdict,
-                    found.evaluations,
-                ]
-            )
+            overshoot = percent if percent is None or percent >= LEAST_OVERSHOOT else 0.0
+            cells = [label, ", ".join(parameters), *finite_or_none(numbers)]
+            rows.append([*cells, overshoot, each.verdict, found.evaluations])
         return Table(columns, rows, f"{self.problem.spec.name}: every law tuned")
 
     def remarks(self) -> list[str]:
@@ -202,9 +192,8 @@ class Tuning:
             elif found.violation:
                 lines.append(f"{each.label}: no parameters keep the constraints; the nearest are shown")
             if found.held_out_violation:
-                lines.append(
-                    f"{each.label}: breaks a constraint, or diverges, on what the search did not see"
-                )
+                why = "breaks a constraint, or diverges, on what the search did not see"
+                lines.append(f"{each.label}: {why}")
             free = [name for name in found.at_side if not name.endswith("(margin)")]
             if free:
                 lines.append(f"{each.label}: {', '.join(free)} at an end of the range: widen it")
@@ -252,9 +241,8 @@ class Tuning:
 
     def winners(self) -> list[dict[str, Any]]:
         """Return what ``winners.json`` holds."""
-        return [
-            each.to_dict() | ({"faster": each.faster.to_dict()} if each.faster else {}) for each in self.laws
-        ]
+        faster = [{"faster": each.faster.to_dict()} if each.faster else {} for each in self.laws]
+        return [each.to_dict() | more for each, more in zip(self.laws, faster, strict=True)]
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
         """Write ``winners.json``, ``best.yaml``, all evaluations, the table, figures and a report into a new folder.
@@ -421,20 +409,16 @@ def _check(problem: TuneProblem, jobs: int | None, scheduler: str | None) -> Non
             "reference: is an object of this program, which other processes do not have; leave out jobs"
         )
     for variant in problem.spec.variants:
-        _check_budget(problem, LawSearch(problem, variant.label))
+        free = len(LawSearch(problem, variant.label).space.names)
+        if problem.block.budget < 2 * free + 2:
+            raise ShapeError(
+                f"{problem.where}: tune.budget: {problem.block.budget} is too small for {free} free parameters of "
+                f"{variant.label}; give {2 * free + 2} or more"
+            )
 
 
 def _is_here(problem: TuneProblem) -> bool:
     return isinstance(problem.spec.reference, ObjectSpec)
-
-
-def _check_budget(problem: TuneProblem, search: LawSearch) -> None:
-    least = 2 * len(search.space.names) + 2
-    if problem.block.budget < least:
-        raise ShapeError(
-            f"{problem.where}: tune.budget: {problem.block.budget} is too small for {len(search.space.names)} free "
-            f"parameters of {search.label}; give {least} or more"
-        )
 
 
 def _place(law: TunedLaw) -> tuple[bool, bool, float, float]:
@@ -486,9 +470,9 @@ def tune_text(problem: TuneProblem) -> str:
 
 
 def _without_empty(block: Any) -> Any:
-    if isinstance(block, dict):
-        return {key: _without_empty(value) for key, value in block.items() if value not in (None, {}, [])}
-    return block
+    if not isinstance(block, dict):
+        return block
+    return {key: _without_empty(value) for key, value in block.items() if value not in (None, {}, [])}
 
 
 def _working_folder(folder: Path, problem: TuneProblem, *, force: bool = False) -> WorkingFolder:

@@ -74,7 +74,9 @@ class SimplexSearch:
     def run(self) -> Point:
         """Return the best point found."""
         try:
-            for point in sobol_points(self._size, self._first_points(), self._seed):
+            most = max(min(_MOST_SOBOL, self._budget // 3), 2)  # leaves most of the budget
+            count = 1 << (most.bit_length() - 1)  # a power of two, as Sobol points want it
+            for point in sobol_points(self._size, count, self._seed):
                 self._value(point)
             begun: list[Point] = []
             for _ in range(_MOST_RESTARTS):
@@ -89,11 +91,6 @@ class SimplexSearch:
     def best(self) -> Point:
         """The best point so far."""
         return min(self.points, key=self.points.__getitem__)
-
-    def _first_points(self) -> int:
-        """Return a power of two, as Sobol points want it, that leaves most of the budget."""
-        most = max(min(_MOST_SOBOL, self._budget // 3), 2)
-        return 1 << (most.bit_length() - 1)
 
     def _next_start(self, begun: Sequence[Point]) -> Point:
         """Return the best point away from those that were begun at; the best of all if there is none."""

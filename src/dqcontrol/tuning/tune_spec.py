@@ -30,19 +30,8 @@ from dqcontrol.experiments.spec.spec_files import locate_files
 from dqcontrol.files.yaml_file import convert
 from dqcontrol.laws import Law
 from dqcontrol.limits import CommandLimits
+from dqcontrol.measures import stability
 from dqcontrol.measures.metric_tables import LARGE_IS_GOOD, NUMBERS
-from dqcontrol.measures.stability import (
-    GOOD_DAMPING,
-    GOOD_MARGIN,
-    MOST_STATES,
-    LoopGain,
-    NumericLoop,
-    damping_limit,
-    linearise_law,
-    loop_gains,
-    stability_limit,
-    with_lag,
-)
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import Plant
 
@@ -209,8 +198,8 @@ class StabilityJudge:
 
     def _model(self, spec: Spec, plant: Plant) -> LinearModel:
         model, _ = driven_model(spec, plant, self._scene.robot, self._scene.start)
-        if model is None or len(model.transition) > MOST_STATES:
-            reason = "no linear model" if model is None else f"more than {MOST_STATES} states"
+        if model is None or len(model.transition) > stability.MOST_STATES:
+            reason = "no linear model" if model is None else f"more than {stability.MOST_STATES} states"
             raise ShapeError(
                 f"tune.margin: cannot be judged, as the plant has {reason}; give margin: 0 to search without it"
             )
@@ -220,16 +209,15 @@ class StabilityJudge:
 
     def slack(self, law: Law, prepared: Controller) -> Slack:
         """Return how far a prepared law is from its limits."""
-        gains = loop_gains(law, prepared)
-        product = max(
-            (abs(gain.value) * self._period for gain in gains or () if gain.loop != "null space"), default=0.0
-        )
+        gains = stability.loop_gains(law, prepared)
+        moving = [abs(gain.value) for gain in gains or () if gain.loop != "null space"]
+        product = max(moving, default=0.0) * self._period
         if not self._models:
             return Slack(product, math.inf, math.inf)
         if gains is None:
             numeric = self._numeric(prepared)
             return Slack(product, numeric, numeric)
-        of_margin, share, of_null_space = math.inf, math.inf, math.inf
+        of_margin = share = of_null_space = math.inf
         for gain in gains:
             if not gain.value:
                 continue
@@ -241,35 +229,36 @@ class StabilityJudge:
                 of_null_space = damped
         return Slack(product, share, of_margin, of_null_space)
 
-    def _limit(self, plant: int, gain: LoopGain) -> float:
+    def _limit(self, plant: int, gain: stability.LoopGain) -> float:
         direction = gain.value / abs(gain.value) if gain.value.imag else 1.0
         share, lag = _on_grid(gain.integral_share), _on_grid(gain.lag)
         key = plant, direction, share, lag
         if key not in self._limits:
-            behind = with_lag(self._models[plant], _off_grid(lag), self._period)
-            self._limits[key] = stability_limit(behind, self._period, direction, _off_grid(share))
+            behind = stability.with_lag(self._models[plant], _off_grid(lag), self._period)
+            self._limits[key] = stability.stability_limit(behind, self._period, direction, _off_grid(share))
         return self._limits[key]
 
-    def _damped(self, gain: LoopGain) -> float:
+    def _damped(self, gain: stability.LoopGain) -> float:
         """Return the product from which on the nominal plant is not damped as asked; complex gains oscillate anyway."""
         if not self._damping or gain.value.imag:
             return math.inf
         key = _on_grid(gain.integral_share), _on_grid(gain.lag)
         if key not in self._damped_limits:
             share, lag = map(_off_grid, key)
-            behind = with_lag(self._models[0], lag, self._period)
-            self._damped_limits[key] = damping_limit(behind, self._period, self._damping, share)
+            behind = stability.with_lag(self._models[0], lag, self._period)
+            self._damped_limits[key] = stability.damping_limit(behind, self._period, self._damping, share)
         return self._damped_limits[key]
 
     def _numeric(self, prepared: Controller) -> float:
         """Return the slack of a law whose loop gains are unknown, as it is at the start."""
         try:
-            law = linearise_law(prepared.with_limits(CommandLimits(velocity=False)), self._scene.start)
+            unlimited = prepared.with_limits(CommandLimits(velocity=False))
+            law = stability.linearise_law(unlimited, self._scene.start)
         except DivergedError:
             return 0.0
         if law is None:
             return 0.0
-        loops = [NumericLoop(law, model) for model in self._models]
+        loops = [stability.NumericLoop(law, model) for model in self._models]
         return min(loop.margin / margin for loop, margin in zip(loops, self._margins, strict=True))
 
 
@@ -284,7 +273,7 @@ def _off_grid(place: int | None) -> float:
 Block = TypeVar("Block")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SpecWithBlock(Generic[Block]):
     """A spec with a block of its own.
 
@@ -432,8 +421,8 @@ class TuneBlock(Part, frozen=True, kw_only=True):
         default_factory=DEFAULT_OBJECTIVES.copy
     )
     constraints: dict[str, MetricBounds] = {}
-    margin: Annotated[float, Meta(ge=0, le=1000)] = GOOD_MARGIN
-    damping: Annotated[float, Meta(ge=0, le=1)] = GOOD_DAMPING
+    margin: Annotated[float, Meta(ge=0, le=1000)] = stability.GOOD_MARGIN
+    damping: Annotated[float, Meta(ge=0, le=1)] = stability.GOOD_DAMPING
     free: dict[str, Annotated[dict[str, SearchRange], Meta(min_length=1)]] = {}
     references: list[AnyReference] = []
     starts: list[Configuration] = []
@@ -474,10 +463,6 @@ class TuneBlock(Part, frozen=True, kw_only=True):
             for key, span in ranges.items():
                 span.check(f"tune.free.{label}.{key}")
 
-    def total(self, values: dict[str, float]) -> float:
-        """Return the weighted sum of the objectives."""
-        return math.fsum(weight * values[name] for name, weight in self.objectives.items())
-
 
 class _WithTune(msgspec.Struct):
     tune: TuneBlock = TuneBlock()
@@ -506,19 +491,20 @@ def read_tune(source: str | Path | dict[str, Any], **changes: Any) -> TuneProble
     plain = dict(data)
     block_data = {"tune": {**(plain.pop("tune", None) or {}), **changes}}
     plain.pop("learn", None)
-    block = _block(where, numbers_for_quantities(where, block_data, list(kinds_of(_WithTune))))
+    with error_prefix(where):
+        whole = numbers_for_quantities(where, block_data, list(kinds_of(_WithTune)))
+        block = convert(where, whole, _WithTune).tune
+        block.check()
     locate_files(plain, folder)
     identified = identified_file(plain, folder)
     spec = as_spec(where, plain, folder)
     if spec.start is None:
         raise FileFormatError(f"{where}: robots: a search takes one; give 'robot' and 'start'")
-    several = {
-        "plants": len(spec.plant_by_label),
-        "repeats": spec.repeats,
-    }
-    for what, count in several.items():
+    for what, count, more in (
+        ("plants", len(spec.plant_by_label), ""),
+        ("repeats", spec.repeats, "; for noise give tune.seeds"),
+    ):
         if count > 1:
-            more = "; for noise give tune.seeds" if what == "repeats" else ""
             raise FileFormatError(f"{where}: {what}: a search takes one, got {count}{more}")
     if spec.parameter_sets or spec.grids:
         key = "parameter_sets" if spec.parameter_sets else "grids"
@@ -527,10 +513,3 @@ def read_tune(source: str | Path | dict[str, Any], **changes: Any) -> TuneProble
         if label not in spec.law_by_label:
             raise FileFormatError(f"{where}: {unknown_name('tune.free', label, spec.law_by_label)}")
     return TuneProblem(where, plain, folder, spec, block, identified)
-
-
-def _block(where: str, data: Any) -> TuneBlock:
-    with error_prefix(where):
-        block = convert(where, data, _WithTune).tune
-        block.check()
-    return block

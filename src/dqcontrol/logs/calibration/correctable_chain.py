@@ -20,11 +20,8 @@ from dqcontrol.robots.poses import compose, inverse7, rotation_x, rotation_y, ro
 BASE, TOOL = "base", "tool"
 FRAME = ("x", "y", "z", "rz", "ry", "rx")
 _LENGTHS = {"x", "y", "z", "d", "a"}
-_AXIS = {  # what turns z into the axis of a correction
-    "x": rotation_y(np.pi / 2),
-    "y": rotation_x(-np.pi / 2),
-    "z": shift(),
-}
+# what turns z into the axis of a correction
+_AXIS = {"x": rotation_y(np.pi / 2), "y": rotation_x(-np.pi / 2), "z": shift()}
 _AXIS_OF = {"rx": "x", "ry": "y", "rz": "z", "theta": "z", "d": "z", "a": "x", "alpha": "x", "beta": "y"}
 
 
@@ -33,11 +30,6 @@ class Parameter(NamedTuple):
 
     part: str
     name: str
-
-    @property
-    def is_length(self) -> bool:
-        """Whether it is in m, else in rad."""
-        return self.name in _LENGTHS
 
     def __str__(self) -> str:
         return f"{self.part}.{self.name}"
@@ -75,7 +67,7 @@ class CorrectableChain:
 
         def correction(part: str, name: str) -> None:
             what = Parameter(part, name)
-            joint(what, "prismatic" if what.is_length else "revolute", _AXIS_OF.get(name, name))
+            joint(what, "prismatic" if name in _LENGTHS else "revolute", _AXIS_OF.get(name, name))
 
         for name in FRAME:
             correction(BASE, name)

@@ -21,8 +21,9 @@ from dqcontrol.experiments.results_folder import made_folder
 from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
 from dqcontrol.logs.calibration.correctable_chain import BASE, TOOL, CorrectableChain
 from dqcontrol.logs.calibration.measured_poses import MeasuredPoses, read_measured_poses, searched_frames
+from dqcontrol.logs.joint_log import arm_of
 from dqcontrol.logs.joint_table import Angles
-from dqcontrol.robots import Robot, SerialArm, load_robot
+from dqcontrol.robots import Robot, SerialArm
 from dqcontrol.robots.files.robot_file import plain_arm
 from dqcontrol.robots.poses import positions, shift
 from dqcontrol.tables.tables import Cell, Column, PlusMinus, Table
@@ -186,16 +187,14 @@ class Calibration:
     def remarks(self) -> list[str]:
         """What the tables do not show, a line each."""
         lines = list(self.notes)
-        for part, place, known in (
-            (BASE, self.base, self.base_is_known),
-            (TOOL, self.tool, self.tool_is_known),
+        for what, place, known in (
+            (f"{BASE}: the arm's base in the measuring frame", self.base, self.base_is_known),
+            (f"{TOOL}: the target in the arm's hand", self.tool, self.tool_is_known),
         ):
-            what = "the arm's base in the measuring frame" if part == BASE else "the target in the arm's hand"
             x, y, z = positions(place)
-            where = (
-                "is in the robot file" if known else "is not in the robot file: it is far from the arm's own"
-            )
-            lines.append(f"{part}: {what} is at {x:.4f}, {y:.4f}, {z:.4f} m; that {where}")
+            where = "is in" if known else "is not in"
+            why = "" if known else ": it is far from the arm's own"
+            lines.append(f"{what} is at {x:.4f}, {y:.4f}, {z:.4f} m; that {where} the robot file{why}")
         tied = [each for each in self.corrections if each.status == "tied"]
         if found := [f"{each} ({', '.join(each.tied_with)})" for each in tied if each.tied_with]:
             lines.append(f"kept at 0, as these poses cannot tell them from others: {'; '.join(found)}")
@@ -221,17 +220,7 @@ class Calibration:
             "base": {"pose": self.base.tolist(), "in_robot_file": self.base_is_known},
             "tool": {"pose": self.tool.tolist(), "in_robot_file": self.tool_is_known},
             "notes": list(self.notes),
-            "corrections": [
-                {
-                    "part": each.part,
-                    "name": each.name,
-                    "status": each.status,
-                    "value": each.value,
-                    "interval": finite_or_none(each.interval),
-                    "tied_with": list(each.tied_with),
-                }
-                for each in self.corrections
-            ],
+            "corrections": finite_or_none(self.corrections),
         }
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
@@ -317,155 +306,165 @@ def calibrate(
     >>> found = dqc.calibrate("poses.csv", "ur5")  # doctest: +SKIP
     >>> found.save("results/calibrated")  # doctest: +SKIP
     """
-    arm = robot if isinstance(robot, Robot) else load_robot(robot, base_link, tip_link)
-    if not isinstance(arm, SerialArm):
-        raise ValueRangeError(f"robot: {arm.name} has a mobile base; calibrate its arm alone")
-    measured = read_measured_poses(
-        log, arm, joints=joints, angles=angles, joint_topic=joint_topic, pose_topic=pose_topic
-    )
-    return calibration_of(arm, measured)
+    arm = arm_of(robot, "has a mobile base; calibrate its arm alone", base_link, tip_link)
+    topics: dict[str, Any] = {"joint_topic": joint_topic, "pose_topic": pose_topic}
+    return calibration_of(arm, read_measured_poses(log, arm, joints=joints, angles=angles, **topics))
 
 
 def calibration_of(arm: SerialArm, measured: MeasuredPoses) -> Calibration:
     """Return the calibration of an arm from measured poses; see `calibrate`."""
     notes = list(measured.notes)
-    chain = _chain_near(arm, measured)
-    _check_count(chain, measured)
-    solution = _solved(chain, measured)
-    far = _far_off(chain, measured, solution.values)
+    fit = _fit_near(arm, measured)
+    fit.check_count()
+    solution = fit.solved()
+    far = fit.far_off(solution.values)
     if far.any():
-        measured = measured.chosen(~far)
-        _check_count(chain, measured)
+        fit = fit._replace(measured=measured.chosen(~far))
+        fit.check_count()
         notes.append(f"{int(far.sum())} poses more than {_FAR:g} times as far off as usual were left out")
-        solution = _solved(chain, measured)
-    before, after = _checked(chain, measured)
+        solution = fit.solved()
+    before, after = fit.checked()
+    chain, measured = fit
     corrections = tuple(_correction(chain, solution, k) for k in range(len(chain.parameters)))
-    ends = {part: chain.end(part, solution.values) for part in (BASE, TOOL)}
-    known = {
-        part: _is_small(end, turned=part == BASE or measured.rotation is not None)
-        for part, end in ends.items()
-    }
-    values = solution.values
+    values, turned = solution.values, measured.rotation is not None
+    base, tool = chain.end(BASE, values), chain.end(TOOL, values)
+    base_is_known, tool_is_known = _is_small(base, turned=True), _is_small(tool, turned=turned)
     if not after.position_rms < before.position_rms:
-        values = _solved(chain, measured, frames_only=True).values
+        values = fit.solved(frames_only=True).values
     return Calibration(
         robot=arm.name,
         path=measured.path,
-        arm=chain.corrected(values, base=known[BASE], tool=known[TOOL]),
+        arm=chain.corrected(values, base=base_is_known, tool=tool_is_known),
         corrections=corrections,
-        base=pose(ends[BASE][:4], ends[BASE][4:]),
-        tool=pose(ends[TOOL][:4], ends[TOOL][4:]),
-        base_is_known=known[BASE],
-        tool_is_known=known[TOOL],
+        base=pose(base[:4], base[4:]),
+        tool=pose(tool[:4], tool[4:]),
+        base_is_known=base_is_known,
+        tool_is_known=tool_is_known,
         before=before,
         after=after,
         poses=len(measured.q),
-        noise=(solution.noise[0], solution.noise[1] if measured.rotation is not None else math.nan),
+        noise=(solution.noise[0], solution.noise[1] if turned else math.nan),
         notes=tuple(notes),
     )
 
 
-def _chain_near(arm: SerialArm, measured: MeasuredPoses) -> CorrectableChain:
+class _Fit(NamedTuple):
+    """A chain that is fitted to measured poses."""
+
+    chain: CorrectableChain
+    measured: MeasuredPoses
+
+    @property
+    def frames(self) -> NDArray[np.bool_]:
+        """Which parameters are those of base and tool."""
+        return np.array([each.part in (BASE, TOOL) for each in self.chain.parameters])
+
+    def check_count(self) -> None:
+        """Raise if there are too few poses."""
+        arm, measured = self.chain.arm, self.measured
+        each = 3 if measured.rotation is None else 6
+        least = math.ceil(1.5 * (4 * arm.configuration_size + 6) / each * _FOLDS / (_FOLDS - 1))
+        if len(measured.q) < least:
+            raise ValueRangeError(
+                f"{measured.path}: too few poses: {arm.name} needs at least {least}, better twice as many, all over "
+                f"its workspace; got {len(measured.q)}"
+            )
+
+    def left(self, values: Array, noise: tuple[float, float] = (1.0, 1.0)) -> Array:
+        """Return what is left of all poses, in standard deviations: turns of all, then positions."""
+        measured, found = self.measured, self.chain.poses(self.measured.q, values)
+        moved = ((positions(found) - measured.position) / noise[0]).ravel()
+        if measured.rotation is None:
+            return moved
+        seen = np.zeros_like(found)
+        seen[:, :4] = measured.rotation
+        between = multiply(found, conjugate(seen))[:, :4]
+        between = np.where(between[:, :1] < 0, -between, between)
+        size = np.linalg.norm(between[:, 1:], axis=1, keepdims=True)
+        angle = 2 * np.arctan2(size, between[:, :1])
+        turns = np.where(size > 1e-12, between[:, 1:] * angle / np.maximum(size, 1e-12), 2 * between[:, 1:])
+        return np.concatenate([turns.ravel() / noise[1], moved])
+
+    def slopes(self, values: Array, noise: tuple[float, float]) -> Array:
+        """Return the derivatives of `left`, by mm and mrad."""
+        both = self.chain.jacobian(self.measured.q, values) * _MILLI
+        moved = both[:, 3:].reshape(-1, both.shape[2]) / noise[0]
+        if self.measured.rotation is None:
+            return moved
+        return np.concatenate([both[:, :3].reshape(-1, both.shape[2]) / noise[1], moved])
+
+    def descended(self, kept: NDArray[np.bool_], noise: tuple[float, float], start: Array) -> Array:
+        """Return the values of least squares, others than those kept at 0."""
+
+        def full(some: Array) -> Array:
+            values = np.zeros(len(kept))
+            values[kept] = some * _MILLI
+            return values
+
+        done = least_squares(
+            lambda some: self.left(full(some), noise),
+            start[kept] / _MILLI,
+            jac=lambda some: self.slopes(full(some), noise)[:, kept],  # type: ignore[arg-type]
+            method="lm",
+            xtol=1e-9,
+            ftol=1e-12,
+        )
+        return full(done.x)
+
+    def solved(self, *, frames_only: bool = False) -> _Solution:
+        """Return the corrections, and which cannot be told."""
+        count = len(self.chain.parameters)
+        noise, values = _FIRST_NOISE, np.zeros(count)
+        allowed = self.frames if frames_only else np.ones(count, dtype=bool)
+        kept, tied = allowed, dict[int, Array]()
+        for _ in range(_ROUNDS):
+            kept, tied = _told(self.slopes(values, noise), allowed)
+            values = self.descended(kept, noise, values)
+            noise = self.noise(values, int(kept.sum()))
+        slopes = self.slopes(values, noise)[:, kept]
+        covariance = np.zeros((count, count))
+        covariance[np.ix_(kept, kept)] = np.linalg.inv(slopes.T @ slopes) * _MILLI**2
+        return _Solution(values, kept, covariance, tied, noise)
+
+    def noise(self, values: Array, count: int) -> tuple[float, float]:
+        """Return the standard deviations that are left of a coordinate and an angle."""
+        left = self.left(values)
+        freedom = max(1 - count / len(left), 0.1)
+        half = 0 if self.measured.rotation is None else len(left) // 2
+        turned = math.sqrt(np.mean(left[:half] ** 2) / freedom) if half else _FIRST_NOISE[1]
+        moved = math.sqrt(np.mean(left[half:] ** 2) / freedom)
+        return max(moved, _LEAST_NOISE[0]), max(turned, _LEAST_NOISE[1])
+
+    def far_off(self, values: Array) -> NDArray[np.bool_]:
+        """Return which poses do not belong: a target taken for another, a robot that still moved."""
+        sizes = np.linalg.norm(self.left(values).reshape(-1, len(self.measured.q), 3), axis=2)
+        usual = np.median(sizes, axis=1, keepdims=True)
+        return (sizes > _FAR * np.maximum(usual, 1e-9)).any(axis=0)
+
+    def checked(self) -> tuple[HandErrors, HandErrors]:
+        """Return the errors with frames alone and all corrections, of each fifth of the poses by fits of the rest."""
+        measured, count = self.measured, len(self.measured.q)
+        left = np.zeros((2, 2, count, 3))
+        for fold in range(_FOLDS):
+            out = np.arange(count) % _FOLDS == fold
+            rest, tried = (self._replace(measured=measured.chosen(rows)) for rows in (~out, out))
+            for which, frames_only in enumerate((True, False)):
+                found = tried.left(rest.solved(frames_only=frames_only).values).reshape(-1, int(out.sum()), 3)
+                left[which][2 - len(found) :, out] = found
+        alone, whole = (_errors(each, turned=measured.rotation is not None) for each in left)
+        return alone, whole
+
+
+def _fit_near(arm: SerialArm, measured: MeasuredPoses) -> _Fit:
     """Return the arm between its own frames, or between those that the poses tell, whichever is nearer to these."""
     tried = []
     for base, tool in ((shift(), shift()), searched_frames(arm, measured)):
-        chain = CorrectableChain(arm, base, tool)
-        values = _descended(chain, measured, _of_frames(chain), _FIRST_NOISE, np.zeros(len(chain.parameters)))
-        left = _left(chain, measured, values, _FIRST_NOISE)
-        tried.append((float(left @ left), chain))
+        fit = _Fit(CorrectableChain(arm, base, tool), measured)
+        values = fit.descended(fit.frames, _FIRST_NOISE, np.zeros(len(fit.frames)))
+        left = fit.left(values, _FIRST_NOISE)
+        tried.append((float(left @ left), fit))
     nearer = min(tried, key=lambda each: each[0])
     return tried[0][1] if tried[0][0] < 1.001 * nearer[0] else nearer[1]
-
-
-def _of_frames(chain: CorrectableChain) -> NDArray[np.bool_]:
-    return np.array([each.part in (BASE, TOOL) for each in chain.parameters])
-
-
-def _check_count(chain: CorrectableChain, measured: MeasuredPoses) -> None:
-    each = 3 if measured.rotation is None else 6
-    least = math.ceil(1.5 * (4 * chain.arm.configuration_size + 6) / each * _FOLDS / (_FOLDS - 1))
-    if len(measured.q) < least:
-        raise ValueRangeError(
-            f"{measured.path}: too few poses: {chain.arm.name} needs at least {least}, better twice as many, all over "
-            f"its workspace; got {len(measured.q)}"
-        )
-
-
-def _left(
-    chain: CorrectableChain, measured: MeasuredPoses, values: Array, noise: tuple[float, float]
-) -> Array:
-    """Return what is left of all poses, in standard deviations: turns of all, then positions."""
-    found = chain.poses(measured.q, values)
-    moved = ((positions(found) - measured.position) / noise[0]).ravel()
-    return (
-        moved
-        if measured.rotation is None
-        else np.concatenate([_turns(found, measured).ravel() / noise[1], moved])
-    )
-
-
-def _turns(found: Array, measured: MeasuredPoses) -> Array:
-    """Return the rotation vectors (N, 3) from measured orientations to those of a chain, measuring axes, rad."""
-    assert measured.rotation is not None
-    seen = np.zeros_like(found)
-    seen[:, :4] = measured.rotation
-    between = multiply(found, conjugate(seen))[:, :4]
-    between = np.where(between[:, :1] < 0, -between, between)
-    size = np.linalg.norm(between[:, 1:], axis=1, keepdims=True)
-    angle = 2 * np.arctan2(size, between[:, :1])
-    return np.where(size > 1e-12, between[:, 1:] * angle / np.maximum(size, 1e-12), 2 * between[:, 1:])
-
-
-def _slopes(
-    chain: CorrectableChain, measured: MeasuredPoses, values: Array, noise: tuple[float, float]
-) -> Array:
-    """Return the derivatives of `_left`, by mm and mrad."""
-    both = chain.jacobian(measured.q, values) * _MILLI
-    moved = both[:, 3:].reshape(-1, both.shape[2]) / noise[0]
-    if measured.rotation is None:
-        return moved
-    return np.concatenate([both[:, :3].reshape(-1, both.shape[2]) / noise[1], moved])
-
-
-def _descended(
-    chain: CorrectableChain,
-    measured: MeasuredPoses,
-    kept: NDArray[np.bool_],
-    noise: tuple[float, float],
-    start: Array,
-) -> Array:
-    """Return the values of least squares, others than those kept at 0."""
-
-    def full(some: Array) -> Array:
-        values = np.zeros(len(kept))
-        values[kept] = some * _MILLI
-        return values
-
-    done = least_squares(
-        lambda some: _left(chain, measured, full(some), noise),
-        start[kept] / _MILLI,
-        jac=lambda some: _slopes(chain, measured, full(some), noise)[:, kept],  # type: ignore[arg-type]
-        method="lm",
-        xtol=1e-9,
-        ftol=1e-12,
-    )
-    return full(done.x)
-
-
-def _solved(chain: CorrectableChain, measured: MeasuredPoses, *, frames_only: bool = False) -> _Solution:
-    """Return the corrections, and which cannot be told."""
-    noise, values = _FIRST_NOISE, np.zeros(len(chain.parameters))
-    allowed = _of_frames(chain) if frames_only else np.ones(len(chain.parameters), dtype=bool)
-    kept, tied = allowed, dict[int, Array]()
-    for _ in range(_ROUNDS):
-        slopes = _slopes(chain, measured, values, noise)
-        kept, tied = _told(slopes, allowed)
-        values = _descended(chain, measured, kept, noise, values)
-        noise = _noise(chain, measured, values, int(kept.sum()))
-    slopes = _slopes(chain, measured, values, noise)[:, kept]
-    covariance = np.zeros((len(kept), len(kept)))
-    covariance[np.ix_(kept, kept)] = np.linalg.inv(slopes.T @ slopes) * _MILLI**2
-    return _Solution(values, kept, covariance, tied, noise)
 
 
 def _told(slopes: Array, allowed: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], dict[int, Array]]:
@@ -491,46 +490,12 @@ def _told(slopes: Array, allowed: NDArray[np.bool_]) -> tuple[NDArray[np.bool_],
     return kept, tied
 
 
-def _noise(
-    chain: CorrectableChain, measured: MeasuredPoses, values: Array, count: int
-) -> tuple[float, float]:
-    """Return the standard deviations that are left of a coordinate and an angle."""
-    left = _left(chain, measured, values, (1.0, 1.0))
-    freedom = max(1 - count / len(left), 0.1)
-    half = 0 if measured.rotation is None else len(left) // 2
-    turned = math.sqrt(np.mean(left[:half] ** 2) / freedom) if half else _FIRST_NOISE[1]
-    moved = math.sqrt(np.mean(left[half:] ** 2) / freedom)
-    return max(moved, _LEAST_NOISE[0]), max(turned, _LEAST_NOISE[1])
-
-
-def _far_off(chain: CorrectableChain, measured: MeasuredPoses, values: Array) -> NDArray[np.bool_]:
-    """Return which poses do not belong: a target taken for another, a robot that still moved."""
-    left = _left(chain, measured, values, (1.0, 1.0)).reshape(-1, len(measured.q), 3)
-    sizes = np.linalg.norm(left, axis=2)
-    usual = np.median(sizes, axis=1, keepdims=True)
-    return (sizes > _FAR * np.maximum(usual, 1e-9)).any(axis=0)
-
-
-def _checked(chain: CorrectableChain, measured: MeasuredPoses) -> tuple[HandErrors, HandErrors]:
-    """Return the errors with frames alone and all corrections, of each fifth of the poses by fits of the rest."""
-    count = len(measured.q)
-    left = [np.zeros((2, count, 3)), np.zeros((2, count, 3))]
-    for fold in range(_FOLDS):
-        out = np.arange(count) % _FOLDS == fold
-        rest, tried = measured.chosen(~out), measured.chosen(out)
-        for which, frames_only in enumerate((True, False)):
-            values = _solved(chain, rest, frames_only=frames_only).values
-            found = _left(chain, tried, values, (1.0, 1.0)).reshape(-1, int(out.sum()), 3)
-            left[which][2 - len(found) :, out] = found
-    return _errors(left[0], measured), _errors(left[1], measured)
-
-
-def _errors(left: Array, measured: MeasuredPoses) -> HandErrors:
-    turned, moved = np.linalg.norm(left, axis=2)
+def _errors(left: Array, *, turned: bool) -> HandErrors:
+    turns, moved = np.linalg.norm(left, axis=2)
     errors = float(np.sqrt(np.mean(moved**2))), float(moved.max())
-    if measured.rotation is None:
+    if not turned:
         return HandErrors(*errors)
-    return HandErrors(*errors, float(np.sqrt(np.mean(turned**2))), float(turned.max()))
+    return HandErrors(*errors, float(np.sqrt(np.mean(turns**2))), float(turns.max()))
 
 
 def _correction(chain: CorrectableChain, solution: _Solution, k: int) -> Correction:

@@ -15,6 +15,7 @@ from dqcontrol.algebra.functions import WRITTEN_TOLERANCE
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError
 from dqcontrol.files.input_file import as_number, read_text
+from dqcontrol.logs.joint_log import names_in_log, refuse_topics
 from dqcontrol.logs.joint_messages import is_recording, read_joint_states, read_poses
 from dqcontrol.logs.joint_table import DEGREES_NOTE, Angles, must_be_degrees
 from dqcontrol.logs.text_table import ANGLES, LENGTHS, find_columns, name_and_unit, table_rows, unit_scale
@@ -107,16 +108,9 @@ def read_measured_poses(
     >>> read_measured_poses(file, arm).position.tolist()
     [[2.0, 0.0, 0.0], [0.0, 2.0, 0.0]]
     """
-    path, names = Path(path), tuple(joints if joints is not None else robot.joint_names)
-    if len(names) != robot.configuration_size or len(set(names)) != len(names):
-        raise ShapeError(
-            f"joints: {robot.name} has {robot.configuration_size} joints; "
-            f"expected as many different names, got {', '.join(names) or 'none'}"
-        )
+    path, names = Path(path), names_in_log(robot, joints)
     if not is_recording(path):
-        for field, topic in (("joint_topic", joint_topic), ("pose_topic", pose_topic)):
-            if topic is not None:
-                raise ShapeError(f"{field}: {path} is a table and has no topics, got '{topic}'")
+        refuse_topics(path, "table", joint_topic=joint_topic, pose_topic=pose_topic)
         return _read_table(path, robot, names, angles)
     if angles is not None:
         raise ShapeError(f"angles: {path} is a recording, and its messages are in rad; leave it out")

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import log_ndtr, ndtr
 
 from dqcontrol.arrays import Array
-from dqcontrol.logs.servos.joint_fit import Columns, Fit, Segment, columns_at, fit_of, sandwich
+from dqcontrol.logs.servos import joint_fit
 
 _WIDTHS = (0.04, 0.06, 0.09, 0.13, 0.2, 0.3)  # of a step; narrower ones trust the model too much
 _NO_BASIS = np.zeros((0, 0))
@@ -21,7 +21,7 @@ _ROUNDS = 12  # Newton steps; they end by themselves where the likelihood gains 
 _FARTHEST = 8.0  # standard deviations outside of a cell beyond which a sample pulls no harder
 
 
-def refined(segments: list[Segment], found: Fit, resolution: float) -> Fit:
+def refined(segments: list[joint_fit.Segment], found: joint_fit.Fit, resolution: float) -> joint_fit.Fit:
     """Return the likeliest fit near one of least squares, with its uncertainty.
 
     Parameters
@@ -33,46 +33,47 @@ def refined(segments: list[Segment], found: Fit, resolution: float) -> Fit:
     resolution
         Step of the encoder, rad or m.
     """
-    positions = np.concatenate([each.positions for each in segments])
-    best: tuple[float, Array, Columns, float] | None = None
-    point = np.concatenate([found.values, found.factors])
-    for width in reversed(_WIDTHS):
-        likelihood, point, columns = _climbed(
-            segments, found, positions, point, resolution, width * resolution
-        )
-        if best is not None and likelihood <= best[0]:
+    positions = joint_fit.positions_of(segments)
+    best, point = (-math.inf, np.zeros(0), None, 0.0), np.concatenate([found.values, found.factors])
+    for spread in (width * resolution for width in reversed(_WIDTHS)):
+        likelihood, point, columns = _climbed(segments, found, positions, point, resolution, spread)
+        if likelihood <= best[0]:
             break
-        best = likelihood, point, columns, width * resolution
-    assert best is not None
+        best = likelihood, point, columns, spread
     _, point, columns, spread = best
+    assert columns is not None
     values = point[: len(found.values)]
     score, weight, likelihood = _cells(columns.residual, resolution, spread)
-    jacobian = np.column_stack([columns.slopes, columns.columns])
+    jacobian = columns.jacobian
     root = np.sqrt(weight)
-    covariance = sandwich(jacobian * root[:, None], score, jacobian * score[:, None])
-    return replace(fit_of(segments, found.kind, values, columns, covariance), likelihood=likelihood)
+    covariance = joint_fit.sandwich(jacobian * root[:, None], score, jacobian * score[:, None])
+    return replace(joint_fit.fit_of(segments, found.kind, values, columns, covariance), likelihood=likelihood)
 
 
 def _climbed(
-    segments: list[Segment], found: Fit, positions: Array, point: Array, resolution: float, spread: float
-) -> tuple[float, Array, Columns]:
+    segments: list[joint_fit.Segment],
+    found: joint_fit.Fit,
+    positions: Array,
+    point: Array,
+    resolution: float,
+    spread: float,
+) -> tuple[float, Array, joint_fit.Columns]:
     """Return the log-likelihood at its top for a width, the parameters there and the columns."""
     k, kind = len(found.values), found.kind
 
-    def at(trial: Array) -> tuple[float, Columns, Array, Array]:
+    def at(trial: Array) -> tuple[float, joint_fit.Columns, Array, Array]:
         values, factors = trial[:k], trial[k:]
-        columns, slopes, pulls = columns_at(segments, kind, values)
-        by_values = factors[0] * slopes if pulls is None else factors[0] * slopes + factors[1] * pulls
+        columns, slopes, pulls = joint_fit.columns_at(segments, kind, values)
+        by_values = joint_fit.slopes_by_values(factors, slopes, pulls)
         residual = positions - columns @ factors
         score, weight, likelihood = _cells(residual, resolution, spread)
-        return likelihood, Columns(columns, by_values, _NO_BASIS, factors, residual), score, weight
+        return likelihood, joint_fit.Columns(columns, by_values, _NO_BASIS, factors, residual), score, weight
 
     likelihood, columns, score, weight = at(point)
     for _ in range(_ROUNDS):
-        jacobian = np.column_stack([columns.slopes, columns.columns])
-        sizes = np.linalg.norm(jacobian, axis=0)
+        sizes = np.linalg.norm(columns.jacobian, axis=0)
         sizes[sizes == 0] = 1.0
-        scaled = jacobian / sizes
+        scaled = columns.jacobian / sizes
         normal = (scaled * weight[:, None]).T @ scaled
         step = np.linalg.lstsq(normal, scaled.T @ score, rcond=1e-12)[0] / sizes
         for halved in range(6):
@@ -99,11 +100,8 @@ def _cells(residual: Array, resolution: float, spread: float) -> tuple[Array, Ar
     share = np.maximum(ndtr(upper) - ndtr(lower), 1e-300)
     far = upper < -_FARTHEST
     logarithm = np.where(far, log_ndtr(upper), np.log(share))
-    density = (
-        np.exp(-(upper**2) / 2) / math.sqrt(2 * math.pi),
-        np.exp(-(lower**2) / 2) / math.sqrt(2 * math.pi),
-    )
-    slope = np.where(far, -upper, (density[0] - density[1]) / share)
-    bend = np.where(far, 1.0, slope**2 + (upper * density[0] - lower * density[1]) / share)
+    at_upper, at_lower = (np.exp(-(end**2) / 2) / math.sqrt(2 * math.pi) for end in (upper, lower))
+    slope = np.where(far, -upper, (at_upper - at_lower) / share)
+    bend = np.where(far, 1.0, slope**2 + (upper * at_upper - lower * at_lower) / share)
     signed = np.where(flip, slope, -slope) / spread
     return signed, np.maximum(bend, 1e-9) / spread**2, float(logarithm.sum())

@@ -18,13 +18,13 @@ from dqcontrol.experiments.parameter_units import suspected_degrees
 from dqcontrol.experiments.results_folder import made_folder
 from dqcontrol.experiments.run_comparison import unit_of_way
 from dqcontrol.files.plain_data import yaml_text
+from dqcontrol.logs.joint_log import arm_of
 from dqcontrol.logs.servos.joint_fit import NORMAL_95, QUANTUM
-from dqcontrol.logs.servos.lag_response import BY_DELAY, BY_LAG, OUTPUT, TRANSIENT, held, lag_response
-from dqcontrol.logs.servos.servo_orders import MOST_DELAY
+from dqcontrol.logs.servos.servo_orders import FIRST_ORDER, MOST_DELAY, held
 from dqcontrol.measures.metric_tables import fitting_unit
 from dqcontrol.references.points import POSITION, QUATERNION
 from dqcontrol.references.straight import progress
-from dqcontrol.robots import Robot, SerialArm, load_robot
+from dqcontrol.robots import Robot, SerialArm
 from dqcontrol.tables.tables import Cell, Column, Table
 
 MOTION, HAND = "motion.csv", "hand.csv"
@@ -65,12 +65,12 @@ def write_joint_motion(
         Further keys of the spec.
     """
     period, folder = float(time[1] - time[0]), spec.parent
-    _write_table(folder / MOTION, ["time", *robot.joint_names], np.column_stack([time, positions]))
+    write_table(folder / MOTION, ["time", *robot.joint_names], np.column_stack([time, positions]))
     step = max(round(_HAND_STEP / period), 1)
     rows = np.append(np.arange(0, len(time) - 1, step), len(time) - 1)
     poses = robot.fkm(positions[rows])
     hand = np.column_stack([time[rows], translation(poses), rotation(poses)])
-    _write_table(folder / HAND, ["time", *POSITION, *QUATERNION], hand)
+    write_table(folder / HAND, ["time", *POSITION, *QUATERNION], hand)
     source, base_link, tip_link = robot.origin or (robot.name, None, None)
     ends = {key: value for key, value in (("base_link", base_link), ("tip_link", tip_link)) if value}
     data = {
@@ -87,7 +87,8 @@ def write_joint_motion(
     spec.write_text(f"# {note}\n{text}", encoding="utf-8")
 
 
-def _write_table(path: Path, names: list[str], rows: Array) -> None:
+def write_table(path: Path, names: list[str], rows: Array) -> None:
+    """Write columns with a line of their names."""
     np.savetxt(path, rows, delimiter=",", header=",".join(names), comments="", fmt="%.9g")
 
 
@@ -179,16 +180,7 @@ class Excitation:
             Column("enough"),
         ]
         rows: list[list[Cell]] = [
-            [
-                each.name,
-                each.range,
-                each.speed,
-                each.acceleration,
-                1e3 * each.lag,
-                1e3 * each.delay,
-                each.correlation,
-                "yes" if each.is_enough else "no",
-            ]
+            [*each[:4], 1e3 * each.lag, 1e3 * each.delay, each.correlation, "yes" if each.is_enough else "no"]
             for each in self.expected
         ]
         title = (
@@ -295,16 +287,15 @@ def excite(
     >>> all(each.is_enough for each in motion.expected)
     True
     """
-    arm = robot if isinstance(robot, Robot) else load_robot(robot, base_link, tip_link)
-    if not isinstance(arm, SerialArm):
-        raise ValueRangeError(f"robot: {arm.name} has a mobile base; excite its arm alone")
+    arm = arm_of(robot, "has a mobile base; excite its arm alone", base_link, tip_link)
     if signal not in SIGNALS:
         raise unknown_name("signal", str(signal), SIGNALS)
     n, period = arm.configuration_size, as_positive("period", period)
     if as_positive("duration", duration) < 2 * n:
         raise ValueRangeError(f"duration: must be ≥ {2 * n} s for {n} joints, got {duration:g}")
     middle = _start(arm, start)
-    room = np.minimum(as_each("amplitude", amplitude, n), _room(arm, middle))
+    free = np.minimum(middle - arm.limits.lower, arm.limits.upper - middle) - _INSIDE
+    room = np.minimum(as_each("amplitude", amplitude, n), free)
     speeds = np.minimum(as_each("speed", speed, n), 0.9 * arm.limits.velocity)
     accelerations = as_each("acceleration", acceleration, n)
     for field, values in (("amplitude", room), ("speed", speeds), ("acceleration", accelerations)):
@@ -324,10 +315,16 @@ def excite(
     return Excitation(arm, period, time, q, expected, assumed, share)
 
 
-def _start(arm: SerialArm, start: Sequence[float] | None) -> Array:
+def middle_of_limits(arm: SerialArm) -> Array:
+    """Return the middle of the joints' limits, shape (n,), rad or m; 0 of those without."""
     lower, upper = arm.limits.lower, arm.limits.upper
+    return np.where(np.isfinite(lower + upper), 0.5 * (np.nan_to_num(lower) + np.nan_to_num(upper)), 0.0)
+
+
+def _start(arm: SerialArm, start: Sequence[float] | None) -> Array:
     if start is None:
-        return np.where(np.isfinite(lower + upper), (np.nan_to_num(lower) + np.nan_to_num(upper)) / 2, 0.0)
+        return middle_of_limits(arm)
+    lower, upper = arm.limits.lower, arm.limits.upper
     q0 = as_array("start", start, (arm.configuration_size,))
     for k in np.flatnonzero((q0 < lower) | (q0 > upper))[:1]:
         raise ValueRangeError(
@@ -335,11 +332,6 @@ def _start(arm: SerialArm, start: Sequence[float] | None) -> Array:
             f"{upper[k]:.4g}{suspected_degrees(q0, arm)}"
         )
     return q0
-
-
-def _room(arm: SerialArm, middle: Array) -> Array:
-    """Return how far each joint may go to both sides."""
-    return np.minimum(middle - arm.limits.lower, arm.limits.upper - middle) - _INSIDE
 
 
 def _motion(
@@ -473,10 +465,8 @@ def _expected(
     """Return what least squares would tell of a joint, from the information of the model at its assumed numbers."""
     lag, delay, noise = assumed
     times = time[time >= MOST_DELAY]
-    answer = lag_response(held(time, positions), delay, lag, times)
-    columns = np.column_stack(
-        [answer[:, k] for k in (BY_LAG, BY_DELAY, OUTPUT, TRANSIENT)] + [np.ones(len(times))]
-    )
+    answer = FIRST_ORDER.answer(held(time, positions), np.array([lag, delay]), times)
+    columns = np.column_stack([answer.slopes, answer.output, answer.transients, np.ones(len(times))])
     sizes = np.linalg.norm(columns, axis=0)
     sizes[sizes == 0] = 1.0
     scaled = columns / sizes
@@ -485,13 +475,7 @@ def _expected(
     correlation = float(covariance[0, 1] / (errors[0] * errors[1])) if errors[0] * errors[1] else 0.0
     rates = np.diff(positions) / period
     enough = (abs(correlation) < _TRADED or errors[0] < _UNSURE * lag) and errors[1] < period
-    return Expected(
-        name=name,
-        range=float(np.ptp(positions)),
-        speed=float(np.abs(rates).max()),
-        acceleration=float(np.abs(np.diff(rates)).max() / period),
-        lag=NORMAL_95 * float(errors[0]),
-        delay=NORMAL_95 * float(errors[1]),
-        correlation=correlation,
-        is_enough=bool(enough),
-    )
+    moved = np.ptp(positions), np.abs(rates).max(), np.abs(np.diff(rates)).max() / period
+    lag_error, delay_error = NORMAL_95 * errors[:2]
+    numbers = map(float, (*moved, lag_error, delay_error, correlation))
+    return Expected(name, *numbers, is_enough=bool(enough))

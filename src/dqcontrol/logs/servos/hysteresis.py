@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ, WRITE, kernel, types
-from dqcontrol.logs.servos.joint_fit import QUANTUM, Fit, Segment, columns_at, fit_at, sandwich, solved
+from dqcontrol.logs.servos import joint_fit
 
 _TRIED = (0.5, 1.0, 2.0, 4.0)  # of what is left, half widths of a play
 _MIN_PLAY_SIGMA = 5.0  # standard errors
@@ -33,14 +33,14 @@ def _play_position(values, begin, half_width, out):
         out[k] = (values[k] - middle) / half_width
 
 
-def half_play(segments: list[Segment], found: Fit, resolution: float) -> float:
+def half_play(segments: list[joint_fit.Segment], found: joint_fit.Fit, resolution: float) -> float:
     """Return half the width of the play that a fit leaves, roughly; 0 if none is sure.
 
     What is left is compared with the position of the fitted output in a play, which is a share of a dead band, too.
     """
-    usual = max(found.rms, resolution * QUANTUM)
-    columns = solved(segments, found.kind, found.values)
-    jacobian = np.column_stack([columns.slopes, columns.columns])
+    usual = max(found.rms, resolution * joint_fit.QUANTUM)
+    columns = joint_fit.solved(segments, found.kind, found.values)
+    jacobian = columns.jacobian
     basis = np.linalg.qr(jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))[0]
     best: tuple[float, float, Array, Array] | None = None
     for half_width in (usual * each for each in _TRIED):
@@ -54,14 +54,17 @@ def half_play(segments: list[Segment], found: Fit, resolution: float) -> float:
     if best is None:
         return 0.0
     _, factor, place, alone = best
-    covariance = sandwich(np.column_stack([jacobian, place]), columns.residual - factor * alone)
-    least = max(_WIDTHS[0] * resolution, _WIDTHS[1] * _smooth_noise(columns.residual), _LEAST)
-    return (
-        -factor if -factor >= max(_MIN_PLAY_SIGMA * math.sqrt(max(covariance[-1, -1], 0.0)), least) else 0.0
-    )
+    covariance = joint_fit.sandwich(np.column_stack([jacobian, place]), columns.residual - factor * alone)
+    # of neighbouring samples
+    noise = float(np.median(np.abs(np.diff(columns.residual)))) / (0.6745 * math.sqrt(2))
+    least = max(_WIDTHS[0] * resolution, _WIDTHS[1] * noise, _LEAST)
+    least = max(_MIN_PLAY_SIGMA * math.sqrt(max(covariance[-1, -1], 0.0)), least)
+    return -factor if -factor >= least else 0.0
 
 
-def fit_with_play(segments: list[Segment], found: Fit, half_width: float) -> tuple[Fit, list[Segment], float]:
+def fit_with_play(
+    segments: list[joint_fit.Segment], found: joint_fit.Fit, half_width: float
+) -> tuple[joint_fit.Fit, list[joint_fit.Segment], float]:
     """Return the best servo with a play behind it, the segments without that play, and half its width.
 
     Parameters
@@ -73,15 +76,15 @@ def fit_with_play(segments: list[Segment], found: Fit, half_width: float) -> tup
     half_width
         Of the play, roughly, rad or m.
     """
-    positions = np.concatenate([each.positions for each in segments])
+    positions = joint_fit.positions_of(segments)
     k, kind = len(found.values), found.kind
     lower = np.concatenate([kind.lower, np.full(len(found.factors), -np.inf), [half_width / _FARTHEST]])
     upper = np.concatenate([kind.upper, np.full(len(found.factors), np.inf), [half_width * _FARTHEST]])
 
     def at(trial: Array) -> tuple[float, Array, Array, Array]:
-        columns, slopes, pulls = columns_at(segments, kind, trial[:k])
+        columns, slopes, pulls = joint_fit.columns_at(segments, kind, trial[:k])
         factors = trial[k:-1]
-        by_values = factors[0] * slopes if pulls is None else factors[0] * slopes + factors[1] * pulls
+        by_values = joint_fit.slopes_by_values(factors, slopes, pulls)
         driven = columns @ factors
         place = _places(segments, driven, float(trial[-1]))
         carried, rests = _carried(segments, place)
@@ -113,36 +116,24 @@ def fit_with_play(segments: list[Segment], found: Fit, half_width: float) -> tup
         if gained < _PROGRESS * squares:
             break
     half_width = float(point[-1])
-    parts = np.split(half_width * place, np.cumsum([len(each.times) for each in segments])[:-1])
-    mended = [
-        each._replace(positions=each.positions + part) for each, part in zip(segments, parts, strict=True)
-    ]
-    return fit_at(mended, kind, point[:k]), mended, half_width
+    parts = zip(segments, joint_fit.by_segment(segments, half_width * place), strict=True)
+    mended = [each._replace(positions=each.positions + part) for each, part in parts]
+    return joint_fit.fit_at(mended, kind, point[:k]), mended, half_width
 
 
-def _places(segments: list[Segment], driven: Array, half_width: float) -> Array:
+def _places(segments: list[joint_fit.Segment], driven: Array, half_width: float) -> Array:
     """Return where in a play what drives it is, −1 … 1; it begins with the joint where it was measured."""
     place = np.zeros(len(driven))
-    first = 0
-    for each in segments:
-        rows = slice(first, first + len(each.times))
-        _play_position(np.ascontiguousarray(driven[rows]), float(each.positions[0]), half_width, place[rows])
-        first = rows.stop
+    parts = (joint_fit.by_segment(segments, each) for each in (np.ascontiguousarray(driven), place))
+    for each, values, out in zip(segments, *parts, strict=True):
+        _play_position(values, float(each.positions[0]), half_width, out)
     return place
 
 
-def _carried(segments: list[Segment], place: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+def _carried(segments: list[joint_fit.Segment], place: Array) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
     """Return for each sample the last one at which the joint was carried, and which have none in their segment."""
-    rows, starts = np.arange(len(place)), np.zeros(len(place), dtype=np.intp)
-    first = 0
-    for each in segments:
-        starts[first : first + len(each.times)] = first
-        first += len(each.times)
+    rows, sizes = np.arange(len(place)), [len(each.times) for each in segments]
+    starts = np.repeat(np.cumsum(sizes) - sizes, sizes)
     carried = np.maximum.accumulate(np.where(np.abs(place) > 1 - 1e-9, rows, -1))
     rests = carried < starts
     return np.where(rests, rows, carried), rests
-
-
-def _smooth_noise(residual: Array) -> float:
-    """Return the noise of neighbouring samples."""
-    return float(np.median(np.abs(np.diff(residual)))) / (0.6745 * math.sqrt(2))

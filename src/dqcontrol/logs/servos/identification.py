@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -139,10 +140,9 @@ class Identification:
             return float(np.median([getattr(joint, field) for joint in self.fitted]))
 
         def each(field: str, of_refused: Callable[[JointIdentification], float]) -> list[float]:
-            return [
-                round(float(getattr(joint, field) if joint.status == "fitted" else of_refused(joint)), 9)
-                for joint in self.joints
-            ]
+            own = attrgetter(field)
+            values = [own(each) if each.status == "fitted" else of_refused(each) for each in self.joints]
+            return [round(float(value), 9) for value in values]
 
         def delay(joint: JointIdentification) -> float:
             return min(usual("delay"), joint.late) if math.isfinite(joint.late) else usual("delay")
@@ -180,11 +180,7 @@ class Identification:
             "period": self.period,
             "notes": list(self.notes),
             "joints": [
-                {
-                    each.name: finite_or_none(getattr(joint, each.name))
-                    for each in fields(joint)
-                    if each.name != "trace"
-                }
+                finite_or_none({key: value for key, value in vars(joint).items() if key != "trace"})
                 for joint in self.joints
             ],
         }
@@ -340,16 +336,9 @@ def identify(
         raise ShapeError("log: expected at least one file, got none")
     commanded, notes = [], []
     for path in paths:
-        data = read_joint_log(
-            path,
-            arm,
-            joints=joints,
-            angles=angles,
-            joint_topic=joint_topic,
-            command_topic=command_topic,
-            targets=targets,
-            missing="skip",
-        )
+        topics: dict[str, Any] = {"joint_topic": joint_topic, "command_topic": command_topic}
+        options: dict[str, Any] = {"joints": joints, "angles": angles, "targets": targets}
+        data = read_joint_log(path, arm, **options, **topics, missing="skip")
         _check_joints(path, arm)
         notes += [f"{path.name}: {note}" for note in data.notes]
         commanded.append(_commanded(data, joints or arm.joint_names, target_topic))
@@ -368,9 +357,8 @@ def identify(
         mode: _identified(arm, commanded, mode, torques, period) for mode in modes
     }
     mode = _best_mode(tried)
-    return Identification(
-        arm.name, tuple(paths), mode, period, tuple(tried[mode]), tuple(notes), commanded[0], arm
-    )
+    joints_found, told = tuple(tried[mode]), tuple(notes)
+    return Identification(arm.name, tuple(paths), mode, period, joints_found, told, commanded[0], arm)
 
 
 def _check_joints(path: Path, arm: Robot) -> None:
@@ -405,20 +393,16 @@ def _identified(
 ) -> list[JointIdentification]:
     found = []
     for i, name in enumerate(robot.joint_names):
-        segments = [
-            part
-            for each, torque in zip(logs, torques, strict=True)
-            for part in each.segments(i, mode, torque)
-        ]
+        each_log = zip(logs, torques, strict=True)
+        segments = [part for log, torque in each_log for part in log.segments(i, mode, torque)]
         if not segments:
             raise FileFormatError(
                 f"{logs[0].path}: too short or too full of gaps: no part without a gap lasts a second and a half"
             )
         if any(part.torque is None for part in segments):
             segments = [part._replace(torque=None) for part in segments]
-        found.append(
-            identify_joint(name, "rad" if robot.joint_types[i] == "revolute" else "m", segments, period)
-        )
+        unit = "rad" if robot.joint_types[i] == "revolute" else "m"
+        found.append(identify_joint(name, unit, segments, period))
     return found
 
 

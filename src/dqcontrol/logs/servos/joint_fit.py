@@ -11,14 +11,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
-from dqcontrol.logs.servos.lag_response import PiecewiseLinear
-from dqcontrol.logs.servos.servo_orders import FIRST_ORDER, MOST_DELAY, SECOND_ORDER, ServoOrder
+from dqcontrol.logs.servos.servo_orders import (
+    FIRST_ORDER,
+    MOST_DELAY,
+    SECOND_ORDER,
+    PiecewiseLinear,
+    ServoOrder,
+)
 
 _MULTIPLE = 0.06  # of a step: RMS by which differences may miss whole numbers of steps
 _LEAST_LEVELS = 4  # two gaps between three agree by chance
@@ -64,9 +69,8 @@ def noise_of(residual: Array, resolution: float) -> float:
 
 
 NORMAL_95 = 1.96  # standard deviations: 95 % of a normal distribution
-_GRID_LAGS = np.geomspace(
-    2e-3, 0.8, 11
-)  # s, each 1.8 times the one before: all that `LEAST_LAG` … allow is near one
+# s, each 1.8 times the one before: all that `LEAST_LAG` … allow is near one
+_GRID_LAGS = np.geomspace(2e-3, 0.8, 11)
 _GRID_DELAYS = np.linspace(0.0, MOST_DELAY, 31)
 _GRID_SAMPLES, _START_SAMPLES = 800, 3000
 _STARTS = 3  # the best points of the grid, from which the fit descends
@@ -94,6 +98,16 @@ class Segment(NamedTuple):
     def chosen(self, rows: NDArray[np.intp] | NDArray[np.bool_]) -> Segment:
         """Return it with some of its samples only."""
         return self._replace(times=self.times[rows], positions=self.positions[rows])
+
+
+def positions_of(segments: list[Segment]) -> Array:
+    """Return the positions of all segments, one behind the other."""
+    return np.concatenate([each.positions for each in segments])
+
+
+def by_segment(segments: list[Segment], values: NDArray[Any]) -> list[NDArray[Any]]:
+    """Return the parts of values at all samples, one a segment, as views."""
+    return np.split(values, np.cumsum([len(each.times) for each in segments])[:-1])
 
 
 @dataclass(frozen=True)
@@ -166,16 +180,6 @@ class Fit:
         return self.error(len(self.values) - 1)
 
     @property
-    def gain_error(self) -> float:
-        """Standard error."""
-        return self.error(len(self.values))
-
-    @property
-    def sag_error(self) -> float:
-        """Standard error; of a fit with sag."""
-        return self.error(len(self.values) + 1)
-
-    @property
     def correlation(self) -> float:
         """Of lag and delay."""
         sizes = self.lag_error * self.delay_error
@@ -190,6 +194,11 @@ class Columns(NamedTuple):
     basis: Array
     factors: Array
     residual: Array
+
+    @property
+    def jacobian(self) -> Array:
+        """Slopes by all numbers and factors, shape (N, k + p)."""
+        return np.column_stack([self.slopes, self.columns])
 
     @property
     def squares(self) -> float:
@@ -236,8 +245,7 @@ def second_order_fit(segments: list[Segment], found: Fit) -> Fit:
 def fit_at(segments: list[Segment], kind: ServoOrder, values: Array) -> Fit:
     """Return the fit at given numbers of the servo, with its uncertainty as if these had been fitted."""
     found = solved(segments, kind, values)
-    covariance = sandwich(np.column_stack([found.slopes, found.columns]), found.residual)
-    return fit_of(segments, kind, values, found, covariance)
+    return fit_of(segments, kind, values, found, sandwich(found.jacobian, found.residual))
 
 
 def fit_of(
@@ -246,12 +254,11 @@ def fit_of(
     """Return a fit from the columns and factors at its numbers."""
     has_sag = segments[0].torque is not None
     gain, sag = found.factors[0], found.factors[1] if has_sag else 0.0
-    output = np.concatenate([each.positions for each in segments]) - found.residual
+    output = positions_of(segments) - found.residual
     pulled = sag * -found.columns[:, 1] if has_sag else 0.0
     offset = float(np.mean(output - found.columns[:, 0] + pulled))
-    return Fit(
-        kind, values, float(gain), float(sag), offset, found.factors, covariance, found.residual, output
-    )
+    numbers = float(gain), float(sag), offset
+    return Fit(kind, values, *numbers, found.factors, covariance, found.residual, output)
 
 
 def squares_at(segments: list[Segment], lag: float, delays: Array) -> float:
@@ -273,27 +280,29 @@ def columns_at(segments: list[Segment], kind: ServoOrder, values: Array) -> tupl
     has_sag, count, order = segments[0].torque is not None, len(segments), kind.order
     total, shared = sum(len(each.times) for each in segments), 1 + has_sag
     columns = np.zeros((total, shared + (1 + order) * count))
-    slopes = np.zeros((total, len(values)))
-    pulls = np.zeros_like(slopes) if has_sag else None
-    first = 0
-    for k, each in enumerate(segments):
-        rows = slice(first, first + len(each.times))
-        first = rows.stop
+    slopes, pulls = np.zeros((total, len(values))), np.zeros((total, len(values)))
+    parts = (by_segment(segments, each) for each in (columns, slopes, pulls))
+    for k, (each, column, slope, pull) in enumerate(zip(segments, *parts, strict=True)):
         answer = kind.answer(each.target, values, each.times)
-        columns[rows, 0], slopes[rows] = answer.output, answer.slopes
-        if each.torque is not None and pulls is not None:
+        column[:, 0], slope[:] = answer.output, answer.slopes
+        if each.torque is not None:
             sagging = kind.answer(each.torque, values, each.times, delayed=False)
-            columns[rows, 1], pulls[rows] = -sagging.output, -sagging.slopes
+            column[:, 1], pull[:] = -sagging.output, -sagging.slopes
         own = shared + (1 + order) * k
-        columns[rows, own] = 1.0
-        columns[rows, own + 1 : own + 1 + order] = answer.transients
-    return columns, slopes, pulls
+        column[:, own] = 1.0
+        column[:, own + 1 : own + 1 + order] = answer.transients
+    return columns, slopes, pulls if has_sag else None
+
+
+def slopes_by_values(factors: Array, slopes: Array, pulls: Array | None) -> Array:
+    """Return the slopes of the whole output by the servo's numbers."""
+    return factors[0] * slopes if pulls is None else factors[0] * slopes + factors[1] * pulls
 
 
 def solved(segments: list[Segment], kind: ServoOrder, values: Array) -> Columns:
     """Solve for all that is linear."""
     columns, slopes, pulls = columns_at(segments, kind, values)
-    positions = np.concatenate([each.positions for each in segments])
+    positions = positions_of(segments)
     basis, triangle = np.linalg.qr(columns)
     small = np.abs(np.diag(triangle)) < 1e-9 * np.abs(np.diag(triangle)).max()
     projected = basis.T @ positions
@@ -302,8 +311,7 @@ def solved(segments: list[Segment], kind: ServoOrder, values: Array) -> Columns:
     else:
         factors = np.asarray(np.linalg.solve(triangle, projected), dtype=np.float64)
     residual = positions - columns @ factors
-    by_values = factors[0] * slopes if pulls is None else factors[0] * slopes + factors[1] * pulls
-    return Columns(columns, by_values, basis, factors, residual)
+    return Columns(columns, slopes_by_values(factors, slopes, pulls), basis, factors, residual)
 
 
 def _searched(segments: list[Segment]) -> Array:
@@ -311,10 +319,8 @@ def _searched(segments: list[Segment]) -> Array:
     coarse, middle = thinned(segments, _GRID_SAMPLES), thinned(segments, _START_SAMPLES)
     costs = np.array([_squares_by_delay(coarse, lag) for lag in _GRID_LAGS])
     best = np.argsort(costs, axis=None, kind="stable")[:_STARTS]
-    starts = [
-        np.array([_GRID_LAGS[i], _GRID_DELAYS[k]])
-        for i, k in zip(*np.unravel_index(best, costs.shape), strict=True)
-    ]
+    lags, delays = np.unravel_index(best, costs.shape)
+    starts = np.column_stack([_GRID_LAGS[lags], _GRID_DELAYS[delays]])
     return min((_descend(middle, FIRST_ORDER, each, _ROUGH) for each in starts), key=lambda each: each[0])[1]
 
 
@@ -322,13 +328,11 @@ def _squares_by_delay(segments: list[Segment], lag: float) -> Array:
     """Return the least sum of squares that a lag leaves with each delay of the grid: of one answer, shifted."""
     columns = columns_at(segments, FIRST_ORDER, np.array([lag, 0.0]))[0]
     shifted = np.tile(columns, (len(_GRID_DELAYS), 1, 1))
-    first = 0
-    for each in segments:
+    for each, part in zip(segments, by_segment(segments, shifted.swapaxes(0, 1)), strict=True):
         seen, places = np.unique(each.times - _GRID_DELAYS[:, None], return_inverse=True)
         answer = FIRST_ORDER.answer(each.target, np.array([lag, 0.0]), seen).output
-        shifted[:, first : first + len(each.times), 0] = answer[places].reshape(len(_GRID_DELAYS), -1)
-        first += len(each.times)
-    positions = np.concatenate([each.positions for each in segments])
+        part[:, :, 0] = answer[places].reshape(len(_GRID_DELAYS), -1).T
+    positions = positions_of(segments)
     basis = np.linalg.qr(shifted)[0]
     left = positions - np.einsum("dnp,dp->dn", basis, np.einsum("dnp,n->dp", basis, positions))
     return np.asarray(np.sum(left**2, axis=1), dtype=np.float64)

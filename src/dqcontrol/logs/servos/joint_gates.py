@@ -4,28 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
+from dqcontrol.logs.servos import joint_fit
 from dqcontrol.logs.servos.encoder_cells import refined
 from dqcontrol.logs.servos.hysteresis import fit_with_play, half_play
-from dqcontrol.logs.servos.joint_fit import (
-    NORMAL_95,
-    QUANTUM,
-    Fit,
-    Segment,
-    fit,
-    noise_of,
-    predicted,
-    resolution_of,
-    second_order_fit,
-    solved,
-    squares_at,
-    thinned,
-)
 from dqcontrol.logs.servos.servo_orders import LEAST_LAG, MOST_DELAY, MOST_LAG
 
 Interval = tuple[float, float]
@@ -157,15 +144,17 @@ class JointIdentification:
     trace: JointTrace | None = field(default=None, repr=False, compare=False)
 
 
-class _Clamp(NamedTuple):
-    """Targets beyond ``lower`` … ``upper`` have no effect; in such a share of the samples."""
+class _RefusedError(Exception):
+    """Why a log does not tell a joint's servo, and what it tells all the same."""
 
-    lower: float
-    upper: float
-    share: float
+    def __init__(self, reason: str, **known: float) -> None:
+        super().__init__(reason)
+        self.known = known
 
 
-def identify_joint(name: str, unit: str, segments: list[Segment], period: float) -> JointIdentification:
+def identify_joint(
+    name: str, unit: str, segments: list[joint_fit.Segment], period: float
+) -> JointIdentification:
     """Return what some segments of a log tell of a joint.
 
     Parameters
@@ -179,96 +168,78 @@ def identify_joint(name: str, unit: str, segments: list[Segment], period: float)
     period
         Median time between commands, s.
     """
-    positions = np.concatenate([each.positions for each in segments])
+    positions = joint_fit.positions_of(segments)
     targets = np.concatenate([each.target.values for each in segments])
-    resolution = resolution_of(positions)
-    noise = max(noise_of(positions, 0.0), resolution)
+    resolution = joint_fit.resolution_of(positions)
+    noise = max(joint_fit.noise_of(positions, 0.0), resolution)
     bare = JointIdentification(name, resolution=resolution, unit=unit)
     asked, moved = float(np.ptp(targets)), float(np.ptp(positions))
-    if asked < _IDLE:
-        return replace(bare, reason="idle: its command never changes")
-    if asked < _EXCITED * noise:
-        return replace(
-            bare,
-            reason=f"not excited: its command moves by {asked:.3g} {unit}, encoder and noise by {noise:.3g}",
-        )
-    if moved < _STUCK * asked:
-        return replace(
-            bare, reason=f"stuck: it moves by {moved:.3g} {unit} where {asked:.3g} are commanded (a brake?)"
-        )
-    found = fit(segments, period)
-    kept, dropped = _without_outliers(segments, found, resolution)
-    if dropped:
-        found = fit(kept, period, near=found)
-    rounding = float(np.spacing(np.abs(positions).max()))  # least noise of a log without any
-    floor = max(noise_of(found.residual, resolution), rounding)
-    if found.rms > _UNEXPLAINED * floor and (clamp := _clamp(kept, found)) is not None:
-        return replace(
-            bare,
-            reason=f"clamped: targets beyond {clamp.lower:.4g} … {clamp.upper:.4g} {unit} have no effect "
-            f"({100 * clamp.share:.1f} % of the samples); log a motion that stays inside",
-        )
-    found, kept, friction = _chosen(kept, found, floor, resolution, period)
-    return _judged(bare, unit, kept, found, period, floor, dropped, friction)
+    try:
+        if asked < _IDLE:
+            raise _RefusedError("idle: its command never changes")
+        if asked < _EXCITED * noise:
+            by = f"{asked:.3g} {unit}, encoder and noise by {noise:.3g}"
+            raise _RefusedError(f"not excited: its command moves by {by}")
+        if moved < _STUCK * asked:
+            raise _RefusedError(
+                f"stuck: it moves by {moved:.3g} {unit} where {asked:.3g} are commanded (a brake?)"
+            )
+        return _judged(bare, segments, period)
+    except _RefusedError as why:
+        return replace(bare, reason=str(why), **why.known)
 
 
 def _judged(
-    bare: JointIdentification,
-    unit: str,
-    segments: list[Segment],
-    found: Fit,
-    period: float,
-    floor: float,
-    dropped: int,
-    friction: float,
+    bare: JointIdentification, segments: list[joint_fit.Segment], period: float
 ) -> JointIdentification:
-    """Return the fit of a joint, or why it is none."""
-    spread = float(np.std(np.concatenate([each.positions for each in segments])))
+    """Return the fit of a joint, or raise `_RefusedError`."""
+    resolution, unit = bare.resolution, bare.unit
+    found = joint_fit.fit(segments, period)
+    rounding = float(np.spacing(np.abs(joint_fit.positions_of(segments)).max()))  # least noise of a log
+    segments, dropped = _without_outliers(segments, found, resolution)
+    if dropped:
+        found = joint_fit.fit(segments, period, near=found)
+    floor = max(joint_fit.noise_of(found.residual, resolution), rounding)
+    if found.rms > _UNEXPLAINED * floor:
+        _check_clamp(segments, found, unit)
+    found, segments, friction = _chosen(segments, found, floor, resolution, period)
+    spread = float(np.std(joint_fit.positions_of(segments)))
     # at the end of what is searched, within the little that the last steps of the fit leave
     if found.lag > 0.98 * MOST_LAG or found.delay > 0.998 * MOST_DELAY:
         what = f"lag of {MOST_LAG:g} s" if found.lag > 0.98 * MOST_LAG else f"delay of {MOST_DELAY:g} s"
-        return replace(bare, reason=f"beyond what is searched: a {what} or more fits best")
+        raise _RefusedError(f"beyond what is searched: a {what} or more fits best")
     if found.rms > _UNEXPLAINED_SHARE * spread:
-        return replace(
-            bare,
-            reason=f"not explained by a lag and a delay: they leave {found.rms:.3g} {unit} RMS of the "
-            f"{spread:.3g} that it moved",
-        )
+        left = f"{found.rms:.3g} {unit} RMS of the {spread:.3g} that it moved"
+        raise _RefusedError(f"not explained by a lag and a delay: they leave {left}")
     bent = found.kind.order == 2
     sag, sag_interval = math.nan, (math.nan, math.nan)
     if segments[0].torque is not None:
-        sag, sag_interval = found.sag, _interval(found.sag, found.sag_error)
-        if found.sag < _MIN_SAG_SIGMA * found.sag_error:  # also where it would pull up
+        sag, sag_interval = found.sag, _interval(found.sag, found.error(len(found.values) + 1))
+        if found.sag < _MIN_SAG_SIGMA * found.error(len(found.values) + 1):  # also where it would pull up
             sag, segments = 0.0, [each._replace(torque=None) for each in segments]
-            found = fit(segments, period, near=found if bent else None)
+            found = joint_fit.fit(segments, period, near=found if bent else None)
     squares = found.residual @ found.residual
     if _is_coarse(found, bare.resolution):
         found = refined(segments, found, bare.resolution)
         if sag:
-            sag, sag_interval = found.sag, _interval(found.sag, found.sag_error)
+            sag, sag_interval = found.sag, _interval(found.sag, found.error(len(found.values) + 1))
     no_lag = found.lag <= LEAST_LAG * 1.01
     unsure = abs(found.correlation) > _TRADED and found.lag_error > _UNSURE * found.lag
     if found.lag < period / 2 and not bent:  # answers are steps then, whose slopes tell nothing
-        longer = squares_at(
-            segments,
-            found.lag + period,
-            found.delay + period * np.linspace(-2, 1, 13).clip(-found.delay / period),
-        )
+        delays = found.delay + period * np.linspace(-2, 1, 13).clip(-found.delay / period)
+        longer = joint_fit.squares_at(segments, found.lag + period, delays)
         unsure = longer < (1 + _SAME / len(found.residual)) * squares
     # What the model lacks shifts one into the other, and intervals hold for the model alone.
     tied = not bent and abs(found.correlation) > _TIED and found.rms > _REGULAR * floor
     unsure = unsure or tied or not found.delay_error < period
     if unsure:
         both = found.lag + found.delay
-        return replace(
-            bare,
-            reason=f"ambiguous: lag and delay trade off (correlation {found.correlation:.4f}), only their sum is "
-            f"sure, {1e3 * both:.3g} ms; log a faster motion",
-            correlation=found.correlation,
-            residual=found.rms,
-            floor=floor,
-            late=both,
+        reason = (
+            f"ambiguous: lag and delay trade off (correlation {found.correlation:.4f}), only their sum is sure, "
+            f"{1e3 * both:.3g} ms; log a faster motion"
         )
+        known = {"correlation": found.correlation, "residual": found.rms, "floor": floor, "late": both}
+        raise _RefusedError(reason, **known)
     notes = []
     if dropped:
         notes.append(f"{dropped} samples far off were left out")
@@ -277,7 +248,7 @@ def _judged(
             f"comes to rest {friction:.2g} {unit} behind on either side: play, a dead band or friction (half its width)"
         )
     residual, trace = _checked(segments, found, period)
-    noise = math.sqrt(max(min(found.rms, floor) ** 2 - (bare.resolution * QUANTUM) ** 2, 0.0))
+    noise = math.sqrt(max(min(found.rms, floor) ** 2 - (bare.resolution * joint_fit.QUANTUM) ** 2, 0.0))
     if found.rms > _REGULAR * floor:
         notes.append(
             f"{found.rms / floor:.2g} times as much is left as by noise and encoder: "
@@ -292,7 +263,7 @@ def _judged(
         delay=found.delay,
         delay_interval=_interval(found.delay, found.delay_error, least=0.0),
         gain=found.gain,
-        gain_interval=_interval(found.gain, found.gain_error),
+        gain_interval=_interval(found.gain, found.error(len(found.values))),
         offset=found.offset,
         sag=sag,
         sag_interval=sag_interval,
@@ -312,30 +283,26 @@ def _judged(
     )
 
 
-def _is_coarse(found: Fit, resolution: float) -> bool:
+def _is_coarse(found: joint_fit.Fit, resolution: float) -> bool:
     """Whether what a fit leaves is mostly rounding."""
     return 0 < found.rms < _COARSE * resolution
 
 
 def _chosen(
-    segments: list[Segment], found: Fit, floor: float, resolution: float, period: float
-) -> tuple[Fit, list[Segment], float]:
+    segments: list[joint_fit.Segment], found: joint_fit.Fit, floor: float, resolution: float, period: float
+) -> tuple[joint_fit.Fit, list[joint_fit.Segment], float]:
     """Return a fit with play and of second order where the data ask for it, the segments without play, and that."""
     first, played, friction = _with_play(segments, found, resolution)
     residual, is_coarse = first.residual, _is_coarse(first, resolution)
     along = float(residual[1:] @ residual[:-1]) / max(float(residual @ residual), 1e-300)
     if not is_coarse and first.rms < _REGULAR * floor and along < _NOISE_CORRELATION:
         return first, played, friction
-    second = second_order_fit(played if is_coarse else segments, found)
+    second = joint_fit.second_order_fit(played if is_coarse else segments, found)
     if second.values[0] > _QUICKEST * _rapidity(segments, second):
         return first, played, friction
     if is_coarse:
-        likelihoods = [refined(played, each, resolution).likelihood for each in (first, second)]
-        return (
-            (second, played, friction)
-            if likelihoods[1] > likelihoods[0] + _LIKELIER
-            else (first, played, friction)
-        )
+        before, after = (refined(played, each, resolution).likelihood for each in (first, second))
+        return second if after > before + _LIKELIER else first, played, friction
     other = _with_play(segments, second, resolution)
     if other[0].residual @ other[0].residual > _BETTER * (residual @ residual):
         return first, played, friction
@@ -343,47 +310,48 @@ def _chosen(
     return (first, played, friction) if elsewhere[1] > _BETTER_ELSEWHERE * elsewhere[0] else other
 
 
-def _with_play(segments: list[Segment], found: Fit, resolution: float) -> tuple[Fit, list[Segment], float]:
+def _with_play(
+    segments: list[joint_fit.Segment], found: joint_fit.Fit, resolution: float
+) -> tuple[joint_fit.Fit, list[joint_fit.Segment], float]:
     """Return a fit with play if there is some, the segments without it, and its half width."""
     half_width = half_play(segments, found, resolution)
     return fit_with_play(segments, found, half_width) if half_width else (found, segments, 0.0)
 
 
-def _rapidity(segments: list[Segment], found: Fit) -> float:
+def _rapidity(segments: list[joint_fit.Segment], found: joint_fit.Fit) -> float:
     """Return how fast the motion changes, rad/s: RMS acceleration over RMS speed."""
-    speeds, rates = list[Array](), list[Array]()
-    for each, output in zip(
-        segments, np.split(found.output, np.cumsum([len(each.times) for each in segments])[:-1]), strict=True
-    ):
-        speeds.append(np.gradient(output, each.times))
-        rates.append(np.gradient(speeds[-1], each.times))
+    times, outputs = [each.times for each in segments], joint_fit.by_segment(segments, found.output)
+    speeds = list(map(np.gradient, outputs, times))
+    rates = list(map(np.gradient, speeds, times))
     squares = [float(np.mean(np.concatenate(parts) ** 2)) for parts in (rates, speeds)]
     return math.sqrt(squares[0] / max(squares[1], 1e-300))
 
 
 def _interval(value: float, error: float, least: float = -math.inf) -> Interval:
-    return max(value - NORMAL_95 * error, least), value + NORMAL_95 * error
+    return max(value - joint_fit.NORMAL_95 * error, least), value + joint_fit.NORMAL_95 * error
 
 
-def _without_outliers(segments: list[Segment], found: Fit, resolution: float) -> tuple[list[Segment], int]:
+def _without_outliers(
+    segments: list[joint_fit.Segment], found: joint_fit.Fit, resolution: float
+) -> tuple[list[joint_fit.Segment], int]:
     """Return the segments without single samples far off, and how many these are; runs of them are no outliers."""
     sizes = np.abs(found.residual)
-    usual = max(float(np.median(sizes)) / 0.6745, resolution * QUANTUM)
+    usual = max(float(np.median(sizes)) / 0.6745, resolution * joint_fit.QUANTUM)
     far = sizes > _FAR * usual + resolution / 2
     beside = np.convolve(far, np.ones(5), mode="same") > 2  # three of five neighbours: no single samples
     far &= ~beside
     if not far.any():
         return segments, 0
-    parts = np.split(~far, np.cumsum([len(each.times) for each in segments])[:-1])
-    return [each.chosen(part) for each, part in zip(segments, parts, strict=True)], int(far.sum())
+    parts = zip(segments, joint_fit.by_segment(segments, ~far), strict=True)
+    return [each.chosen(part) for each, part in parts], int(far.sum())
 
 
-def _clamp(segments: list[Segment], found: Fit) -> _Clamp | None:
-    """Return the limits of the targets that explain what is left, if they explain at least half of it."""
-    positions = np.concatenate([each.positions for each in segments])
+def _check_clamp(segments: list[joint_fit.Segment], found: joint_fit.Fit, unit: str) -> None:
+    """Raise `_RefusedError` if limits of the targets explain at least half of what is left."""
+    positions = joint_fit.positions_of(segments)
     targets = np.concatenate([each.target.values for each in segments])
-    some = thinned(segments, _CLAMP_SAMPLES)
-    first = best = solved(some, found.kind, found.values).squares
+    some = joint_fit.thinned(segments, _CLAMP_SAMPLES)
+    first = best = joint_fit.solved(some, found.kind, found.values).squares
     ends = [float(targets.min()), float(targets.max())]
     for _ in range(2):
         for side, extreme in enumerate((float(positions.min()), float(positions.max()))):
@@ -392,29 +360,28 @@ def _clamp(segments: list[Segment], found: Fit) -> _Clamp | None:
                 limits = [trial, ends[1]] if side == 0 else [ends[0], trial]
                 if limits[0] >= limits[1]:
                     continue
-                cost = solved(_limited(some, *limits), found.kind, found.values).squares
+                clipped = [
+                    each._replace(target=each.target._replace(values=np.clip(each.target.values, *limits)))
+                    for each in some
+                ]
+                cost = joint_fit.solved(clipped, found.kind, found.values).squares
                 if cost < 0.98 * best:
                     best, ends = cost, limits
-    if best > _CLAMPED * first:
-        return None
-    over = np.concatenate(
-        [(each.target.values < ends[0]) | (each.target.values > ends[1]) for each in segments]
-    )
-    return _Clamp(ends[0], ends[1], float(over.mean()))
+    if best <= _CLAMPED * first:
+        share = 100 * float(((targets < ends[0]) | (targets > ends[1])).mean())
+        raise _RefusedError(
+            f"clamped: targets beyond {ends[0]:.4g} … {ends[1]:.4g} {unit} have no effect "
+            f"({share:.1f} % of the samples); log a motion that stays inside"
+        )
 
 
-def _limited(segments: list[Segment], lower: float, upper: float) -> list[Segment]:
-    return [
-        each._replace(target=each.target._replace(values=np.clip(each.target.values, lower, upper)))
-        for each in segments
-    ]
-
-
-def _checked(segments: list[Segment], found: Fit, period: float) -> tuple[float, JointTrace]:
+def _checked(
+    segments: list[joint_fit.Segment], found: joint_fit.Fit, period: float
+) -> tuple[float, JointTrace]:
     """Return the RMS that a fit of the first 70 % of the joint's path leaves on the rest, NaN if nothing is left."""
     paths = [np.concatenate([[0.0], np.cumsum(np.abs(np.diff(each.target.values)))]) for each in segments]
     wanted, before = _TRAIN_FRACTION * sum(float(each[-1]) for each in paths), 0.0
-    begun, rest = list[Segment](), list[NDArray[np.bool_]]()
+    begun, rest = list[joint_fit.Segment](), list[NDArray[np.bool_]]()
     for each, path in zip(segments, paths, strict=True):
         until = each.target.begins[min(np.searchsorted(path, wanted - before), len(path) - 1)]
         early = each.times <= until
@@ -428,23 +395,19 @@ def _checked(segments: list[Segment], found: Fit, period: float) -> tuple[float,
     foreseen = [np.full(len(each.times), np.nan) for each in segments]
     left = list[Array]()
     if begun and any(late.any() for late in rest):
-        from_begin = fit(begun, period, near=found)
+        from_begin = joint_fit.fit(begun, period, near=found)
         for each, late, shown in zip(segments, rest, foreseen, strict=True):
             if late.any():
-                away = (each.positions - predicted(from_begin, each))[late]
+                away = (each.positions - joint_fit.predicted(from_begin, each))[late]
                 shown[late] = each.positions[late] - away + away.mean()
                 left.append(away - away.mean())
-    trace = JointTrace(
-        np.concatenate([each.times for each in segments]),
-        np.concatenate([_held_at(each) for each in segments]),
-        np.concatenate([each.positions for each in segments]),
-        found.output,
-        np.concatenate(foreseen),
-    )
+    samples = zip(*((each.times, _held_at(each), each.positions) for each in segments), strict=True)
+    times, targets, positions = map(np.concatenate, samples)
+    trace = JointTrace(times, targets, positions, found.output, np.concatenate(foreseen))
     return float(np.sqrt(np.mean(np.concatenate(left) ** 2))) if left else math.nan, trace
 
 
-def _held_at(segment: Segment) -> Array:
+def _held_at(segment: joint_fit.Segment) -> Array:
     """Return the target at the samples."""
     begins, values, slopes = segment.target
     last = np.searchsorted(begins, segment.times, side="right") - 1

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -15,10 +15,9 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError
 from dqcontrol.experiments.run import Run, run
 from dqcontrol.logs.evaluation import evaluate_log
-from dqcontrol.logs.servos.excitation import HAND, write_joint_motion
+from dqcontrol.logs.servos.excitation import HAND, write_joint_motion, write_table
 from dqcontrol.logs.servos.joint_fit import Segment
-from dqcontrol.logs.servos.lag_response import held, joined
-from dqcontrol.logs.servos.servo_orders import MOST_DELAY
+from dqcontrol.logs.servos.servo_orders import MOST_DELAY, held, joined
 from dqcontrol.robots import Robot
 
 Mode = Literal["positions", "integrated", "measured"]
@@ -100,34 +99,30 @@ class CommandedLog:
             return
         for i, name in enumerate(names):
             moved, asked = float(np.ptp(self.q[:, i])), float(np.ptp(self.command[:, i]))
-            if len(self.time) == len(self.command_time) and moved > _COPY:
-                away = np.abs(self.q[:, i] - self.command[:, i]).max()
-                if away < _COPY:
-                    raise FileFormatError(
-                        f"{self.path}: {name}: the commanded positions are a copy of the measured ones, in all "
-                        f"{len(self.time)} samples; give those that were sent"
-                    )
+            as_many = len(self.time) == len(self.command_time)
+            if as_many and moved > _COPY and np.abs(self.q[:, i] - self.command[:, i]).max() < _COPY:
+                raise FileFormatError(
+                    f"{self.path}: {name}: the commanded positions are a copy of the measured ones, in all "
+                    f"{len(self.time)} samples; give those that were sent"
+                )
             ratio = asked / moved if moved > _MOVED else 0.0
-            for factor, units in (
-                (_DEGREES, "degrees beside radians"),
-                (1 / _DEGREES, "radians beside degrees"),
-            ):
-                if abs(ratio / factor - 1) < _NEAR:
-                    k = int(np.argmax(np.abs(self.command[:, i])))
-                    raise FileFormatError(
-                        f"{self.path}: {name}: its commands move {ratio:.3g} times as far as it does, as "
-                        f"{self.command[k, i]:.4g} at {self.command_time[k]:.4g} s: {units}? name the units behind "
-                        "the columns, as r1 [deg]"
-                    )
+            is_degrees = abs(ratio / _DEGREES - 1) < _NEAR
+            if is_degrees or abs(ratio * _DEGREES - 1) < _NEAR:
+                k = int(np.argmax(np.abs(self.command[:, i])))
+                units = "degrees beside radians" if is_degrees else "radians beside degrees"
+                raise FileFormatError(
+                    f"{self.path}: {name}: its commands move {ratio:.3g} times as far as it does, as "
+                    f"{self.command[k, i]:.4g} at {self.command_time[k]:.4g} s: {units}? name the units behind "
+                    "the columns, as r1 [deg]"
+                )
 
 
 def _completed(times: Array, values: Array, period: float) -> tuple[Array, Array]:
     """Return commands with those that are missing joined linearly."""
-    steps = np.diff(times)
-    wide = np.flatnonzero(steps > 1.5 * period)
-    extra = [
-        times[k] + np.arange(1, round(steps[k] / period)) * steps[k] / round(steps[k] / period) for k in wide
-    ]
+    steps, extra = np.diff(times), []
+    for k in np.flatnonzero(steps > 1.5 * period):
+        count = round(steps[k] / period)
+        extra.append(times[k] + np.arange(1, count) * steps[k] / count)
     if not extra:
         return times, values
     all_times = np.sort(np.concatenate([times, *extra]))
@@ -182,9 +177,8 @@ def save_replay(logged: CommandedLog, robot: Robot, mode: str, folder: Path) -> 
         With ``plant.yaml``; takes ``log`` and ``replay``, folders of runs, and the files that make them.
     """
     period, phase = _clock(logged.command_time)
-    begin = phase + period * math.ceil(
-        (max(logged.command_time[0], logged.time[0]) - phase) / period - _EARLY
-    )
+    first = max(logged.command_time[0], logged.time[0])
+    begin = phase + period * math.ceil((first - phase) / period - _EARLY)
     count = min(int((min(logged.command_time[-1], logged.time[-1]) - begin) / period), _MOST)
     time = period * np.arange(count, dtype=np.float64)
     measured = np.column_stack([np.interp(begin + time, logged.time, each) for each in logged.q.T])
@@ -199,21 +193,17 @@ def save_replay(logged: CommandedLog, robot: Robot, mode: str, folder: Path) -> 
     plant = {"kind": "servo", "file": "plant.yaml", "rate_limit": False, "position_limit": False}
     note = "The commands of a log on the servos identified from it."
     write_joint_motion(folder / "replay.yaml", robot, time, targets, measured[0], plant, note)
-    table = np.column_stack([time, measured])
-    header = ",".join(["time", *robot.joint_names])
-    np.savetxt(folder / "log.csv", table, delimiter=",", header=header, comments="", fmt="%.9g")
+    write_table(folder / "log.csv", ["time", *robot.joint_names], np.column_stack([time, measured]))
     simulated = run(folder / "replay.yaml")
     source, base_link, tip_link = robot.origin or (robot.name, None, None)
-    own = evaluate_log(
-        folder / "log.csv", source, folder / HAND, base_link=base_link, tip_link=tip_link, low_pass=0
-    )
+    links: dict[str, Any] = {"base_link": base_link, "tip_link": tip_link}
+    own = evaluate_log(folder / "log.csv", source, folder / HAND, **links, low_pass=0)
     simulated.save(folder / REPLAY, force=True, figures=False)
     own.save(folder / LOG, force=True, figures=False)
     late = slice(min(round(_SETTLING / period), count - 2), count)
     hands = [translation(robot.fkm(each)) for each in (measured, simulated.q[:count], targets)]
-    return Replay(
-        own, simulated, _rms(hands[0][late] - hands[1][late]), _rms(hands[0][late] - hands[2][late])
-    )
+    own_hand, *others = (hand[late] for hand in hands)
+    return Replay(own, simulated, *(_rms(own_hand - other) for other in others))
 
 
 def _clock(stamps: Array) -> tuple[float, float]:

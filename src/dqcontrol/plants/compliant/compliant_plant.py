@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
@@ -23,14 +22,13 @@ from dqcontrol.plants.compliant.loads_and_faults import (
 )
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import ControllerSettings, EncoderErrors, Plant
-from dqcontrol.plants.servo.servo_file import encoders_and_mode, load_servo, say_what_is_left_out
+from dqcontrol.plants.servo.servo_plant import encoders_and_mode, load_servo, say_what_is_left_out
 from dqcontrol.robots.command_mode import CommandMode
+from dqcontrol.robots.robot import Robot
 from dqcontrol.world import World
 
 if TYPE_CHECKING:
     from dqcontrol.plants.compliant.running_compliant import RunningCompliant
-    from dqcontrol.robots.robot import Robot
-
 
 # s, roughly: a step without ticks of its joint controllers, and each tick; by `accurate`
 _STEP, _TICK = 5e-5, {False: 7e-6, True: 1.6e-5}
@@ -163,19 +161,15 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         return replace(self, world=world)
 
     @classmethod
-    def complete(cls, data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-        """Return what a spec says of such a plant, with what fits of a plant file of servos in the place of ``file``.
+    def of_servos(cls, path: Path) -> dict[str, Any]:
+        """Return what fits of a plant file of servos: the encoders and the command mode.
 
-        Its lags follow from motors, springs and gains, so that only the encoders and the command mode are taken.
+        Its lags follow from motors, springs and gains.
         """
-        if not isinstance(data.get("file"), str):
-            return super().complete(data, folder)
-        servo = load_servo(folder / data["file"])
-        found = {key: _largest(value) for key, value in encoders_and_mode(servo).items()}
-        left_out = ("lags", "gain", "delay", "friction", "sag")
-        say_what_is_left_out(folder / data["file"], servo, "a compliant arm", left_out)
-        own = {key: value for key, value in data.items() if key != "file"}
-        return super().complete(found | own, folder)
+        servo = load_servo(path)
+        say_what_is_left_out(path, servo, "a compliant arm", ("lags", "gain", "delay", "friction", "sag"))
+        found = encoders_and_mode(servo)
+        return {key: max(value) if isinstance(value, list) else value for key, value in found.items()}
 
     def __post_init__(self) -> None:
         impedance = self.impedance
@@ -230,11 +224,10 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         """Return its mode and stiffness, its slew rate if it has one of its own, and what its mode asks for."""
         slew_rate = None if self.slew_rate is None else as_each("plant.slew_rate", self.slew_rate, joints)
         stiffness, asked = as_each("plant.stiffness", self.stiffness, joints), None
-        if self.mode == "PWM" or self.mode in _BY_TORQUE:
-            by_duty = self.mode == "PWM"
-            asked = as_each(
-                "plant.duty" if by_duty else "plant.torque", self.duty if by_duty else self.torque, joints
-            )
+        if self.mode == "PWM":
+            asked = as_each("plant.duty", self.duty, joints)
+        elif self.mode in _BY_TORQUE:
+            asked = as_each("plant.torque", self.torque, joints)
         return ControllerSettings(self.mode, stiffness, slew_rate, asked)
 
     def by_effort(self) -> Self | None:
@@ -265,7 +258,3 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         from dqcontrol.plants.compliant.running_compliant import linearised
 
         return linearised(self, robot, start, period) if self.mode in _AT_ONCE else None
-
-
-def _largest(value: Any) -> Any:
-    return max(value) if isinstance(value, list) else value

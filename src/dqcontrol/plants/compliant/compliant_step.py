@@ -5,16 +5,126 @@ from __future__ import annotations
 import ctypes
 from functools import cache
 from pathlib import Path
+from typing import Annotated, NamedTuple
 
-from dqcontrol.compiled.compile import NOT_FINITE, OK, READ, READ2, STATUS, WRITE, inline, kernel, types
+from dqcontrol.arrays import Array
+from dqcontrol.compiled.compile import (
+    NOT_FINITE,
+    OK,
+    READ,
+    READ2,
+    STATUS,
+    WRITE,
+    WRITE2,
+    inline,
+    kernel,
+    types,
+)
 from dqcontrol.compiled.intrinsics import c_caller
+from dqcontrol.compiled.memory_layout import Bundle, MemoryLayout
 from dqcontrol.errors import MissingExtraError
 from dqcontrol.plants.compliant import joint_columns as column
-from dqcontrol.plants.compliant.arm_memory import ARM_PLAN, arm_memory, arm_plan, physics_arrays
 from dqcontrol.plants.compliant.elastic_model import TICK
-from dqcontrol.plants.compliant.joint_columns import COEFFICIENTS, MEMORY, filtered, rest
+from dqcontrol.plants.compliant.joint_columns import filtered, rest
 from dqcontrol.plants.compliant.joint_controller import control, sense
-from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
+from dqcontrol.robots.files.mjcf import import_mujoco
+from dqcontrol.robots.kinematics.gravity import WORK
+
+ARM_PLAN = types.Array(types.intp, 1, "C")
+
+
+class ArmPlan(NamedTuple):
+    """What is called, how often, and the sizes of the memory.
+
+    Attributes
+    ----------
+    step, model, data
+        Addresses of MuJoCo's step, of the model and of its data.
+    steps
+        Of the physics in a tick of the joint controllers.
+    from_measured
+        Whether a target is taken from the measured angle, 0 or 1.
+    joints, losses, pushes, payloads
+        Sizes of `ArmMemory`.
+    """
+
+    step: int
+    model: int
+    data: int
+    steps: int
+    from_measured: int
+    joints: int
+    losses: int
+    pushes: int
+    payloads: int
+
+
+class ArmMemory(NamedTuple):
+    """Tables of the joint controllers and of what acts on the arm, and scratch.
+
+    Attributes
+    ----------
+    gravity, gravity_factor
+        m/s², base frame, and the factor on the torque of the controllers' model.
+    constants, state, shared
+        Of the joint controllers: see `joint_columns`.
+    chain
+        Of the robot.
+    bodies
+        Of the controllers' model of gravity.
+    rotors
+        Which coordinate of the model is each joint's motor.
+    losses
+        Times without encoder: from, until, joint from 0.
+    pushes
+        From, until, body, force (3).
+    payloads
+        From, until, mass.
+    carriers
+        Bodies that carry the payload, itself first.
+    wrist_filter, wrist_memory, wrench
+        Coefficients and memory of the wrist sensor's filter, and the filtered wrench.
+    angles, torques, rotor_angles, rotor_velocities, work
+        Scratch.
+    """
+
+    gravity: Annotated[Array, 3]
+    gravity_factor: float
+    constants: Annotated[Array, "joints", column.CONSTANTS]
+    state: Annotated[Array, "joints", column.STATE]
+    shared: Annotated[Array, column.SHARED]
+    chain: Annotated[Array, "joints + 1", 8]
+    bodies: Annotated[Array, "joints", 4]
+    rotors: Annotated[Array, "joints"]
+    losses: Annotated[Array, "losses", 3]
+    pushes: Annotated[Array, "pushes", 6]
+    payloads: Annotated[Array, "payloads", 3]
+    carriers: Annotated[Array, "joints + 3"]
+    wrist_filter: Annotated[Array, column.COEFFICIENTS]
+    wrist_memory: Annotated[Array, 6, column.MEMORY]
+    wrench: Annotated[Array, 6]
+    angles: Annotated[Array, "joints"]
+    torques: Annotated[Array, "joints"]
+    rotor_angles: Annotated[Array, "joints"]
+    rotor_velocities: Annotated[Array, "joints"]
+    work: Annotated[Array, f"{WORK} * joints"]
+
+
+class PhysicsArrays(NamedTuple):
+    """MuJoCo's own: coordinates, velocities, motors, sensors, forces on bodies, masses of bodies and their subtrees."""
+
+    positions: Annotated[Array, READ]
+    velocities: Annotated[Array, READ]
+    motors: Annotated[Array, WRITE]
+    sensors: Annotated[Array, READ]
+    forces: Annotated[Array, WRITE2]
+    masses: Annotated[Array, WRITE]
+    subtree_masses: Annotated[Array, WRITE]
+
+
+arm_plan: MemoryLayout[ArmPlan] = MemoryLayout(ArmPlan)
+arm_memory: MemoryLayout[ArmMemory] = MemoryLayout(ArmMemory, *ArmPlan._fields[5:])
+physics_arrays: Bundle[PhysicsArrays] = Bundle(PhysicsArrays)
 
 FASTEST = 1e4  # rad/s; a joint beyond it has diverged
 PHYSICS_STEP = types.void(types.intp, types.intp)  # void mj_step(const mjModel *, mjData *)
@@ -56,10 +166,9 @@ def spring_torque(arm, physics, i):
     constants = arm.constants[i]
     if constants[column.SPRING] == 0.0:
         return arm.state[i, column.MOTOR_TORQUE]
-    k = int(arm.rotors[i])
-    return constants[column.SPRING] * (physics.positions[k] - physics.positions[i]) + constants[
-        column.SPRING_DAMPING
-    ] * (physics.velocities[k] - physics.velocities[i])
+    k, damping = int(arm.rotors[i]), constants[column.SPRING_DAMPING]
+    stretch, rate = physics.positions[k] - physics.positions[i], physics.velocities[k] - physics.velocities[i]
+    return constants[column.SPRING] * stretch + damping * rate
 
 
 @inline
@@ -148,13 +257,11 @@ def settle(plan, memory, physics, noise):
         sense(constants[i], state[i], angle, spring_torque(arm, physics, i), False)
         state[i, column.ANGLE] = state[i, column.TOLD] = state[i, column.ENCODER]
         state[i, column.ASKED] = state[i, column.TARGET]
-        rest(
-            constants[i, column.ANGLE_FILTER : column.ANGLE_FILTER + COEFFICIENTS],
-            state[i, column.ANGLE_MEMORY : column.ANGLE_MEMORY + MEMORY],
-            state[i, column.ENCODER],
-        )
+        coefficients = constants[i, column.ANGLE_FILTER : column.ANGLE_FILTER + column.COEFFICIENTS]
+        filter_memory = state[i, column.ANGLE_MEMORY : column.ANGLE_MEMORY + column.MEMORY]
+        rest(coefficients, filter_memory, state[i, column.ENCODER])
         state[i, column.VELOCITY] = state[i, column.TORQUE_RATE] = 0.0
-        state[i, column.VELOCITY_MEMORY : column.TORQUE_RATE_MEMORY + MEMORY] = 0.0
+        state[i, column.VELOCITY_MEMORY : column.TORQUE_RATE_MEMORY + column.MEMORY] = 0.0
     for i in range(6):
         rest(arm.wrist_filter, arm.wrist_memory[i], physics.sensors[i])
         arm.wrench[i] = physics.sensors[i]

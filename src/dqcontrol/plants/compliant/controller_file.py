@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -156,13 +157,8 @@ class ControllerFile(_ControllerPart, frozen=True, kw_only=True):
 
     def column(self, *path: str) -> Array:
         """Return one number of every joint, shape (n,), as ``column("motor", "friction")``."""
-        rows = []
-        for joint in self.joints:
-            value = joint
-            for name in path:
-                value = getattr(value, name)
-            rows.append(value)
-        return np.array(rows, dtype=np.float64)
+        number = attrgetter(".".join(path))
+        return np.array([number(joint) for joint in self.joints], dtype=np.float64)
 
     def stiffness(self, springs: str | list[float | None]) -> Array:
         """Return the springs' stiffness by a preset's name or a list, shape (n,), N·m/rad; infinite where rigid.
@@ -187,15 +183,11 @@ class ControllerFile(_ControllerPart, frozen=True, kw_only=True):
             )
         return values
 
-    def actuation(self, springs: str | list[float | None]) -> Actuation:
-        """Return what lies between the motors' currents and the links, without dry friction, of which no file tells."""
-        return Actuation(
-            self.column("motor", "rotor_inertia"),
-            self.column("motor", "friction"),
-            self.stiffness(springs),
-            self.column("spring_damping"),
-            np.zeros(len(self.joints)),
-        )
+    def actuation(self, springs: str | list[float | None], dry_friction: Array | None = None) -> Actuation:
+        """Return what lies between the motors' currents and the links; no file tells of dry friction, N·m."""
+        motor = self.column("motor", "rotor_inertia"), self.column("motor", "friction")
+        dry = np.zeros(len(self.joints)) if dry_friction is None else dry_friction
+        return Actuation(*motor, self.stiffness(springs), self.column("spring_damping"), dry)
 
     def hand(self, name: str | bool) -> Hand | None:
         """Return a hand by its name, the file's first if True, or None if False.
@@ -270,8 +262,8 @@ def load_controllers(robot: Robot, path: str | None = None) -> ControllerFile:
     return file
 
 
-_POSITION_MODES = (column.MODES["THETA_GC"], column.MODES["THETA_GC_MJ"])
-_SERVO_MODES = (column.MODES["THETA"], column.MODES["THETA_MJ"])
+_POSITION_MODES = (column.THETA_GC, column.THETA_GC_MJ)
+_SERVO_MODES = (column.THETA, column.THETA_MJ)
 
 
 def constants_table(

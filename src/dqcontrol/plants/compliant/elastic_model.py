@@ -11,8 +11,16 @@ from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError
-from dqcontrol.plants.mujoco.mujoco_model import add_inertias, compiled, import_mujoco, skeleton
+from dqcontrol.plants.mujoco.mujoco_model import (
+    add_inertias,
+    add_motor,
+    compiled,
+    skeleton,
+    weigh,
+)
 from dqcontrol.plants.mujoco.world_model import add_links, add_world
+from dqcontrol.plants.mujoco.wrist_sensor import sense_site
+from dqcontrol.robots.files.mjcf import import_mujoco
 from dqcontrol.robots.robot import Robot
 from dqcontrol.world import World
 
@@ -122,12 +130,16 @@ def elastic_model(
         joint.solref_limit, joint.solimp_limit[:2] = (4 * TICK, 1), (0.99, 0.999)
         if actuation.elastic[i]:
             driven = f"rotor_{i + 1}"
-            _add_rotor(spec, driven, actuation.rotor_inertia[i])
-            _add_spring(spec, driven, name)
+            rotor = spec.worldbody.add_body(name=driven)
+            weigh(rotor, _ROTOR_MASS, np.zeros(3), [actuation.rotor_inertia[i]] * 3)
+            rotor.add_joint(name=driven, axis=[0, 0, 1])
+            spring = spec.add_tendon(name=f"spring of {name}", springlength=[0, 0])
+            spring.wrap_joint(driven, 1.0)
+            spring.wrap_joint(name, -1.0)
         else:
             joint.armature = actuation.rotor_inertia[i]
-        spec.add_actuator(name=name, target=driven, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    _add_hand(spec, mujoco, robot, hand)
+        add_motor(spec, name, driven)
+    _add_hand(spec, robot, hand)
     option = spec.option
     option.gravity = gravity
     option.timestep = TICK
@@ -152,42 +164,18 @@ def elastic_model(
     return model
 
 
-def _add_rotor(spec: Any, name: str, inertia: float) -> None:
-    rotor = spec.worldbody.add_body(name=name)
-    rotor.mass, rotor.inertia, rotor.explicitinertial = _ROTOR_MASS, [inertia] * 3, True
-    rotor.add_joint(name=name, axis=[0, 0, 1])
-
-
-def _add_spring(spec: Any, rotor: str, link: str) -> None:
-    spring = spec.add_tendon(name=f"spring of {link}")
-    spring.wrap_joint(rotor, 1.0)
-    spring.wrap_joint(link, -1.0)
-    spring.springlength = [0, 0]
-
-
-def _add_hand(spec: Any, mujoco: Any, robot: Robot, hand: Hand | None) -> None:
+def _add_hand(spec: Any, robot: Robot, hand: Hand | None) -> None:
     tool = robot.chain[-1]
     body = spec.body(f"link_{len(robot.joint_names)}").add_body(name="hand", pos=tool[4:7], quat=tool[:4])
-    body.explicitinertial = True
-    body.mass, body.inertia = 0.0, np.zeros(3)
+    weigh(body, 0.0, np.zeros(3), np.zeros(3))
     if hand is not None:
-        body.mass, body.ipos = hand.mass, hand.center
         moments, axes = np.linalg.eigh(hand.tensor)
         axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
-        quaternion = np.empty(4)
-        mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(axes).reshape(9))
-        body.inertia, body.iquat = moments, quaternion
+        weigh(body, hand.mass, hand.center, moments, axes)
     # Of no mass before a payload is taken; pushes act on it, at the tool's point.
-    payload = body.add_body(name="payload")
-    payload.explicitinertial, payload.mass, payload.inertia = True, 0.0, np.zeros(3)
+    weigh(body.add_body(name="payload"), 0.0, np.zeros(3), np.zeros(3))
     body.add_site(name="wrist")
-    for kind in ("force", "torque"):
-        spec.add_sensor(
-            name=kind,
-            type=getattr(mujoco.mjtSensor, f"mjSENS_{kind.upper()}"),
-            objtype=mujoco.mjtObj.mjOBJ_SITE,
-            objname="wrist",
-        )
+    sense_site(spec, "wrist", {"force": "force", "torque": "torque"})
 
 
 def steps_per_tick(inertia: Array, robot: Robot, actuation: Actuation, accurate: bool) -> int:

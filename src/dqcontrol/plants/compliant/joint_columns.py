@@ -36,9 +36,8 @@ def butterworth(cutoff: float, period: float) -> NDArray[np.float64]:
     """
     w = math.tan(math.pi * cutoff * period)
     second = 1 + w + w * w  # poles of s² + s + 1
-    return np.array(
-        [w / (1 + w), (w - 1) / (1 + w), w * w / second, 2 * (w * w - 1) / second, (1 - w + w * w) / second]
-    )
+    of_second = w * w / second, 2 * (w * w - 1) / second, (1 - w + w * w) / second
+    return np.array([w / (1 + w), (w - 1) / (1 + w), *of_second])
 
 
 @inline
@@ -69,7 +68,7 @@ def filtered(coefficients, memory, value):
     STIFFNESS,  # 0 … 1
     TORQUE_ASKED,  # in the modes TORQUE and TORQUE_GC, N·m
     DUTY_ASKED,  # in the mode PWM, share of the voltage
-    POSITION_P,  # N·m/rad
+    POSITION_P,  # N·m/rad; gains, limit and reach in the order that `integrated` takes, as those of the torque loop
     POSITION_I,  # N·m/rad a tick
     POSITION_D,  # N·m·s/rad
     POSITION_LIMIT,  # N·m
@@ -96,8 +95,8 @@ def filtered(coefficients, memory, value):
     TORQUE_RESOLUTION,  # N·m
     SPRING,  # N·m/rad; 0 for a rigid joint
     SPRING_DAMPING,  # N·m·s/rad
-) = range(34)
-ANGLE_FILTER = 34
+    ANGLE_FILTER,  # coefficients
+) = range(35)
 VELOCITY_FILTER = ANGLE_FILTER + COEFFICIENTS
 TORQUE_RATE_FILTER = VELOCITY_FILTER + COEFFICIENTS
 CONSTANTS = TORQUE_RATE_FILTER + COEFFICIENTS
@@ -129,8 +128,8 @@ CONSTANTS = TORQUE_RATE_FILTER + COEFFICIENTS
     HEAT,  # of the winding, 1 at nominal current
     HOT_TICKS,
     LOST_TICKS,  # without encoder
-) = range(25)
-MOTION = 25  # six coefficients of the quintic
+    MOTION,  # six coefficients of the quintic
+) = range(26)
 ANGLE_MEMORY = MOTION + 6
 VELOCITY_MEMORY = ANGLE_MEMORY + MEMORY
 TORQUE_RATE_MEMORY = VELOCITY_MEMORY + MEMORY
@@ -152,19 +151,12 @@ STATE = TOLD + 1
     TICKS,  # since the start
     PAYLOAD,  # kg, as attached at present
     EXCHANGE,  # ticks from one exchange with the control loop to the next
-) = range(12)
-SHARED = 12
+    SHARED,  # how many they are
+) = range(13)
 
-MODES = {
-    "OFF": 0,
-    "PWM": 1,
-    "TORQUE": 2,
-    "THETA": 3,
-    "TORQUE_GC": 4,
-    "THETA_GC": 5,
-    "THETA_MJ": 6,
-    "THETA_GC_MJ": 7,
-}
+_MODES = ("OFF", "PWM", "TORQUE", "THETA", "TORQUE_GC", "THETA_GC", "THETA_MJ", "THETA_GC_MJ")
+MODES = {name: number for number, name in enumerate(_MODES)}
+OFF, PWM, TORQUE, THETA, TORQUE_GC, THETA_GC, THETA_MJ, THETA_GC_MJ = MODES.values()
 WITH_GRAVITY = ("TORQUE_GC", "THETA_GC", "THETA_GC_MJ")
 STALE, ENCODER_LOST, OVERLOAD = 1, 2, 3
 FAULTS = {STALE: "no command", ENCODER_LOST: "encoder lost", OVERLOAD: "motor too hot"}

@@ -42,13 +42,11 @@ def step_reference(constants, state, ramp, smooth):
     else:
         c = state[column.MOTION : column.MOTION + 6]
         state[column.REFERENCE] = c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5]))))
-        state[column.REFERENCE_VELOCITY] = c[1] + t * (
-            2 * c[2] + t * (3 * c[3] + t * (4 * c[4] + t * 5 * c[5]))
-        )
+        rate = c[1] + t * (2 * c[2] + t * (3 * c[3] + t * (4 * c[4] + t * 5 * c[5])))
+        state[column.REFERENCE_VELOCITY] = rate
         state[column.REFERENCE_ACCELERATION] = 2 * c[2] + t * (6 * c[3] + t * (12 * c[4] + t * 20 * c[5]))
-    state[column.REFERENCE] = min(
-        max(state[column.REFERENCE], constants[column.LOWER]), constants[column.UPPER]
-    )
+    reference = max(state[column.REFERENCE], constants[column.LOWER])
+    state[column.REFERENCE] = min(reference, constants[column.UPPER])
 
 
 @inline
@@ -68,16 +66,6 @@ def _plan(constants, state):
     c[5] = (12.0 * way - 6.0 * v * d - a * d * d) / (2.0 * d**5)
 
 
-OFF, PWM, TORQUE, THETA = (
-    column.MODES["OFF"],
-    column.MODES["PWM"],
-    column.MODES["TORQUE"],
-    column.MODES["THETA"],
-)
-TORQUE_GC, THETA_GC = column.MODES["TORQUE_GC"], column.MODES["THETA_GC"]
-THETA_MJ, THETA_GC_MJ = column.MODES["THETA_MJ"], column.MODES["THETA_GC_MJ"]
-
-
 @inline
 def clamped(value, limit):
     """Return the value within ± the limit."""
@@ -91,6 +79,12 @@ def quantised(value, step):
 
 
 @inline
+def _through(constants, state, first, memory, value):
+    """Return a value through a filter of a joint, whose coefficients and memory begin there."""
+    return filtered(constants[first : first + COEFFICIENTS], state[memory : memory + MEMORY], value)
+
+
+@inline
 def sense(constants, state, angle, torque, lost):
     """Read one joint's encoder and torque sensor, and filter them; a lost encoder stays where it was."""
     before = state[column.ENCODER]
@@ -99,32 +93,27 @@ def sense(constants, state, angle, torque, lost):
     else:
         state[column.LOST_TICKS] = 0.0
         state[column.ENCODER] = quantised(angle, constants[column.ANGLE_RESOLUTION])
-    state[column.ANGLE] = filtered(
-        constants[column.ANGLE_FILTER : column.ANGLE_FILTER + COEFFICIENTS],
-        state[column.ANGLE_MEMORY : column.ANGLE_MEMORY + MEMORY],
-        state[column.ENCODER],
-    )
-    state[column.VELOCITY] = filtered(
-        constants[column.VELOCITY_FILTER : column.VELOCITY_FILTER + COEFFICIENTS],
-        state[column.VELOCITY_MEMORY : column.VELOCITY_MEMORY + MEMORY],
-        (state[column.ENCODER] - before) / TICK,
-    )
+    angle = state[column.ENCODER]
+    state[column.ANGLE] = _through(constants, state, column.ANGLE_FILTER, column.ANGLE_MEMORY, angle)
+    rate = (state[column.ENCODER] - before) / TICK
+    state[column.VELOCITY] = _through(constants, state, column.VELOCITY_FILTER, column.VELOCITY_MEMORY, rate)
     before = state[column.SENSED]
     state[column.SENSED] = quantised(torque, constants[column.TORQUE_RESOLUTION])
-    state[column.TORQUE_RATE] = filtered(
-        constants[column.TORQUE_RATE_FILTER : column.TORQUE_RATE_FILTER + COEFFICIENTS],
-        state[column.TORQUE_RATE_MEMORY : column.TORQUE_RATE_MEMORY + MEMORY],
-        (state[column.SENSED] - before) / TICK,
-    )
+    rate = (state[column.SENSED] - before) / TICK
+    first, memory = column.TORQUE_RATE_FILTER, column.TORQUE_RATE_MEMORY
+    state[column.TORQUE_RATE] = _through(constants, state, first, memory, rate)
 
 
 @inline
-def integrated(integral, gain, error, limit, reach):
-    """Return the integral part after a tick: it grows only while the error is within reach, and shrinks always."""
-    if gain == 0.0:
+def integrated(integral, loop, error):
+    """Return the integral part after a tick: it grows only while the error is within reach, and shrinks always.
+
+    A loop's constants are P, I, D, the limit of its integral and the reach.
+    """
+    if loop[1] == 0.0:
         return 0.0
-    if abs(error) < reach or integral * error <= 0.0:
-        return clamped(integral + gain * error, limit)
+    if abs(error) < loop[4] or integral * error <= 0.0:
+        return clamped(integral + loop[1] * error, loop[3])
     return integral
 
 
@@ -132,18 +121,10 @@ def integrated(integral, gain, error, limit, reach):
 def position_torque(constants, state):
     """Return what the position loop asks for, N·m: stiffness · PID, and gravity."""
     error = state[column.REFERENCE] - state[column.ANGLE]
-    state[column.POSITION_INTEGRAL] = integrated(
-        state[column.POSITION_INTEGRAL],
-        constants[column.POSITION_I],
-        error,
-        constants[column.POSITION_LIMIT],
-        constants[column.POSITION_RANGE],
-    )
-    torque = (
-        constants[column.POSITION_P] * error
-        + state[column.POSITION_INTEGRAL]
-        - constants[column.POSITION_D] * state[column.VELOCITY]
-    )
+    loop = constants[column.POSITION_P : column.POSITION_RANGE + 1]
+    integral = integrated(state[column.POSITION_INTEGRAL], loop, error)
+    state[column.POSITION_INTEGRAL] = integral
+    torque = loop[0] * error + integral - loop[2] * state[column.VELOCITY]
     return constants[column.STIFFNESS] * torque + state[column.GRAVITY]
 
 
@@ -155,24 +136,13 @@ def torque_current(constants, state):
     """
     desired = state[column.DESIRED_TORQUE]
     error = desired - state[column.SENSED]
-    state[column.TORQUE_INTEGRAL] = integrated(
-        state[column.TORQUE_INTEGRAL],
-        constants[column.TORQUE_I],
-        error,
-        constants[column.TORQUE_LIMIT],
-        constants[column.TORQUE_RANGE],
-    )
+    loop, forward = constants[column.TORQUE_P : column.TORQUE_RANGE + 1], constants[column.FEEDFORWARD]
+    integral = integrated(state[column.TORQUE_INTEGRAL], loop, error)
+    state[column.TORQUE_INTEGRAL] = integral
     if constants[column.SPRING] == 0.0:
-        asked = (constants[column.TORQUE_P] + constants[column.FEEDFORWARD]) * desired + state[
-            column.TORQUE_INTEGRAL
-        ]
-        return asked / (1.0 + constants[column.TORQUE_CONSTANT] * constants[column.TORQUE_P])
-    return (
-        constants[column.TORQUE_P] * error
-        + state[column.TORQUE_INTEGRAL]
-        - constants[column.TORQUE_D] * state[column.TORQUE_RATE]
-        + constants[column.FEEDFORWARD] * desired
-    )
+        asked = (loop[0] + forward) * desired + integral
+        return asked / (1.0 + constants[column.TORQUE_CONSTANT] * loop[0])
+    return loop[0] * error + integral - loop[2] * state[column.TORQUE_RATE] + forward * desired
 
 
 @inline
@@ -180,35 +150,32 @@ def drive(constants, state, mode, ramp, rotor, rotor_velocity):
     """Write the motor torque of one joint, N·m at the joint."""
     state[column.DESIRED_TORQUE] = 0.0
     current = 0.0
-    if mode == PWM:
+    if mode == column.PWM:
         duty = ramp * constants[column.DUTY_ASKED] + (1.0 - ramp) * state[column.DUTY_AT_SWITCH]
         voltage = constants[column.VOLTAGE] * clamped(duty, constants[column.MAX_DUTY])
-        current = (voltage - constants[column.TORQUE_CONSTANT] * rotor_velocity) / constants[
-            column.RESISTANCE
-        ]
-    elif mode in (THETA, THETA_MJ):
-        step_reference(constants, state, ramp, mode == THETA_MJ)
-        torque = (
-            constants[column.SERVO_P] * (state[column.REFERENCE] - rotor)
-            - constants[column.SERVO_D] * rotor_velocity
-        )
+        induced = constants[column.TORQUE_CONSTANT] * rotor_velocity
+        current = (voltage - induced) / constants[column.RESISTANCE]
+    elif mode in (column.THETA, column.THETA_MJ):
+        step_reference(constants, state, ramp, mode == column.THETA_MJ)
+        away = state[column.REFERENCE] - rotor
+        torque = constants[column.SERVO_P] * away - constants[column.SERVO_D] * rotor_velocity
         torque = ramp * torque + (1.0 - ramp) * state[column.TORQUE_AT_SWITCH]
         current = torque / constants[column.TORQUE_CONSTANT]
-    elif mode != OFF:
-        if mode in (THETA_GC, THETA_GC_MJ):
-            step_reference(constants, state, ramp, mode == THETA_GC_MJ)
+    elif mode != column.OFF:
+        if mode in (column.THETA_GC, column.THETA_GC_MJ):
+            step_reference(constants, state, ramp, mode == column.THETA_GC_MJ)
             torque = position_torque(constants, state)
         else:
-            torque = constants[column.TORQUE_ASKED] + (state[column.GRAVITY] if mode == TORQUE_GC else 0.0)
+            weight = state[column.GRAVITY] if mode == column.TORQUE_GC else 0.0
+            torque = constants[column.TORQUE_ASKED] + weight
         torque = ramp * torque + (1.0 - ramp) * state[column.TORQUE_AT_SWITCH]
         state[column.DESIRED_TORQUE] = clamped(torque, constants[column.MAX_TORQUE])
         current = torque_current(constants, state)
     current = clamped(current, constants[column.MAX_CURRENT])
     state[column.CURRENT] = current
     state[column.MOTOR_TORQUE] = constants[column.TORQUE_CONSTANT] * current
-    state[column.DUTY] = (
-        constants[column.RESISTANCE] * current + constants[column.TORQUE_CONSTANT] * rotor_velocity
-    ) / constants[column.VOLTAGE]
+    induced = constants[column.TORQUE_CONSTANT] * rotor_velocity
+    state[column.DUTY] = (constants[column.RESISTANCE] * current + induced) / constants[column.VOLTAGE]
     load = current / constants[column.NOMINAL_CURRENT]
     state[column.HEAT] += constants[column.HEATING] * (load * load - state[column.HEAT])
     state[column.HOT_TICKS] = state[column.HOT_TICKS] + 1.0 if state[column.HEAT] > 1.0 else 0.0
@@ -227,7 +194,7 @@ def watch(constants, state, shared):
         elif state[i, column.HOT_TICKS] >= constants[i, column.OVERLOAD_TICKS]:
             shared[column.FAULT], shared[column.FAULTY_JOINT] = column.OVERLOAD, i
     if shared[column.FAULT] != 0.0:
-        shared[column.ASKED_MODE] = OFF
+        shared[column.ASKED_MODE] = column.OFF
 
 
 @inline
@@ -259,7 +226,7 @@ def control(arm):
         switch(state, shared)
     shared[column.RAMP] = min(1.0, shared[column.RAMP] + shared[column.RAMP_STEP])
     mode = int(shared[column.MODE])
-    if mode in (TORQUE_GC, THETA_GC, THETA_GC_MJ):
+    if mode in (column.TORQUE_GC, column.THETA_GC, column.THETA_GC_MJ):
         for i in range(n):
             angles[i] = state[i, column.ANGLE]
         gravity_torque(arm.chain, arm.bodies, angles, arm.gravity, arm.torques, arm.work)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 import msgspec
 import numpy as np
@@ -13,11 +13,8 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, unknown_name
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.compliant.controller_file import WristSensor
-
-if TYPE_CHECKING:
-    from dqcontrol.plants.compliant.elastic_model import Hand
-    from dqcontrol.robots.robot import Robot
-
+from dqcontrol.plants.compliant.elastic_model import Hand
+from dqcontrol.robots.robot import Robot
 
 Seconds = Annotated[float, Meta(ge=0, le=1e6, description="s")]
 Newtons = Annotated[float, Meta(ge=-1e4, le=1e4, description="N, base frame")]
@@ -98,45 +95,30 @@ class WristFault(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
 
 def push_table(pushes: list[Push], bodies: dict[str, int]) -> Array:
     """Return the rows [from, until, body, force (3)], shape (N, 6), or name what does not fit."""
-    rows = np.zeros((len(pushes), 6))
-    for row, push in zip(rows, pushes, strict=True):
-        start = push.time
-        end = start + push.duration
+    for push in pushes:
         if push.point not in bodies:
             raise unknown_name("plant.pushes.point", push.point, bodies)
-        row[:3] = start, end, bodies[push.point]
-        row[3:] = push.force
-    return rows
+    rows = [(each.time, each.time + each.duration, bodies[each.point], *each.force) for each in pushes]
+    return np.array(rows, dtype=np.float64).reshape(-1, 6)
 
 
 def payload_table(payload: Payload | list[Payload] | None) -> Array:
     """Return the rows [from, until, mass], shape (N, 3), or name what does not fit."""
     payloads = [payload] if isinstance(payload, Payload) else payload or []
-    rows = np.zeros((len(payloads), 3))
-    for row, each in zip(rows, payloads, strict=True):
-        row[:2] = span("plant.payload", each.begin, each.until)
-        row[2] = each.mass
-    return rows
-
-
-def span(field: str, begin: float, until: float | None) -> tuple[float, float]:
-    """Return when something begins and ends, s, or say that it does not."""
-    end = math.inf if until is None else until
-    if end <= begin:
-        raise ValueRangeError(f"{field}.until: must be after 'from', {begin:g} s, got {end:g} s")
-    return begin, end
+    rows = [(each.begin, math.inf if each.until is None else each.until, each.mass) for each in payloads]
+    for begin, end, _ in rows:
+        if end <= begin:
+            raise ValueRangeError(f"plant.payload.until: must be after 'from', {begin:g} s, got {end:g} s")
+    return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
 
 def loss_table(losses: list[EncoderLoss], joints: int) -> Array:
     """Return the rows [from, until, joint from 0], shape (N, 3), or name what does not fit."""
-    rows = np.zeros((len(losses), 3))
-    for row, loss in zip(rows, losses, strict=True):
-        start = loss.time
-        end = start + loss.duration
-        if not 1 <= loss.joint <= joints:
+    for loss in losses:
+        if loss.joint > joints:
             raise ValueRangeError(f"plant.encoder_losses.joint: must lie in 1 … {joints}, got {loss.joint}")
-        row[:] = start, end, loss.joint - 1
-    return rows
+    rows = [(each.time, each.time + each.duration, each.joint - 1) for each in losses]
+    return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
 
 class PayloadCompensation(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -182,8 +164,7 @@ class PayloadScale:
         self._gravity, self._strength = gravity, math.hypot(*gravity)
         if not self._strength:
             raise ValueRangeError("plant.payload_compensation: nothing weighs without gravity")
-        time_constant = settings.time_constant
-        self._share = -math.expm1(-period / time_constant)
+        self._share = -math.expm1(-period / settings.time_constant)
         self._most = settings.max_mass
         self._hand_mass = hand.mass if hand else 0.0
 
@@ -228,11 +209,7 @@ class LiveWrist:
         self._bias = np.array([*sensor.force_bias, *sensor.torque_bias])
         self._scale = np.repeat([sensor.force_noise, sensor.torque_noise], 3)
         self._noise = np.empty(6)
-        self._fails, self._recovers, self._stuck = np.inf, np.inf, np.zeros(6)
-        if fault is not None:
-            self._fails = fault.time
-            self._recovers = self._fails + fault.duration
-            self._stuck[:3] = fault.force
+        self._fault = fault
 
     def read(self, time: float, rng: np.random.Generator, out: Array) -> None:
         """Write force and torque at a time, (6,), N and N·m, that the hand exerts on the arm, axes of the tool."""
@@ -240,5 +217,5 @@ class LiveWrist:
         np.multiply(self._noise, self._scale, out=out)
         out += self._bias
         out -= self.filtered
-        if self._fails <= time < self._recovers:
-            out[:] = self._stuck
+        if self._fault is not None and self._fault.time <= time < self._fault.time + self._fault.duration:
+            out[:3], out[3:] = self._fault.force, 0.0

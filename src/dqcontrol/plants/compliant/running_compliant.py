@@ -6,7 +6,7 @@ import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from msgspec.structs import replace as changed
@@ -14,9 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, SafetyWarning, ValueRangeError, as_each, as_positive, unknown_name
-from dqcontrol.plants.compliant import joint_columns as column
-from dqcontrol.plants.compliant.arm_memory import ArmMemory, ArmPlan, arm_memory, arm_plan, physics_arrays
-from dqcontrol.plants.compliant.compliant_step import advance, physics_step, settle
+from dqcontrol.plants.compliant import compliant_step, joint_columns as column
+from dqcontrol.plants.compliant.compliant_plant import CompliantPlant
 from dqcontrol.plants.compliant.controller_file import (
     ControllerFile,
     constants_table,
@@ -34,15 +33,13 @@ from dqcontrol.plants.compliant.loads_and_faults import (
     push_table,
 )
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.mujoco.mujoco_model import import_mujoco, mass_matrix
+from dqcontrol.plants.mujoco.mujoco_model import mass_matrix
 from dqcontrol.plants.mujoco.world_model import WorldContacts
 from dqcontrol.plants.plant import Channel, ControllerSettings, RunningPlant, as_command, start_within_limits
+from dqcontrol.plants.wrist import AXES
+from dqcontrol.robots.files.mjcf import import_mujoco
 from dqcontrol.robots.kinematics.gravity import WORK
 from dqcontrol.robots.robot import Robot
-
-if TYPE_CHECKING:
-    from dqcontrol.plants.compliant.compliant_plant import CompliantPlant
-    from dqcontrol.robots.robot import Robot
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,13 +91,10 @@ def assemble(plant: CompliantPlant, robot: Robot, start: ArrayLike, period: floa
     file = load_controllers(robot, plant.controllers)
     start, ticks, n = start_within_limits(robot, start), _ticks("period", period), robot.configuration_size
     exchange = 1 if plant.exchange_period is None else _ticks("plant.exchange_period", plant.exchange_period)
-    dry_friction = as_each("plant.dry_friction", plant.dry_friction, n)
-    actuation = replace(file.actuation(plant.springs), dry_friction=dry_friction)
-    elastic = actuation.elastic
-    hand = file.hand(plant.hand)
-    model = elastic_model(
-        robot, actuation, hand=hand, gravity=plant.gravity, accurate=plant.accurate, world=plant.world
-    )
+    actuation = file.actuation(plant.springs, as_each("plant.dry_friction", plant.dry_friction, n))
+    elastic, hand = actuation.elastic, file.hand(plant.hand)
+    scene = {"gravity": plant.gravity, "accurate": plant.accurate, "world": plant.world}
+    model = elastic_model(robot, actuation, hand=hand, **scene)
     data: Any = mujoco.MjData(model)
     data.qpos[:n] = start
     mujoco.mj_forward(model, data)
@@ -125,8 +119,8 @@ def assemble(plant: CompliantPlant, robot: Robot, start: ArrayLike, period: floa
                 f"plant.payload_compensation: needs a mode with a model of gravity, {', '.join(WITH_GRAVITY)}; "
                 f"got {plant.mode}"
             )
-        exact = ticks * TICK
-        scale = PayloadScale(plant.payload_compensation, robot, hand, bodies, plant.gravity, exact)
+        period = ticks * TICK  # exactly
+        scale = PayloadScale(plant.payload_compensation, robot, hand, bodies, plant.gravity, period)
     return Arm(robot, file, model, data, constants, state, bodies, rotors, scale, ticks, exchange, steps)
 
 
@@ -151,12 +145,8 @@ _JOINT_CHANNELS = {
     "spring_torque": "N·m",
     "motor_current": "A",
 }
-_JOINT_COLUMNS = [
-    column.REFERENCE,
-    column.DESIRED_TORQUE,
-    column.SENSED,
-    column.CURRENT,
-]  # of all but the motors' angles
+# of all but the motors' angles
+_JOINT_COLUMNS = [column.REFERENCE, column.DESIRED_TORQUE, column.SENSED, column.CURRENT]
 
 
 class RunningCompliant(RunningPlant):
@@ -178,7 +168,7 @@ class RunningCompliant(RunningPlant):
 
     model: Any
     data: Any
-    memory: ArmMemory
+    memory: compliant_step.ArmMemory
 
     def __init__(self, plant: CompliantPlant, arm: Arm, seed: int) -> None:
         model, data, n = arm.model, arm.data, arm.robot.configuration_size
@@ -188,15 +178,13 @@ class RunningCompliant(RunningPlant):
         self._arm, self._rng = arm, np.random.default_rng(seed)
         self._noise, self._noise_scale = np.zeros((arm.ticks, n)), plant.encoder_noise
         self._gravity = np.array(plant.gravity)
-        self._shaking, self._shaking_rng = (
-            plant.base_shaking / math.sqrt(arm.ticks * TICK),
-            np.random.default_rng([seed, _SHAKING]),
-        )
+        self._shaking = plant.base_shaking / math.sqrt(arm.ticks * TICK)
+        self._shaking_rng = np.random.default_rng([seed, _SHAKING])
         self._moves, self._pushed, self._idle = np.zeros(n), bool(plant.pushes), np.zeros(n)
         self._plan, self._numbers, self.memory = _memory(plant, arm)
         self._holding = self._plan.copy()  # of ticks without a new command
-        self._holding[arm_plan.place("from_measured")] = 0
-        self._physics = physics_arrays(
+        self._holding[compliant_step.arm_plan.place("from_measured")] = 0
+        self._physics = compliant_step.physics_arrays(
             positions=data.qpos,
             velocities=data.qvel,
             motors=data.ctrl,
@@ -211,20 +199,19 @@ class RunningCompliant(RunningPlant):
             self._springs.check_period(self.q.copy(), TICK)
         self._mode = plant.mode
         self._draw()
-        settle(self._plan, self._numbers, self._physics, self._noise[0])
+        compliant_step.settle(self._plan, self._numbers, self._physics, self._noise[0])
         world, period = plant.world, arm.ticks * TICK
         self._world = WorldContacts(world, arm.robot, model, data, period, seed) if world else None
-        own = _channels(arm.robot.joint_names, bool(arm.scale))
-        self._own_size = sum(channel.size for channel in own)
-        self.channels: tuple[Channel, ...] = own
-        self.readings: Array = np.zeros(self._own_size)
+        self.channels: tuple[Channel, ...] = _channels(arm.robot.joint_names, bool(arm.scale))
+        own = sum(channel.size for channel in self.channels)
         if self._world is not None:
             self._world.check_start()
             self.seen = self._world.bodies.seen
-            self.channels = (*own, *self._world.channels)
-            self.readings = np.zeros(self._own_size + len(self._world.readings))
+            self.channels = (*self.channels, *self._world.channels)
+        self.readings: Array = np.zeros(sum(channel.size for channel in self.channels))
         self._joint_readings = self.readings[: len(_JOINT_CHANNELS) * n].reshape(-1, n)
-        self._other_readings = self.readings[len(_JOINT_CHANNELS) * n : self._own_size]
+        self._other_readings = self.readings[len(_JOINT_CHANNELS) * n : own]
+        self._world_readings = self.readings[own:]
         self.effort: Array = self._joint_readings[list(_JOINT_CHANNELS).index("spring_torque")]
         self.wrench: Array = self._other_readings[0:6]
         self._rotors = arm.rotors.astype(np.intp)
@@ -238,9 +225,7 @@ class RunningCompliant(RunningPlant):
     @property
     def mode(self) -> str:
         """Mode of the joint controllers."""
-        return next(
-            name for name, number in column.MODES.items() if number == self.memory.shared[column.MODE]
-        )
+        return list(column.MODES)[int(self.memory.shared[column.MODE])]
 
     @property
     def target(self) -> Array:
@@ -257,16 +242,9 @@ class RunningCompliant(RunningPlant):
         """The encoders' last readings, before their filters, shape (n,), rad."""
         return self.memory.state[:, column.ENCODER].copy()
 
-    @property
-    def servo_stiffness(self) -> Array:
-        """The gains of the modes THETA and THETA_MJ, shape (n,), N·m/rad."""
-        return self._arm.constants[:, column.SERVO_P].copy()
-
     def _fault_in_words(self) -> str:
-        what, joint = (
-            column.FAULTS[int(self.memory.shared[column.FAULT])],
-            int(self.memory.shared[column.FAULTY_JOINT]),
-        )
+        fault, joint = self.memory.shared[[column.FAULT, column.FAULTY_JOINT]].astype(int)
+        what = column.FAULTS[fault]
         return what if joint < 0 else f"{self._arm.robot.joint_names[joint]}: {what}"
 
     def switch(self, mode: str) -> None:
@@ -296,9 +274,8 @@ class RunningCompliant(RunningPlant):
         if control.stiffness is not None:
             constants[:, column.STIFFNESS] = control.stiffness
         if control.slew_rate is not None:
-            constants[:, column.SLEW] = np.minimum(
-                TICK * control.slew_rate, self._arm.constants[:, column.SLEW]
-            )
+            fastest = self._arm.constants[:, column.SLEW]
+            constants[:, column.SLEW] = np.minimum(TICK * control.slew_rate, fastest)
             constants[:, column.SPEED] = control.slew_rate
         if control.asked is not None:
             is_duty = (control.mode or self.mode) == "PWM"
@@ -342,15 +319,15 @@ class RunningCompliant(RunningPlant):
         if moving or self._springs is not None:
             failed = self._advance_by_ticks(plan, ticks)
         else:
-            failed = advance(plan, self._numbers, self._physics, ticks, self._moves, self._noise)
+            arrays = self._numbers, self._physics
+            failed = compliant_step.advance(plan, *arrays, ticks, self._moves, self._noise)
         if failed:
             raise DivergedError(f"plant: the arm diverged before {self.time:g} s, q = {self.q}")
         self._measure()
         if self.memory.shared[column.FAULT] and not self.fault:
             self.fault: str = self._fault_in_words()
-            warnings.warn(
-                f"{self.fault}: the motors are off since before {self.time:g} s", SafetyWarning, stacklevel=3
-            )
+            off = f"the motors are off since before {self.time:g} s"
+            warnings.warn(f"{self.fault}: {off}", SafetyWarning, stacklevel=3)
 
     def _advance_by_ticks(self, plan: NDArray[np.intp], ticks: int) -> bool:
         """Take ticks one by one, at each of which bodies are elsewhere that move as they say, and torques new."""
@@ -362,7 +339,7 @@ class RunningCompliant(RunningPlant):
             if springs is not None:
                 q, rates, target = (state[:, each] for each in (column.ANGLE, column.VELOCITY, column.ASKED))
                 self.memory.constants[:, column.TORQUE_ASKED] = springs.torque(q, rates, target, moves / TICK)
-            if advance(plan, self._numbers, self._physics, 1, moves, self._noise[k : k + 1]):
+            if compliant_step.advance(plan, self._numbers, self._physics, 1, moves, self._noise[k : k + 1]):
                 return True
             if springs is None:
                 plan, moves = self._holding, self._idle
@@ -390,10 +367,10 @@ class RunningCompliant(RunningPlant):
             other[-1] = scale.mass
         if self._world is not None:
             self._world.read()
-            self.readings[self._own_size :] = self._world.readings
+            self._world_readings[:] = self._world.readings
 
 
-def _memory(plant: CompliantPlant, arm: Arm) -> tuple[NDArray[np.intp], Array, ArmMemory]:
+def _memory(plant: CompliantPlant, arm: Arm) -> tuple[NDArray[np.intp], Array, compliant_step.ArmMemory]:
     """Return the plan of an arm's kernels, their memory, and the memory's parts by name."""
     model, n = arm.model, arm.robot.configuration_size
     links = {f"link {i + 1}": model.body(f"link_{i + 1}").id for i in range(n)}
@@ -406,8 +383,8 @@ def _memory(plant: CompliantPlant, arm: Arm) -> tuple[NDArray[np.intp], Array, A
     shared[column.EXCHANGE] = arm.exchange
     shared[column.MOST_AGE] = round(arm.file.safety.command_timeout / TICK)
     shared[column.MOST_LOST] = round(arm.file.safety.sensor_timeout / TICK)
-    plan = ArmPlan(
-        step=physics_step(),
+    plan = compliant_step.ArmPlan(
+        step=compliant_step.physics_step(),
         model=model._address,
         data=arm.data._address,
         steps=arm.steps,
@@ -417,7 +394,7 @@ def _memory(plant: CompliantPlant, arm: Arm) -> tuple[NDArray[np.intp], Array, A
         pushes=len(pushes),
         payloads=len(payloads),
     )
-    numbers = arm_memory.pack(
+    numbers = compliant_step.arm_memory.pack(
         gravity=plant.gravity,
         gravity_factor=plant.gravity_factor,
         constants=arm.constants,
@@ -433,23 +410,19 @@ def _memory(plant: CompliantPlant, arm: Arm) -> tuple[NDArray[np.intp], Array, A
         wrist_filter=butterworth(arm.file.wrist_sensor.cutoff, TICK),
         wrist_memory=np.zeros((6, MEMORY)),
         wrench=np.zeros(6),
-        angles=np.zeros(n),
-        torques=np.zeros(n),
-        rotor_angles=np.zeros(n),
-        rotor_velocities=np.zeros(n),
+        **dict.fromkeys(("angles", "torques", "rotor_angles", "rotor_velocities"), np.zeros(n)),
         work=np.zeros(WORK * n),
     )
-    return np.array(plan, dtype=np.intp), numbers, arm_memory(numbers, *plan[5:])
+    return np.array(plan, dtype=np.intp), numbers, compliant_step.arm_memory(numbers, *plan[5:])
 
 
 def _channels(joints: tuple[str, ...], weighed: bool) -> tuple[Channel, ...]:
     """Return what is read, in the order of `RunningCompliant.readings`."""
-    axes = ("x", "y", "z")
     return (
         *(Channel(name, joints, unit) for name, unit in _JOINT_CHANNELS.items()),
-        Channel("wrist_force", axes, "N"),
-        Channel("wrist_torque", axes, "N·m"),
-        Channel("push", axes, "N"),
+        Channel("wrist_force", AXES, "N"),
+        Channel("wrist_torque", AXES, "N·m"),
+        Channel("push", AXES, "N"),
         Channel("payload", (), "kg"),
         Channel("mode", (), ""),
         *([Channel("payload_estimate", (), "kg")] if weighed else []),
@@ -469,16 +442,17 @@ _REMEMBERED = [  # by each joint controller from one period to the next; the mea
 ]
 _OF_THE_LOOP = {column.ANGLE: column.TOLD, column.TARGET: column.ASKED}  # the same where all ticks exchange
 _LEFT_OUT = [column.POSITION_I, column.TORQUE_I, column.ANGLE_RESOLUTION, column.TORQUE_RESOLUTION]
-_WITHOUT: dict[str, Any] = {
-    "pushes": [],
-    "payload": None,
-    "payload_compensation": None,
-    "world": None,
-    "encoder_losses": [],
-    "dry_friction": 0.0,
-    "base_shaking": 0.0,
-    "wrist_fault": None,
-}
+_WITHOUT = (
+    "pushes",
+    "payload",
+    "payload_compensation",
+    "world",
+    "encoder_losses",
+    "encoder_noise",
+    "dry_friction",
+    "base_shaking",
+    "wrist_fault",
+)
 _LIMITS = [column.SLEW, column.MAX_TORQUE, column.MAX_CURRENT, column.UPPER]
 
 
@@ -491,7 +465,8 @@ def linearised(plant: CompliantPlant, robot: Robot, start: Array, period: float)
     Left out: gravity, steps and noise of sensors, loads, dry friction, contacts, limits, and the joint controllers'
     integrals, which bear their share of gravity at their limits.
     """
-    still = changed(plant, gravity=(0.0, 0.0, 0.0), encoder_noise=0.0, **_WITHOUT)
+    bare = type(plant)()
+    still = changed(plant, gravity=(0.0, 0.0, 0.0), **{name: getattr(bare, name) for name in _WITHOUT})
     arm = assemble(still, robot, start, period)
     if arm.ticks % arm.exchange:
         return None
@@ -521,10 +496,9 @@ def linearised(plant: CompliantPlant, robot: Robot, start: Array, period: float)
 
     size = n * len(remembered) + len(qpos) + len(qvel)
     zero_state, idle = np.zeros(size), np.zeros(n)
-    return LinearModel(
-        _slopes(lambda change: after_a_period(change, idle), size),
-        _slopes(lambda command: after_a_period(zero_state, command), n),
-    ).reduced(round(_HORIZON / period))
+    transition = _slopes(lambda change: after_a_period(change, idle), size)
+    inputs = _slopes(lambda command: after_a_period(zero_state, command), n)
+    return LinearModel(transition, inputs).reduced(round(_HORIZON / period))
 
 
 def _slopes(function: Callable[[Array], Array], size: int) -> Array:

@@ -110,6 +110,35 @@ class Driver(Plant, frozen=True, kw_only=True):
         return "integrated"
 
 
+class ArmAtHost(Driver, frozen=True, kw_only=True):
+    """An arm that answers its maker's client at an address of the network.
+
+    Parameters
+    ----------
+    host
+        Name or address of the robot.
+    """
+
+    maker: ClassVar[str]
+    host: str
+
+    @property
+    def address(self) -> str:
+        """What the robot is called in messages."""
+        return f"{self.maker} at {self.host}"
+
+    def open(self, robot: Robot, period: float) -> Link:
+        """Connect to the robot so that its state can be read; see `Driver.open`."""
+        if not _FASTEST <= period <= _SLOWEST:
+            limits = f"{_FASTEST:g} … {_SLOWEST:g} s for {self.maker} arms"
+            raise ValueRangeError(f"period: must be {limits}, got {period:g}")
+        return self.link(period)
+
+    def link(self, period: float) -> Link:
+        """Return what reads it."""
+        raise NotImplementedError
+
+
 class RunningDriver(RunningPlant):
     """A robot at work behind its client."""
 
@@ -231,12 +260,6 @@ class RunningDriver(RunningPlant):
             time.sleep(self._period)
         off = np.abs(start - self.q).max()
         raise Error(f"plant: {self._driver.address} does not get to the start: {off:.3g} rad or m are left")
-
-
-def check_period(period: float, arm: str) -> None:
-    """Raise if a period (s) is none that a maker's client bears."""
-    if not _FASTEST <= period <= _SLOWEST:
-        raise ValueRangeError(f"period: must be {_FASTEST:g} … {_SLOWEST:g} s for {arm} arms, got {period:g}")
 
 
 def client(module: str, requirement: str) -> ModuleType:

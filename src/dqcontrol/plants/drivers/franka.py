@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from msgspec import Meta
 
 from dqcontrol.arrays import Array
-from dqcontrol.plants.drivers.driver import Driver, Link, check_period, client
-from dqcontrol.robots.robot import Robot
+from dqcontrol.plants.drivers.driver import ArmAtHost, Link, client
 
 _REALTIME = Path("/sys/kernel/realtime")  # of kernels with PREEMPT_RT, which libfranka asks for
 
 
-class FrankaArm(Driver, frozen=True, kw_only=True, tag="franka"):
+class FrankaArm(ArmAtHost, frozen=True, kw_only=True, tag="franka"):
     """A Franka FR3 (or Panda, with a ``franky`` built for it) over its control interface, FCI.
 
     Joint velocities go to ``franky``, whose own loop answers the robot each millisecond and keeps velocity,
@@ -40,17 +39,11 @@ class FrankaArm(Driver, frozen=True, kw_only=True, tag="franka"):
     'Franka at 172.16.0.2'
     """
 
-    host: str
+    maker: ClassVar[str] = "Franka"
     dynamics: Annotated[float, Meta(gt=0, le=1, description="share of the limits")] = 0.5
 
-    @property
-    def address(self) -> str:
-        """What the robot is called in messages."""
-        return f"Franka at {self.host}"
-
-    def open(self, robot: Robot, period: float) -> Link:
-        """Connect to the robot so that its state can be read; see `Driver.open`."""
-        check_period(period, "Franka")
+    def link(self, period: float) -> Link:
+        """Return what reads it."""
         return _Franky(self)
 
 
@@ -61,11 +54,9 @@ class _Franky(Link):
         has_priorities = hasattr(os, "sched_getscheduler")
         before = (os.sched_getscheduler(0), os.sched_getparam(0)) if has_priorities else None
         try:
-            self._robot: Any = self._franky.Robot(
-                plant.host,
-                relative_dynamics_factor=plant.dynamics,
-                realtime_config=real_time.Enforce if _REALTIME.exists() else real_time.Ignore,
-            )
+            asked = real_time.Enforce if _REALTIME.exists() else real_time.Ignore
+            given = {"relative_dynamics_factor": plant.dynamics, "realtime_config": asked}
+            self._robot: Any = self._franky.Robot(plant.host, **given)
         finally:  # it takes the highest priority for this thread, too, and never gives it back
             if before:
                 os.sched_setscheduler(0, *before)

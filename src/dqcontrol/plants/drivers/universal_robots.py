@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import re
 import time
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from msgspec import Meta
 
 from dqcontrol.arrays import Array
-from dqcontrol.plants.drivers.driver import Driver, Link, check_period, client
-from dqcontrol.robots.robot import Robot
+from dqcontrol.plants.drivers.driver import ArmAtHost, Link, client
 
 _CLIENT = "'dqcontrol[ur]'"
 _CYCLE = 0.002  # s: of the e-Series
@@ -21,7 +20,7 @@ _POWER = 1  # of its robot_status_bits
 _OLDEST = [3, 4]  # PolyScope
 
 
-class UniversalRobot(Driver, frozen=True, kw_only=True, tag="ur"):
+class UniversalRobot(ArmAtHost, frozen=True, kw_only=True, tag="ur"):
     """A UR arm in remote control, over RTDE; a program on it takes ``servoJ`` or ``speedJ`` once a period.
 
     The robot's own watchdog stops it after ``timeout`` without commands, however this computer fails; a protective stop
@@ -49,20 +48,14 @@ class UniversalRobot(Driver, frozen=True, kw_only=True, tag="ur"):
     'UR at 192.168.1.10'
     """
 
-    host: str
+    maker: ClassVar[str] = "UR"
     command_mode: Literal["integrated", "velocity"] = "integrated"
     lookahead: Annotated[float, Meta(ge=0.03, le=0.2, description="s")] = 0.1
     gain: Annotated[float, Meta(ge=100, le=2000)] = 300.0
     acceleration: Annotated[float, Meta(gt=0, le=40, description="rad/s²")] = 10.0
 
-    @property
-    def address(self) -> str:
-        """What the robot is called in messages."""
-        return f"UR at {self.host}"
-
-    def open(self, robot: Robot, period: float) -> Link:
-        """Connect to the robot so that its state can be read; see `Driver.open`."""
-        check_period(period, "UR")
+    def link(self, period: float) -> Link:
+        """Return what reads it."""
         return _Rtde(self, period)
 
 

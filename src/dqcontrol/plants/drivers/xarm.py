@@ -6,13 +6,12 @@ import socket
 import sys
 import time
 from contextlib import redirect_stdout
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from msgspec import Meta
 
 from dqcontrol.arrays import Array
-from dqcontrol.plants.drivers.driver import Driver, Link, check_period, client
-from dqcontrol.robots.robot import Robot
+from dqcontrol.plants.drivers.driver import ArmAtHost, Link, client
 
 _CLIENT = "'dqcontrol[xarm]'"
 _OLDEST = (1, 9, 0)  # firmware: before, measured joints cannot be asked for
@@ -22,7 +21,7 @@ _SILENT = 3  # the SDK's code of an answer that does not come
 _BEGINS = 1.0  # s until its report, five a second, says the mode
 
 
-class XArm(Driver, frozen=True, kw_only=True, tag="xarm"):
+class XArm(ArmAtHost, frozen=True, kw_only=True, tag="xarm"):
     """An xArm 5, 6 or 7, an 850 or a Lite 6: joint velocities in the controller's velocity mode.
 
     A velocity lasts ``timeout``: without another the controller brakes the arm, however this computer fails. Brakes are
@@ -46,17 +45,11 @@ class XArm(Driver, frozen=True, kw_only=True, tag="xarm"):
     'xArm at 192.168.1.20'
     """
 
-    host: str
+    maker: ClassVar[str] = "xArm"
     acceleration: Annotated[float, Meta(gt=0, le=20, description="rad/s²")] = 10.0
 
-    @property
-    def address(self) -> str:
-        """What the robot is called in messages."""
-        return f"xArm at {self.host}"
-
-    def open(self, robot: Robot, period: float) -> Link:
-        """Connect to the robot so that its state can be read; see `Driver.open`."""
-        check_period(period, "xArm")
+    def link(self, period: float) -> Link:
+        """Return what reads it."""
         with redirect_stdout(sys.stderr):  # where the SDK tells what it finds
             return _Sdk(self)
 
@@ -96,16 +89,14 @@ class _Sdk(Link):
         return states[0][: self._arm.axis], self._reads
 
     def send(self, target: Array, rate: Array) -> None:
-        self._done(
-            self._arm.vc_set_joint_velocity(rate.tolist(), is_sync=False, duration=self._plant.timeout)
-        )
+        lasts = self._plant.timeout
+        self._done(self._arm.vc_set_joint_velocity(rate.tolist(), is_sync=False, duration=lasts))
 
     def fault(self) -> str:
         arm = self._arm
         if arm.error_code:
-            return (
-                f"error C{arm.error_code}, {self._title(arm.error_code).title['en']}; clear it on the robot"
-            )
+            title = self._title(arm.error_code).title["en"]
+            return f"error C{arm.error_code}, {title}; clear it on the robot"
         if self._is_taken and (arm.mode, arm.state) not in ((_VELOCITY, _MOVES), (_VELOCITY, _STANDS)):
             return f"mode {arm.mode} and state {arm.state}; somebody else has taken or stopped it"
         return ""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from functools import partial
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from msgspec import Meta
@@ -20,13 +21,19 @@ from dqcontrol.plants.mobile.wheeled_base import (
     RunningGear,
     WheeledBase,
     add_floor,
-    add_wheel_motors,
     running_gear,
     with_assumed_inertia,
     yaw_of,
 )
 from dqcontrol.plants.mujoco.gripper import GRIPPER_OPENING, Gripper, LiveGripper, add_gripper, fingers
-from dqcontrol.plants.mujoco.mujoco_model import JointServos, add_arm, add_inertias, compiled, import_mujoco
+from dqcontrol.plants.mujoco.mujoco_model import (
+    JointServos,
+    add_arm,
+    add_inertias,
+    compiled,
+    turned,
+    viscous_damping,
+)
 from dqcontrol.plants.mujoco.mujoco_plant import LOST, JointEncoders, check_rate
 from dqcontrol.plants.mujoco.world_model import (
     WorldBodies,
@@ -47,15 +54,14 @@ from dqcontrol.plants.plant import (
     start_within_limits,
 )
 from dqcontrol.plants.servo.servo_plant import Each, EachAboveZero
+from dqcontrol.plants.wrist import AXES
 from dqcontrol.robots.bases import DifferentialDrive, RollerBase
+from dqcontrol.robots.files.mjcf import import_mujoco
+from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.two_arms import TwoArms
 from dqcontrol.robots.whole_body import WholeBody
 from dqcontrol.world import Body, World
-
-if TYPE_CHECKING:
-    from dqcontrol.plants.mobile.wheeled_base import RunningGear
-    from dqcontrol.robots.robot import Robot
 
 TOPPLED = math.radians(20)  # a base that tilts by more has fallen over
 SLIDING, SLIDES_FOR = 0.3, 1.0  # m/s, s; wheels that slide so fast for so long drive nowhere
@@ -74,8 +80,6 @@ class RunningMobile(RunningPlant):
         tilt and pose of the base, opening of the gripper, what links touch, where
         bodies of the world are that physics moves,
         and with a camera the age of its last frame and the share of the commands that is obeyed.
-    dofs
-        MuJoCo's indices of the arm's joint velocities.
     """
 
     model: Any
@@ -91,30 +95,39 @@ class RunningMobile(RunningPlant):
         substeps: int,
         run: tuple[float, int, int],
     ) -> None:
-        self.model, self.data = model, import_mujoco().MjData(model)
+        mujoco = import_mujoco()
+        self.model, self.data = model, mujoco.MjData(model)
         self.q: Array = np.zeros(robot.configuration_size)
         self.measured: Array = np.zeros(robot.configuration_size)
         self._plant, self._robot, self._gear, self._arm, self._run = plant, robot, gear, arm, run
-        self._substeps, self._advance = substeps, import_mujoco().mj_step
+        self._substeps, self._advance = substeps, mujoco.mj_step
         joints = robot.joint_names[3:]
-        self._joints = coordinates_of(model, joints)
-        self.dofs: NDArray[np.intp] = dofs_of(model, joints)
+        self._joints, self._dofs = coordinates_of(model, joints), dofs_of(model, joints)
         self._wheels, self._wheel_dofs = coordinates_of(model, gear.joints), dofs_of(model, gear.joints)
         self._gripper = LiveGripper(plant.gripper, model, self.data) if plant.gripper is not None else None
-        world, period, seed = plant.world, run[0], run[2]
+        world, (period, _, seed) = plant.world, run
         self._world = WorldContacts(world, robot, model, self.data, period, seed) if world else None
         self._bodies = self._world.bodies if self._world else WorldBodies({}, model, self.data, period, seed)
         self.seen = self._bodies.seen
-        self._encoders = JointEncoders(plant, len(joints), run[2])
+        self._encoders = JointEncoders(plant, len(joints), seed)
         self._slid = 0.0  # s
         inputs = robot.in_form("constrained").acceleration_limits("plant")
         self._acceleration, self._moving = inputs[: gear.inputs], np.zeros(gear.inputs)
-        self.channels: tuple[Channel, ...] = _channels(
-            plant, gear, self._world.channels if self._world else ()
+        own = (
+            Channel("wheel_angle", gear.wheels, "rad"),
+            Channel("wheel_torque", gear.wheels, "N·m"),
+            Channel("wheel_slip", gear.slips, "m/s"),
+            Channel("tilt", (), "rad"),
+            Channel(BASE_POSITION, AXES, "m"),
+            Channel(BASE_QUATERNION, ("w", *AXES), ""),
         )
-        wheels, slips = len(gear.wheels), len(gear.slips)
-        self._tilt = 2 * wheels + slips  # among the readings
-        self._slip = slice(2 * wheels, self._tilt)
+        self._parts = [part for part in (self._gripper, self._world) if part is not None]
+        of_parts = [channel for part in self._parts for channel in part.channels]
+        of_camera = CAMERA_CHANNELS if plant.location in SEEN else ()
+        self.channels: tuple[Channel, ...] = (*own, *of_parts, *of_camera)
+        self._tilt = 2 * len(gear.wheels) + len(gear.slips)  # among the readings
+        self._slip = slice(2 * len(gear.wheels), self._tilt)
+        self._own = np.zeros(sum(channel.size for channel in own))
         self.readings: Array = np.zeros(sum(channel.size for channel in self.channels))
 
     @property
@@ -135,32 +148,33 @@ class RunningMobile(RunningPlant):
         data.qpos[self._wheels] = 0.0
         data.qpos[self._joints] = q[3:]
 
-    def check_start(self) -> None:
-        """Raise if a link starts in a body of the world, or in another link."""
+    def begin(self, start: Array, settling: int) -> None:
+        """Let the robot come to rest on its contacts in so many time steps, and start the clock there."""
+        period, count, seed = self._run
+        mujoco, data, plant = import_mujoco(), self.data, self._plant
+        self.place(start)
+        mujoco.mj_forward(self.model, data)
         if self._world is not None:
             self._world.check_start()
-
-    def settle(self, start: Array, steps: int) -> None:
-        """Let the robot come to rest on its contacts, and start the clock there."""
-        period, count, seed = self._run
-        data = self.data
+        if self._arm is not None:
+            plant.set_servos(self._arm, self.model, data, start[3:], self._dofs)
         self._command_gripper(0.0)
         self._compensate(start)
-        self._advance(self.model, data, steps)
+        self._advance(self.model, data, settling)
         height, pitch = float(data.qpos[2]), data.qpos[3:7].copy()
-        turn = start[2] - yaw_of(pitch)
+        half = (start[2] - yaw_of(pitch)) / 2
         self.place(start)
         data.qpos[2] = height
-        self._turned(pitch, turn, data.qpos[3:7])
+        data.qpos[3:7] = turned(np.array([math.cos(half), 0, 0, math.sin(half)]), pitch)
         data.time = 0.0
-        import_mujoco().mj_forward(self.model, data)
+        mujoco.mj_forward(self.model, data)
         self.q[:] = start
-        camera = self._plant.camera
+        camera = plant.camera
         self._odometry = self._gear.odometry(start[:3])
         self._sight: Sight | None = None
-        if self._plant.location == "camera":
+        if plant.location == "camera":
             self._sight = Sight(camera, start[:3], period, count, seed)
-        elif self._plant.location == "fused":
+        elif plant.location == "fused":
             self._sight = FusedSight(camera, start[:3], period, count, seed, self._odometry)
         self._measure()
 
@@ -231,10 +245,8 @@ class RunningMobile(RunningPlant):
         heading = self.measured[2]
         if self._gear.inputs > 2:  # the middle of the period's
             heading += 0.5 * self._run[0] * self._moving[2]
-        first = len(self._joints)
-        self.data.ctrl[first : first + len(self._wheels)] = self._gear.wheel_speeds(
-            self._moving, heading, self._share
-        )
+        wheels = slice(len(self._joints), len(self._joints) + len(self._wheels))
+        self.data.ctrl[wheels] = self._gear.wheel_speeds(self._moving, heading, self._share)
 
     def _command_gripper(self, time: float) -> None:
         if self._gripper is not None:
@@ -262,7 +274,7 @@ class RunningMobile(RunningPlant):
             measured[:3] = self._odometry.pose
         else:
             measured[:3] = self._sight.pose if self._sight is not None else self.q[:3]
-        data, out = self.data, self.readings
+        data, out = self.data, self._own
         wheels, tilt = len(self._wheels), self._tilt
         out[:wheels] = data.qpos[self._wheels]
         out[wheels : 2 * wheels] = data.qfrc_actuator[self._wheel_dofs]
@@ -270,33 +282,17 @@ class RunningMobile(RunningPlant):
         x, y = data.qpos[4:6]
         out[tilt] = math.acos(min(1.0, 1 - 2 * (x * x + y * y)))
         out[tilt + 1 : tilt + 8] = data.qpos[:7]
-        at = tilt + 8
-        if self._gripper is not None:
-            self._gripper.read(out[at : at + 1])
-            at += 1
-        if self._world is not None:
-            self._world.read()
-            size = len(self._world.readings)
-            out[at : at + size] = self._world.readings
-            at += size
-        if self._sight is not None:
-            out[at : at + 2] = self._sight.age, self._sight.share
+        for part in self._parts:
+            part.read()
+        seen = [] if self._sight is None else [self._sight.age, self._sight.share]
+        np.concatenate([out, *(part.readings for part in self._parts), seen], out=self.readings)
 
     def _slipping(self) -> Array:
         """Return how fast the wheels' contacts slide."""
-        data, phi = self.data, self.q[2]
-        c, s = math.cos(phi), math.sin(phi)
-        vx, vy, turn = data.qvel[0], data.qvel[1], data.qvel[5]
-        return self._gear.slip(
-            np.array([c * vx + s * vy, c * vy - s * vx, turn]), data.qvel[self._wheel_dofs]
-        )
-
-    @staticmethod
-    def _turned(quaternion: Array, angle: float, out: Array) -> None:
-        """Write an orientation turned about the vertical."""
-        import_mujoco().mju_mulQuat(
-            out, np.array([math.cos(angle / 2), 0, 0, math.sin(angle / 2)]), quaternion
-        )
+        rates, phi = self.data.qvel, self.q[2]
+        (vx, vy), c, s = rates[:2], math.cos(phi), math.sin(phi)
+        velocity = np.array([c * vx + s * vy, c * vy - s * vx, rates[5]])
+        return self._gear.slip(velocity, rates[self._wheel_dofs])
 
 
 def coordinates_of(model: Any, joints: Sequence[str]) -> NDArray[np.intp]:
@@ -309,29 +305,14 @@ def dofs_of(model: Any, joints: Sequence[str]) -> NDArray[np.intp]:
     return np.array([int(model.joint(name).dofadr[0]) for name in joints], dtype=np.intp)
 
 
-def _channels(plant: MobilePlant, gear: RunningGear, world: tuple[Channel, ...]) -> tuple[Channel, ...]:
-    """Return what is read, in the order of `RunningMobile.readings`."""
-    return (
-        Channel("wheel_angle", gear.wheels, "rad"),
-        Channel("wheel_torque", gear.wheels, "N·m"),
-        Channel("wheel_slip", gear.slips, "m/s"),
-        Channel("tilt", (), "rad"),
-        Channel(BASE_POSITION, ("x", "y", "z"), "m"),
-        Channel(BASE_QUATERNION, ("w", "x", "y", "z"), ""),
-        *([Channel(GRIPPER_OPENING, (), "m")] if plant.gripper is not None else []),
-        *world,
-        *(CAMERA_CHANNELS if plant.location in SEEN else ()),
-    )
-
-
 def recorded_coordinates(
-    model: Any,
     robot: Robot,
-    q: Array,
-    readings: Mapping[str, Array],
     wheels: Sequence[str],
     gripper: Gripper | None,
     bodies: Mapping[str, Body],
+    model: Any,
+    q: Array,
+    readings: Mapping[str, Array],
 ) -> Array:
     """Return MuJoCo's coordinates at each sample, shape (N, nq).
 
@@ -495,13 +476,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         substeps = self.substeps(period)
         model = self._mobile_model(robot, gear, arm)
         live = RunningMobile(self, robot, gear, arm, model, substeps, (period, steps, seed))
-        live.place(start)
-        mujoco = import_mujoco()
-        mujoco.mj_forward(model, live.data)
-        live.check_start()
-        if arm is not None:
-            self.set_servos(arm, model, live.data, start[3:], live.dofs)
-        live.settle(start, round(_SETTLING / self.timestep))
+        live.begin(start, round(_SETTLING / self.timestep))
         return live
 
     def picture(self, robot: Robot) -> PhysicsPicture:
@@ -509,13 +484,9 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         gear, arm = self._parts_of(robot)
         # drawn where it is
         seen = {name: body for name, body in self.bodies.items() if body.role != "moving"}
-        return PhysicsPicture(
-            self._spec(robot, gear, arm, seen),
-            np.array([[*body.position[:2], 0.0] for body in seen.values()]).reshape(-1, 3),
-            lambda model, q, readings: recorded_coordinates(
-                model, robot, q, readings, gear.joints, self.gripper, seen
-            ),
-        )
+        places = np.array([[*body.position[:2], 0.0] for body in seen.values()]).reshape(-1, 3)
+        coordinates = partial(recorded_coordinates, robot, gear.joints, self.gripper, seen)
+        return PhysicsPicture(self._spec(robot, gear, arm, seen), places, coordinates)
 
     def _parts_of(self, robot: Robot) -> tuple[RunningGear, Robot | None]:
         """Return what the robot drives on and what that carries, one arm or two on a torso, with inertias."""
@@ -534,11 +505,8 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
                 f"OmniBase, got {robot.name}: {found or type(robot).__name__}; {plants_that_drive(robot)}"
             )
         gear = running_gear(self.base.under(drive, robot.name), drive)
-        torso = (
-            [SerialArm.join(carried, robot.name)]
-            if any(isinstance(part, SerialArm) for part in carried)
-            else []
-        )
+        has_torso = any(isinstance(part, SerialArm) for part in carried)
+        torso = [SerialArm.join(carried, robot.name)] if has_torso else []
         if not isinstance(robot, TwoArms):
             return gear, self._with_inertias(torso)[0] if torso else None
         if self.gripper is not None:
@@ -562,9 +530,8 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             return arms
         ends = np.cumsum([arm.configuration_size for arm in arms])
         masses = np.split(as_each("plant.link_mass", self.link_mass, int(ends[-1])), ends[:-1])
-        return [
-            with_assumed_inertia(arm, mass, self.link_radius) for arm, mass in zip(arms, masses, strict=True)
-        ]
+        given = zip(arms, masses, strict=True)
+        return [with_assumed_inertia(arm, mass, self.link_radius) for arm, mass in given]
 
     def _spec(self, robot: Robot, gear: RunningGear, arm: Robot | None, bodies: dict[str, Body]) -> Any:
         """Return robot, gripper and what stands around without motors."""
@@ -581,9 +548,8 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
             body = spec.body(f"link_{arm.configuration_size}")
         else:
             body.add_site(name="hand", pos=robot.chain[-1, 4:7], quat=robot.chain[-1, :4], size=[1e-3] * 3)
-        mass = gear.mass
-        mass += 0.0 if arm is None or arm.inertia is None else float(arm.inertia.mass.sum())
-        add_wheel_motors(spec, gear.base, gear.joints, gear.radius, mass)
+        mass = gear.mass + (0.0 if arm is None or arm.inertia is None else float(arm.inertia.mass.sum()))
+        gear.add_motors(spec, mass)
         if self.gripper is not None:
             add_gripper(spec, self.gripper, body, robot.chain[-1], self.timestep)
         add_world(spec, bodies, self.timestep)
@@ -603,7 +569,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         model = compiled(spec)
         model.geom_solref[:] = (_CONTACT_STEPS * self.timestep, 1)
-        damping = model.dof_damping.reshape(model.nv, -1)[:, 0]
         names = robot.joint_names[3:]
-        damping[dofs_of(model, names)] = as_each("plant.viscous_friction", self.viscous_friction, len(names))
+        friction = as_each("plant.viscous_friction", self.viscous_friction, len(names))
+        viscous_damping(model)[dofs_of(model, names)] = friction
         return model

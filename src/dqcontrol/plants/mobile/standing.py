@@ -6,18 +6,14 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
-
-if TYPE_CHECKING:
-    from dqcontrol.plants.mobile.wheeled_base import Foot, RunningGear, SolidBase
-    from dqcontrol.robots.robot import Robot
-
+from dqcontrol.plants.mobile.wheeled_base import Foot, RunningGear, SolidBase
+from dqcontrol.robots.robot import Robot
 
 _STARTS, _SWEEPS = 8, 30  # of the search for the worst posture
 _SAMPLES = np.array([0.0, 2 * math.pi / 3, -2 * math.pi / 3])
@@ -66,9 +62,8 @@ def check_standing(name: str, gear: RunningGear, arm: Robot) -> None:
     found = _known(gear.base, gear.feet, _Arm(_numbers(arm), arm))
     if found.margin > 0:
         return
-    remedies = (
-        [f"a chassis of more than {found.least_mass:.3g} kg"] if math.isfinite(found.least_mass) else []
-    )
+    heavier = f"a chassis of more than {found.least_mass:.3g} kg"
+    remedies = [heavier] if math.isfinite(found.least_mass) else []
     casters = " and casters" if gear.base.caster_distance is not None else ""
     remedies += [f"wheels{casters} farther apart", "tighter joint limits"]
     posture = ", ".join(f"{value:.2f}" for value in found.posture)
@@ -177,13 +172,8 @@ def _best_angle(
     cosine, sine = 2 / 3 * np.cos(_SAMPLES) @ values, 2 / 3 * np.sin(_SAMPLES) @ values
     top = np.arctan2(sine, cosine)
     turned = lower + np.mod(top - lower, 2 * math.pi)  # the first angle from the lower limit on
-    nearer = np.where(
-        cosine * math.cos(upper) + sine * math.sin(upper)
-        >= cosine * math.cos(lower) + sine * math.sin(lower),
-        upper,
-        lower,
-    )
-    return np.where(turned <= upper, turned, nearer)
+    at_upper, at_lower = (cosine * math.cos(end) + sine * math.sin(end) for end in (upper, lower))
+    return np.where(turned <= upper, turned, np.where(at_upper >= at_lower, upper, lower))
 
 
 def _moments(arm: Robot, q: Array, normals: Array, distances: Array) -> Array:

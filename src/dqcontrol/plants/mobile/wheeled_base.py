@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
+from dataclasses import fields, replace
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from msgspec import Meta
 from msgspec.structs import asdict
+from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.mobile.odometry import Odometry, RollerOdometry
-from dqcontrol.plants.mujoco.mujoco_model import import_mujoco
+from dqcontrol.plants.mujoco.mujoco_model import add_geom, add_servo, weigh
 from dqcontrol.robots.bases import CLEARANCE, Chassis, DifferentialDrive, RollerBase, RollerWheel
+from dqcontrol.robots.files.mjcf import import_mujoco
 from dqcontrol.robots.limits import Inertia
 from dqcontrol.robots.poses import z_onto
+from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.robots.whole_body import WholeBody
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from dqcontrol.robots.robot import Robot
 
 FLOOR, THINGS = 1, 2  # what touches what: wheels only the floor, things all but wheels
 WHEELS = ("right", "left")
@@ -34,16 +31,7 @@ _CHASSIS = (0.22, 0.24, 0.27, 1.0)
 TYRE = (0.10, 0.10, 0.11, 1.0)
 RIM = (0.75, 0.77, 0.80, 1.0)
 _POST = (0.80, 0.82, 0.84, 1.0)
-_OF_THE_ROBOT = (  # what `Chassis` has
-    "mass",
-    "radius",
-    "height",
-    "wheel_mass",
-    "wheel_torque",
-    "caster_distance",
-    "centre_height",
-    "centre_ahead",
-)
+_OF_THE_ROBOT = tuple(each.name for each in fields(Chassis))
 _OF_CASTERS = ("radius", "caster_distance")  # which wheels with rollers do not need
 
 
@@ -126,9 +114,7 @@ class WheeledBase(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         """
         chassis = getattr(drive, "chassis", None)
         own = {field: getattr(self, field) for field in _OF_THE_ROBOT}
-        found = {
-            field: getattr(chassis, field, None) if value is None else value for field, value in own.items()
-        }
+        found = {key: getattr(chassis, key, None) if value is None else value for key, value in own.items()}
         source = "Give them here, or as chassis of the differential drive in the robot's file"
         if isinstance(drive, RollerBase):
             source = "Give them here"
@@ -158,42 +144,25 @@ class WheeledBase(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         return SolidBase(**numbers)
 
 
-@dataclass(frozen=True, kw_only=True)
-class SolidBase:
-    """A wheeled base of which every number is known; they are those of `WheeledBase`.
+class SolidBase(WheeledBase, frozen=True, kw_only=True):
+    """A wheeled base of which every number is known; on rollers ``radius`` and ``caster_distance`` are None."""
 
-    On wheels with rollers ``radius`` and ``caster_distance`` are None.
-    """
-
-    mass: float
-    height: float
-    centre_ahead: float
-    centre_height: float
-    wheel_mass: float
-    friction: float
-    caster_friction: float
-    caster_gap: float
-    rolling_resistance: float
-    wheel_torque: float
-    wheel_time_constant: float
-    ticks: float
-    wheel_errors: tuple[float, ...]
-    roller_count: int
-    roller_friction: float
-    radius: float | None = None
-    caster_distance: float | None = None
+    mass: float = 0.0
+    height: float = 0.0
+    centre_ahead: float = 0.0
+    centre_height: float = 0.0
+    wheel_mass: float = 0.0
+    wheel_torque: float = 0.0
 
 
 def add_floor(spec: Any) -> None:
     """Add a floor, on which the friction of what stands on it counts."""
-    ground = spec.worldbody.add_geom(
-        name="ground", type=import_mujoco().mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], rgba=[0, 0, 0, 0]
-    )
-    ground.contype, ground.conaffinity, ground.friction = FLOOR | THINGS, 0, [0, 0, 0]
+    ground = add_geom(spec.worldbody, "PLANE", [0, 0, 1], name="ground", rgba=[0, 0, 0, 0])
+    ground.contype, ground.friction = FLOOR | THINGS, [0, 0, 0]
 
 
 def add_chassis(
-    spec: Any, base: SolidBase, kind: Any, size: ArrayLike, inertia: ArrayLike, mount: Array
+    spec: Any, base: SolidBase, kind: str, size: ArrayLike, inertia: ArrayLike, mount: Array
 ) -> Any:
     """Add a free chassis, that things touch and the floor does not, with a post up to what it carries; return it.
 
@@ -212,75 +181,13 @@ def add_chassis(
     """
     body = spec.worldbody.add_body(name="base")
     body.add_freejoint(name="base")
-    body.mass, body.ipos, body.explicitinertial = base.mass, [base.centre_ahead, 0, base.centre_height], True
-    body.inertia = inertia
+    weigh(body, base.mass, [base.centre_ahead, 0, base.centre_height], inertia)
     middle = [0, 0, CLEARANCE + base.height / 2]
-    chassis = body.add_geom(name="chassis", type=kind, size=size, pos=middle, rgba=_CHASSIS, mass=0)
-    chassis.contype, chassis.conaffinity = 0, THINGS
+    add_geom(body, kind, size, name="chassis", pos=middle, rgba=_CHASSIS, conaffinity=THINGS)
     x, y, top = mount
     if top > CLEARANCE + base.height:
-        ends = [x, y, CLEARANCE + base.height, x, y, top]
-        cylinder = import_mujoco().mjtGeom.mjGEOM_CYLINDER
-        shown(body.add_geom(type=cylinder, fromto=ends, size=[0.03, 0, 0], rgba=_POST, mass=0))
+        add_geom(body, "CYLINDER", [0.03], fromto=[x, y, CLEARANCE + base.height, x, y, top], rgba=_POST)
     return body
-
-
-def add_base(spec: Any, base: SolidBase, drive: DifferentialDrive, mount: Array) -> Any:
-    """Add chassis, two wheels and casters to an ``mjSpec``; return the chassis.
-
-    Parameters
-    ----------
-    spec
-        ``mjSpec``.
-    base, drive
-        Parameters and geometry.
-    mount
-        Where what the base carries begins, shape (3,), m; a post leads there.
-    """
-    kinds = import_mujoco().mjtGeom
-    assert base.radius is not None
-    assert base.caster_distance is not None
-    inertia = solid_cylinder(base.mass, base.radius, base.height, 2)
-    size = [base.radius, base.height / 2, 0]
-    body = add_chassis(spec, base, kinds.mjGEOM_CYLINDER, size, inertia, mount)
-    ball = 0.5 * CLEARANCE
-    for name, x, gap in (
-        ("front", base.caster_distance, 0.0),
-        ("rear", -base.caster_distance, base.caster_gap),
-    ):
-        touching(
-            body.add_geom(
-                name=f"caster_{name}",
-                type=kinds.mjGEOM_SPHERE,
-                size=[ball, 0, 0],
-                pos=[x, 0, ball + gap],
-                rgba=RIM,
-                mass=0,
-            ),
-            base.caster_friction,
-        )
-    for name, side in zip(WHEELS, (-1, 1), strict=True):
-        _add_wheel(body, name, base, drive.wheel_radius, side * drive.half_track)
-    return body
-
-
-def add_wheel_motors(spec: Any, base: SolidBase, wheels: Sequence[str], radius: float, mass: float) -> None:
-    """Add the speed controllers of wheels of one radius, m; ``mass`` is all that they move, kg."""
-    mujoco, count = import_mujoco(), len(wheels)
-    # the robot's share and the wheel's own
-    inertia = (mass + 0.5 * count * base.wheel_mass) / count * radius**2
-    gain = inertia / base.wheel_time_constant
-    for name in wheels:
-        motor = spec.add_actuator(
-            name=name,
-            target=name,
-            trntype=mujoco.mjtTrn.mjTRN_JOINT,
-            gaintype=mujoco.mjtGain.mjGAIN_FIXED,
-            biastype=mujoco.mjtBias.mjBIAS_AFFINE,
-        )
-        motor.gainprm[0], motor.biasprm[2] = gain, -gain
-        motor.forcerange = (-base.wheel_torque, base.wheel_torque)
-        motor.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
 
 
 def with_assumed_inertia(arm: SerialArm, masses: ArrayLike, radius: float) -> SerialArm:
@@ -318,36 +225,26 @@ def with_assumed_inertia(arm: SerialArm, masses: ArrayLike, radius: float) -> Se
 
 
 def _add_wheel(body: Any, name: str, base: SolidBase, radius: float, side: float) -> None:
-    mujoco = import_mujoco()
     wheel = body.add_body(name=f"wheel_{name}", pos=[0, side, radius])
-    wheel.mass, wheel.ipos, wheel.explicitinertial = base.wheel_mass, [0, 0, 0], True
-    wheel.inertia = solid_cylinder(base.wheel_mass, radius, 0.3 * radius, 1)
-    joint = wheel.add_joint(name=f"wheel_{name}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
-    joint.frictionloss = base.rolling_resistance
-    ball = wheel.add_geom(
-        name=f"wheel_{name}", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius, 0, 0], mass=0, group=4
-    )
-    touching(ball, base.friction)
-    kind, half = mujoco.mjtGeom.mjGEOM_CYLINDER, 0.12 * radius
+    weigh(wheel, base.wheel_mass, [0, 0, 0], solid_cylinder(base.wheel_mass, radius, 0.3 * radius, 1))
+    _add_axle(wheel, f"wheel_{name}", base)
+    touching(add_geom(wheel, "SPHERE", [radius], name=f"wheel_{name}", group=4), base.friction)
+    half = 0.12 * radius
     for size, across, colour in ((radius, half, TYRE), (0.6 * radius, 1.08 * half, RIM)):
-        ends = [0, -across, 0, 0, across, 0]
-        shown(wheel.add_geom(type=kind, fromto=ends, size=[size, 0, 0], rgba=colour, mass=0))
+        add_geom(wheel, "CYLINDER", [size], fromto=[0, -across, 0, 0, across, 0], rgba=colour)
     spoke = [-0.45 * radius, 0, 0, 0.45 * radius, 0, 0]
-    shown(
-        wheel.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=spoke, size=[1.2 * half, 0, 0], rgba=TYRE, mass=0
-        )
-    )
+    add_geom(wheel, "CAPSULE", [1.2 * half], fromto=spoke, rgba=TYRE)
+
+
+def _add_axle(wheel: Any, name: str, base: SolidBase) -> None:
+    """Let a wheel turn about its axis y."""
+    joint = wheel.add_joint(name=name, type=import_mujoco().mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
+    joint.frictionloss = base.rolling_resistance
 
 
 def touching(geom: Any, friction: float) -> None:
     """Let a geom roll or slide on the floor."""
     geom.contype, geom.conaffinity, geom.condim, geom.friction = 0, FLOOR, 3, [friction, 0, 0]
-
-
-def shown(geom: Any) -> None:
-    """Let a geom touch nothing."""
-    geom.contype = geom.conaffinity = 0
 
 
 def solid_cylinder(mass: float, radius: float, height: float, axis: int) -> list[float]:
@@ -367,46 +264,18 @@ _ROLLER = 0.25  # of the wheel's radius: the rollers' own, in their middle
 _ROLLERS_SHARE = 0.3  # of the wheel's mass
 
 
-def add_roller_base(spec: Any, base: SolidBase, drive: RollerBase, mount: Array) -> Any:
-    """Add a box on wheels with rollers to an ``mjSpec``; return the box.
-
-    A roller is an ellipsoid about its axis, as thick as makes its wheel round: of two neighbours one touches the floor,
-    or both. Rollers turn freely.
-
-    Parameters
-    ----------
-    spec
-        ``mjSpec``.
-    base, drive
-        Parameters and geometry.
-    mount
-        Where what the base carries begins, shape (3,), m; a post leads there.
-    """
-    half = np.array([*np.abs([[wheel.x, wheel.y] for wheel in drive.wheels]).max(axis=0), base.height / 2])
-    inertia = base.mass / 3 * (np.sum(half**2) - half**2)
-    size = half - [0, 0.4 * drive.wheel_radius, 0]  # between its wheels
-    body = add_chassis(spec, base, import_mujoco().mjtGeom.mjGEOM_BOX, size, inertia, mount)
-    for i, wheel in enumerate(drive.wheels):
-        _add_roller_wheel(body, f"wheel_{i + 1}", wheel, base, drive.wheel_radius)
-    return body
-
-
 def _add_roller_wheel(body: Any, name: str, wheel: RollerWheel, base: SolidBase, radius: float) -> None:
     """Add a hub that turns about its axle, and the rollers on it."""
-    mujoco, half = import_mujoco(), 0.5 * wheel.heading
-    hub = body.add_body(
-        name=name, pos=[wheel.x, wheel.y, radius], quat=[math.cos(half), 0, 0, math.sin(half)]
-    )
+    half = 0.5 * wheel.heading
+    hub = body.add_body(name=name, pos=[wheel.x, wheel.y, radius])
+    hub.quat = [math.cos(half), 0, 0, math.sin(half)]
     hub_mass, thick = (1 - _ROLLERS_SHARE) * base.wheel_mass, _ROLLER * radius
-    hub.mass, hub.ipos, hub.explicitinertial = hub_mass, [0, 0, 0], True
-    hub.inertia = solid_cylinder(hub_mass, radius, 0.6 * radius, 1)
-    joint = hub.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
-    joint.frictionloss = base.rolling_resistance
+    weigh(hub, hub_mass, [0, 0, 0], solid_cylinder(hub_mass, radius, 0.6 * radius, 1))
+    _add_axle(hub, name, base)
     out = radius - thick
     long = math.sqrt(thick * out) / math.cos(wheel.roller)  # as its curvature along the wheel is the wheel's
-    cylinder = mujoco.mjtGeom.mjGEOM_CYLINDER
     ends = [0, -0.5 * long, 0, 0, 0.5 * long, 0]
-    shown(hub.add_geom(type=cylinder, fromto=ends, size=[out - 0.5 * thick, 0, 0], rgba=RIM, mass=0))
+    add_geom(hub, "CYLINDER", [out - 0.5 * thick], fromto=ends, rgba=RIM)
     mass = _ROLLERS_SHARE * base.wheel_mass / base.roller_count
     for k in range(base.roller_count):
         angle = math.tau * k / base.roller_count
@@ -414,12 +283,10 @@ def _add_roller_wheel(body: Any, name: str, wheel: RollerWheel, base: SolidBase,
         axis = math.cos(wheel.roller) * along + math.sin(wheel.roller) * np.array([0.0, 1.0, 0.0])
         place = [out * math.sin(angle), 0.0, -out * math.cos(angle)]
         roller = hub.add_body(name=f"{name}_roller_{k + 1}", pos=place, quat=z_onto(axis)[:4])
-        roller.mass, roller.ipos, roller.explicitinertial = mass, [0, 0, 0], True
-        roller.inertia = [mass * thick**2] * 3
-        turning = roller.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
+        weigh(roller, mass, [0, 0, 0], [mass * thick**2] * 3)
+        turning = roller.add_joint(type=import_mujoco().mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
         turning.frictionloss = base.roller_friction
-        ellipsoid = mujoco.mjtGeom.mjGEOM_ELLIPSOID
-        touching(roller.add_geom(type=ellipsoid, size=[thick, thick, long], rgba=TYRE, mass=0), base.friction)
+        touching(add_geom(roller, "ELLIPSOID", [thick, thick, long], rgba=TYRE), base.friction)
 
 
 class Foot(NamedTuple):
@@ -449,12 +316,15 @@ class RunningGear:
         Where it stands, counter-clockwise.
     """
 
-    base: SolidBase
     wheels: tuple[str, ...]
-    radius: float
     slips: tuple[str, ...]
     inputs: int
     feet: tuple[Foot, ...]
+
+    def __init__(self, base: SolidBase, drive: DifferentialDrive | RollerBase) -> None:
+        self.base = base
+        self.radius: float = drive.wheel_radius
+        self._fastest = drive.rim_speed / drive.wheel_radius
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -469,6 +339,16 @@ class RunningGear:
     def add_to(self, spec: Any, mount: Array) -> Any:
         """Add it to an ``mjSpec``, with a post up to a point (3,), m; return its chassis."""
         raise NotImplementedError
+
+    def add_motors(self, spec: Any, mass: float) -> None:
+        """Add the speed controllers of the wheels; ``mass`` is all that they move, kg."""
+        base, count = self.base, len(self.wheels)
+        # the robot's share and the wheel's own
+        inertia = (mass + 0.5 * count * base.wheel_mass) / count * self.radius**2
+        gain = inertia / base.wheel_time_constant
+        for name in self.joints:
+            motor = add_servo(spec, name, base.wheel_torque)
+            motor.gainprm[0], motor.biasprm[2] = gain, -gain
 
     def wheel_speeds(self, inputs: Array, heading: float, share: float) -> Array:
         """Return the speeds of the wheels for a share of the base's inputs, rad/s, rims no faster than they may be."""
@@ -499,21 +379,31 @@ class DriveGear(RunningGear):
     inputs = 2
 
     def __init__(self, base: SolidBase, drive: DifferentialDrive) -> None:
-        self.base = base
-        self.radius: float = drive.wheel_radius
+        super().__init__(base, drive)
         self._drive = drive
-        self._fastest = drive.rim_speed / drive.wheel_radius
         assert base.caster_distance is not None
+        self._caster = base.caster_distance
         self.feet: tuple[Foot, ...] = (
-            Foot("front caster", base.caster_distance, 0.0),
+            Foot("front caster", self._caster, 0.0),
             Foot("left wheel", 0.0, drive.half_track),
-            Foot("rear caster", -base.caster_distance, 0.0),
+            Foot("rear caster", -self._caster, 0.0),
             Foot("right wheel", 0.0, -drive.half_track),
         )
 
     def add_to(self, spec: Any, mount: Array) -> Any:
-        """Add it; see `RunningGear.add_to`."""
-        return add_base(spec, self.base, self._drive, mount)
+        """Add chassis, two wheels and casters; see `RunningGear.add_to`."""
+        base = self.base
+        assert base.radius is not None
+        inertia = solid_cylinder(base.mass, base.radius, base.height, 2)
+        size = [base.radius, base.height / 2, 0]
+        body = add_chassis(spec, base, "CYLINDER", size, inertia, mount)
+        ball = 0.5 * CLEARANCE
+        for name, x, gap in (("front", self._caster, 0.0), ("rear", -self._caster, base.caster_gap)):
+            caster = add_geom(body, "SPHERE", [ball], name=f"caster_{name}", pos=[x, 0, ball + gap], rgba=RIM)
+            touching(caster, base.caster_friction)
+        for name, side in zip(WHEELS, (-1, 1), strict=True):
+            _add_wheel(body, name, base, self.radius, side * self._drive.half_track)
+        return body
 
     def wheel_speeds(self, inputs: Array, heading: float, share: float) -> Array:
         """Return the wheels' speeds for v and ω, along the same arc where the rims would be too fast."""
@@ -539,19 +429,27 @@ class RollerGear(RunningGear):
     inputs = 3
 
     def __init__(self, base: SolidBase, drive: RollerBase) -> None:
-        self.base = base
-        self.radius: float = drive.wheel_radius
+        super().__init__(base, drive)
         self._drive = drive
-        self.wheels: tuple[str, ...] = tuple(str(i + 1) for i in range(len(drive.wheels)))
-        self.slips: tuple[str, ...] = self.wheels
-        self._fastest = drive.rim_speed / drive.wheel_radius
+        self.slips = self.wheels = tuple(str(i + 1) for i in range(len(drive.wheels)))
         self._along = self.radius * np.cos([wheel.roller for wheel in drive.wheels])
         feet = [Foot(f"wheel {i + 1}", wheel.x, wheel.y) for i, wheel in enumerate(drive.wheels)]
         self.feet: tuple[Foot, ...] = tuple(sorted(feet, key=lambda foot: math.atan2(foot.y, foot.x)))
 
     def add_to(self, spec: Any, mount: Array) -> Any:
-        """Add it; see `RunningGear.add_to`."""
-        return add_roller_base(spec, self.base, self._drive, mount)
+        """Add a box on wheels with rollers; see `RunningGear.add_to`.
+
+        A roller is an ellipsoid about its axis, as thick as makes its wheel round: of two neighbours one touches the
+        floor, or both. Rollers turn freely.
+        """
+        base, wheels = self.base, self._drive.wheels
+        half = np.array([*np.abs([[wheel.x, wheel.y] for wheel in wheels]).max(axis=0), base.height / 2])
+        inertia = base.mass / 3 * (np.sum(half**2) - half**2)
+        size = half - [0, 0.4 * self.radius, 0]  # between its wheels
+        body = add_chassis(spec, base, "BOX", size, inertia, mount)
+        for name, wheel in zip(self.joints, wheels, strict=True):
+            _add_roller_wheel(body, name, wheel, base, self.radius)
+        return body
 
     def wheel_speeds(self, inputs: Array, heading: float, share: float) -> Array:
         """Return the wheels' speeds for ẋ, ẏ and φ̇ of a base that faces ``heading``, in the same proportion."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from msgspec import Meta
@@ -14,19 +14,24 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.geometry import Capsule, Shape
 from dqcontrol.named_fields import NamedFields
+from dqcontrol.plants.mujoco.mujoco_model import (
+    add_geom,
+    add_motor,
+    quaternion_of,
+    turned,
+    viscous_damping,
+    weigh,
+)
 from dqcontrol.plants.plant import Channel
 from dqcontrol.robots.files.mjcf import import_mujoco
 from dqcontrol.robots.kinematics.kinematics_kernels import REVOLUTE
 from dqcontrol.robots.poses import positions
-
-if TYPE_CHECKING:
-    from dqcontrol.robots.robot import Robot
-
+from dqcontrol.robots.robot import Robot
 
 GRIPPER_OPENING = "gripper_opening"
 
 _HANDS = ("first", "second", "third", "fourth")
-_AXES: dict[str, tuple[int, int, int]] = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
+_AXES = dict(zip("xyz", np.eye(3), strict=True))
 _METAL = (0.35, 0.37, 0.40, 1.0)
 _PAD_COLOUR = (0.95, 0.45, 0.10, 1.0)
 BODIES = 2  # bit of MuJoCo's contacts of bodies of the world: what moves the robot has it as affinity alone
@@ -115,18 +120,12 @@ class Gripper(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True
         if max(start, end) <= 0.0 or start == end:
             return shape
         middle = shape.start + np.clip(start / (start - end), 0.0, 1.0) * (shape.end - shape.start)
-        if start < end:
-            return Capsule(shape.start, middle, shape.radius)
-        return Capsule(middle, shape.end, shape.radius)
+        ends = (shape.start, middle) if start < end else (middle, shape.end)
+        return Capsule(*ends, shape.radius)
 
     def is_closed(self, time: float) -> bool:
         """Return whether it closes at a time, s."""
-        closed = False
-        for event in self.schedule:
-            if event.time > time + 1e-9:
-                break
-            closed = event.closed
-        return closed
+        return next((event.closed for event in reversed(self.schedule) if event.time <= time + 1e-9), False)
 
 
 def fingers(hand: int = 0) -> tuple[str, str]:
@@ -149,40 +148,25 @@ def add_gripper(spec: Any, gripper: Gripper, link: Any, tool: Any, timestep: flo
         Number of the end effector.
     """
     mujoco = import_mujoco()
-    points, closes = np.array(_AXES[gripper.points], float), np.array(_AXES[gripper.closes], float)
+    points, closes = _AXES[gripper.points], _AXES[gripper.closes]
     rotation = np.column_stack([closes, np.cross(points, closes), points])
-    turn, quaternion = np.empty(4), np.empty(4)
-    mujoco.mju_mat2Quat(turn, np.ascontiguousarray(rotation).reshape(9))
-    mujoco.mju_mulQuat(quaternion, np.ascontiguousarray(tool[:4]), turn)
+    quaternion = turned(tool[:4], quaternion_of(rotation))
     half, thick, wide = 0.5 * gripper.opening, 0.006, 0.012
     palm = link.add_body(name=f"palm_{hand + 1}", pos=tool[4:7], quat=quaternion)
-    bar = palm.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[half + thick, wide, 0.01], rgba=_METAL, mass=0)
-    bar.pos, bar.contype, bar.conaffinity = [0, 0, _PAST - gripper.length], 0, 0
+    begin = _PAST - gripper.length
+    add_geom(palm, "BOX", [half + thick, wide, 0.01], rgba=_METAL, pos=[0, 0, begin])
     for name, side in zip(fingers(hand), (-1, 1), strict=True):
         finger = palm.add_body(name=name, pos=[side * half, 0, 0])
-        finger.mass, finger.ipos, finger.explicitinertial = (
-            gripper.mass / 2,
-            [0, 0, _PAST - gripper.length / 2],
-            True,
-        )
-        finger.inertia = [gripper.mass * gripper.length**2 / 24] * 3
-        joint = finger.add_joint(
-            name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[-side, 0, 0], range=[0, half]
-        )
-        joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
+        middle, moment = _PAST - gripper.length / 2, gripper.mass * gripper.length**2 / 24
+        weigh(finger, gripper.mass / 2, [0, 0, middle], [moment] * 3)
+        joint = finger.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[-side, 0, 0])
+        joint.range, joint.limited = [0, half], mujoco.mjtLimited.mjLIMITED_TRUE
         joint.armature = 0.05  # of its motor, seen at the finger
         joint.solref_limit = (4 * timestep, 1)
-        bar = finger.add_geom(
-            name=name,
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=[thick / 2, wide, gripper.length / 2],
-            pos=[side * thick / 2, 0, _PAST - gripper.length / 2],
-            rgba=_PAD_COLOUR,
-            mass=0,
-        )
-        bar.contype, bar.conaffinity, bar.condim, bar.friction = 0, BODIES, 4, [0, 0, 0]
-        motor = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        motor.gainprm[0] = gripper.force
+        bar = add_geom(finger, "BOX", [thick / 2, wide, gripper.length / 2], name=name, rgba=_PAD_COLOUR)
+        bar.pos = [side * thick / 2, 0, middle]
+        bar.conaffinity, bar.condim, bar.friction = BODIES, 4, [0, 0, 0]
+        add_motor(spec, name, name).gainprm[0] = gripper.force
     first, second = fingers(hand)
     gear = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1=first, name2=second)
     gear.objtype = mujoco.mjtObj.mjOBJ_JOINT
@@ -194,32 +178,33 @@ class LiveGripper:
 
     Attributes
     ----------
-    channel
+    channels, readings
         How far the fingers are open, of each end effector.
     told
         Whether they are to close, whatever the schedule says; None: as that says.
     """
 
     def __init__(self, gripper: Gripper, model: Any, data: Any, hands: int = 1) -> None:
-        self.gripper, self._data, self.told = gripper, data, None
-        self.channel: Channel = Channel(GRIPPER_OPENING, _HANDS[:hands] if hands > 1 else (), "m")
-        names = [fingers(hand) for hand in range(hands)]
-        joints = [[model.joint(name) for name in pair] for pair in names]
-        self._at = np.array([[int(joint.qposadr[0]) for joint in pair] for pair in joints], dtype=np.intp)
-        self._motors = np.array([model.actuator(name).id for pair in names for name in pair], dtype=np.intp)
-        damping = model.dof_damping.reshape(model.nv, -1)[:, 0]  # so that they move at their speed
-        damping[[int(joint.dofadr[0]) for pair in joints for joint in pair]] = gripper.force / gripper.speed
-
-    told: bool | None
+        self.gripper, self._data = gripper, data
+        self.told: bool | None = None
+        parts = _HANDS[:hands] if hands > 1 else ()
+        self.channels: tuple[Channel, ...] = (Channel(GRIPPER_OPENING, parts, "m"),)
+        self.readings: Array = np.zeros(hands)
+        names = [name for hand in range(hands) for name in fingers(hand)]
+        joints = [model.joint(name) for name in names]
+        self._at = np.array([joint.qposadr[0] for joint in joints], dtype=np.intp).reshape(-1, 2)
+        self._motors = np.array([model.actuator(name).id for name in names], dtype=np.intp)
+        # so that they move at their speed
+        viscous_damping(model)[[joint.dofadr[0] for joint in joints]] = gripper.force / gripper.speed
 
     def drive(self, time: float) -> None:
         """Push the fingers as they are told, or as the schedule says at a time, s."""
         closed = self.gripper.is_closed(time) if self.told is None else self.told
         self._data.ctrl[self._motors] = 1.0 if closed else -1.0
 
-    def read(self, out: Array) -> None:
-        """Write how far the fingers of each end effector are apart, m."""
-        out[:] = self.gripper.opening - self._data.qpos[self._at].sum(axis=1)
+    def read(self) -> None:
+        """Update how far the fingers of each end effector are apart, m."""
+        self.readings[:] = self.gripper.opening - self._data.qpos[self._at].sum(axis=1)
 
 
 GRIP_FORCE = "grip_force"
@@ -257,21 +242,16 @@ class Pads(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
             raise ValueRangeError(
                 f"plant.pads: both end effectors start {apart:.3g} m apart, too near for a body; change 'start'"
             )
-        mujoco = import_mujoco()
         along = (first - second) / apart
         up = np.eye(3)[2] if abs(along[2]) < 0.9 else np.eye(3)[0]
         across = np.cross(up, along)
         across /= np.linalg.norm(across)
-        turn = np.empty(4)
-        mujoco.mju_mat2Quat(turn, np.column_stack([along, across, np.cross(along, across)]).reshape(9))
+        turn = quaternion_of(np.column_stack([along, across, np.cross(along, across)]))
         for k, (row, hand) in enumerate(zip(robot.ends, _hands(robot, start), strict=True)):
-            relative, quaternion = np.empty(4), np.empty(4)
-            mujoco.mju_mulQuat(relative, hand[:4] * [1, -1, -1, -1], turn)
-            mujoco.mju_mulQuat(quaternion, np.ascontiguousarray(robot.chain[row, :4]), relative)
             body = spec.body(f"link_{int(robot.parents[row]) + 1}")
-            pad = body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, rgba=_RUBBER, mass=0, name=PADS[k])
-            pad.pos, pad.quat, pad.size = robot.chain[row, 4:7], quaternion, _PAD
-            pad.contype, pad.conaffinity, pad.condim, pad.friction = 0, BODIES, 4, [0, 0, 0]
+            pad = add_geom(body, "BOX", _PAD, rgba=_RUBBER, name=PADS[k], pos=robot.chain[row, 4:7])
+            pad.quat = turned(robot.chain[row, :4], turned(hand[:4] * [1, -1, -1, -1], turn))
+            pad.conaffinity, pad.condim, pad.friction = BODIES, 4, [0, 0, 0]
             pad.solref[:2] = 4 * timestep, 1.0
 
     def squeezed(self, robot: Robot, start: Array) -> Array:
@@ -279,10 +259,8 @@ class Pads(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
         frames, count = robot.frames(start), robot.configuration_size
         first, second = (positions(hand) for hand in _hands(robot, start))
         along = (first - second) / np.linalg.norm(first - second)
-        rows, rates = [], []
-        for row, side in zip(robot.ends, (-1.0, 1.0), strict=True):
-            rows.append(_hand_jacobian(robot, frames, row, count))
-            rates.append(np.concatenate([np.zeros(3), 0.5 * side * self.squeeze * along]))
+        rows = [_hand_jacobian(robot, frames, row, count) for row in robot.ends]
+        rates = [np.append(np.zeros(3), 0.5 * side * self.squeeze * along) for side in (-1.0, 1.0)]
         return np.linalg.pinv(np.vstack(rows), rcond=1e-3) @ np.concatenate(rates)
 
 

@@ -3,32 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_each, as_positive
 from dqcontrol.plants.plant import EncoderErrors, Plant
-from dqcontrol.plants.servo.servo_file import (
+from dqcontrol.plants.servo.servo_plant import (
+    Each,
+    EachAboveZero,
     encoders_and_mode,
     fitting_lags,
     load_servo,
     say_what_is_left_out,
 )
-from dqcontrol.plants.servo.servo_plant import Each, EachAboveZero
 from dqcontrol.robots.command_mode import CommandMode
 from dqcontrol.robots.files.description import drawn_reach, foot_below, joint_range, rod_radii
-from dqcontrol.robots.files.mjcf import import_mujoco as import_mujoco
+from dqcontrol.robots.files.mjcf import import_mujoco
 from dqcontrol.robots.kinematics.kinematics_kernels import PRISMATIC
-
-if TYPE_CHECKING:
-    from dqcontrol.arrays import Array
-    from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.robot import Robot
 
 _LEAST = 1e-15  # kg, kg m²; MuJoCo refuses moving bodies below it
 _ROUNDING = 1e-6  # relative; tensors written with few digits may miss the triangle inequality by it
@@ -77,7 +75,7 @@ def skeleton(robot: Robot) -> Any:
 def add_arm(parent: Any, robot: Robot) -> None:
     """Add the bodies, joints, end effector and shapes of a `skeleton` to a body."""
     mujoco = import_mujoco()
-    draw = _Shapes(mujoco, robot)
+    draw = _Shapes(robot)
     bodies = {-1: parent}
     for i, name in enumerate(robot.row_names):
         row, slides = robot.chain[i], robot.chain[i, 7] == PRISMATIC
@@ -86,7 +84,7 @@ def add_arm(parent: Any, robot: Robot) -> None:
         if slides:
             draw.rail(carrier, i)
         body = carrier.add_body(name=f"link_{i + 1}", pos=row[4:7], quat=row[:4])
-        body.mass, body.ipos, body.inertia, body.explicitinertial = 1.0, np.zeros(3), np.ones(3), True
+        weigh(body, 1.0, np.zeros(3), np.ones(3))
         kind = mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE
         joint = body.add_joint(name=name, type=kind, axis=[0, 0, 1], ref=-robot.joint_offsets[i])
         ends = joint_range(robot, i)
@@ -120,20 +118,57 @@ def add_inertias(spec: Any, robot: Robot) -> None:
         raise ValueRangeError(
             f"inertia: {robot.name} has none, and physics needs a mass and a tensor for every joint"
         )
-    mujoco = import_mujoco()
     for i, name in enumerate(robot.joint_names):
         where = f"inertia: joint {i + 1} '{name}' of {robot.name}"
-        body = spec.body(f"link_{i + 1}")
         mass = robot.inertia.mass[i]
         if mass <= _LEAST:
             raise ValueRangeError(
                 f"{where} has mass {mass:g} kg; inertias do not allow physics, a mass must be > 0"
             )
         moments, axes = _principal(where, robot.inertia.tensor[i])
-        body.mass, body.ipos, body.inertia = mass, robot.inertia.center[i], moments
-        quaternion = np.empty(4)
-        mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(axes).reshape(9))
-        body.iquat = quaternion
+        weigh(spec.body(f"link_{i + 1}"), mass, robot.inertia.center[i], moments, axes)
+
+
+def add_geom(body: Any, kind: str, size: ArrayLike, **more: Any) -> Any:
+    """Add a geom of a kind, as ``"SPHERE"``, that weighs and touches nothing unless told otherwise."""
+    free = {"mass": 0.0, "contype": 0, "conaffinity": 0, "size": np.append(size, np.zeros(3))[:3]}
+    return body.add_geom(type=getattr(import_mujoco().mjtGeom, f"mjGEOM_{kind}"), **free | more)
+
+
+def add_motor(spec: Any, name: str, joint: str, **more: Any) -> Any:
+    """Add an actuator on a joint, whose control is its force."""
+    return spec.add_actuator(name=name, target=joint, trntype=import_mujoco().mjtTrn.mjTRN_JOINT, **more)
+
+
+def add_servo(spec: Any, joint: str, effort: float = np.inf, **more: Any) -> Any:
+    """Add an actuator by a joint's name whose force is linear in control, position and speed, within ± an effort."""
+    mujoco = import_mujoco()
+    affine = {"gaintype": mujoco.mjtGain.mjGAIN_FIXED, "biastype": mujoco.mjtBias.mjBIAS_AFFINE}
+    servo = add_motor(spec, joint, joint, **affine, **more)
+    if np.isfinite(effort):
+        servo.forcerange, servo.forcelimited = (-effort, effort), mujoco.mjtLimited.mjLIMITED_TRUE
+    return servo
+
+
+def weigh(body: Any, mass: float, center: ArrayLike, moments: ArrayLike, axes: Array | None = None) -> None:
+    """Give a body mass, kg, centre, m, and principal moments, kg m², about its own axes or others (columns)."""
+    body.mass, body.ipos, body.inertia, body.explicitinertial = mass, center, moments, True
+    if axes is not None:
+        body.iquat = quaternion_of(axes)
+
+
+def quaternion_of(rotation: Array) -> Array:
+    """Return the unit quaternion of a rotation matrix, as MuJoCo finds it."""
+    quaternion = np.empty(4)
+    import_mujoco().mju_mat2Quat(quaternion, np.ascontiguousarray(rotation).reshape(9))
+    return quaternion
+
+
+def turned(first: Array, second: Array) -> Array:
+    """Return the product of two quaternions, as MuJoCo finds it."""
+    product = np.empty(4)
+    import_mujoco().mju_mulQuat(product, np.ascontiguousarray(first), second)
+    return product
 
 
 def compiled(spec: Any) -> Any:
@@ -150,7 +185,7 @@ def compiled(spec: Any) -> Any:
         raise ValueRangeError(f"robot: MuJoCo refuses the model of {spec.modelname}: {error}") from None
 
 
-def _principal(where: str, tensor: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _principal(where: str, tensor: Array) -> tuple[Array, Array]:
     """Return principal moments and right-handed axes (columns), or say why no body has this tensor."""
     if np.abs(tensor - tensor.T).max() > _ROUNDING * np.abs(tensor).max():
         raise ValueRangeError(
@@ -171,60 +206,63 @@ def _principal(where: str, tensor: NDArray[np.float64]) -> tuple[NDArray[np.floa
     return moments, axes
 
 
+def _draw(body: Any, kind: str, size: Sequence[float], colour: Any, group: int = RODS, **place: Any) -> None:
+    """Add a geom that only shows."""
+    add_geom(body, kind, size, rgba=colour, group=group, **place)
+
+
 class _Shapes:
     """Draws the parts of an arm, thinner towards the end effector."""
 
-    def __init__(self, mujoco: Any, robot: Robot) -> None:
-        self.mujoco, self.robot = mujoco, robot
-        self.reach = drawn_reach(robot)
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
         self.radii = rod_radii(robot)
-
-    def add(self, body: Any, kind: str, size: Any, colour: Any, *, group: int = RODS, **place: Any) -> None:
-        """Add a geom that only shows."""
-        geom = body.add_geom(
-            type=getattr(self.mujoco.mjtGeom, f"mjGEOM_{kind}"), rgba=colour, mass=0, **place
-        )
-        geom.size[: len(size)] = size
-        geom.contype = geom.conaffinity = 0
-        geom.group = group
 
     def link(self, body: Any, i: int) -> None:
         """Draw what leads from joint i − 1 to joint i (or to the end effector)."""
         end, radius, start = self.robot.chain[i, 4:7], 0.85 * self.radii[i], np.zeros(3)
-        if self.robot.parents[i] < 0 and i not in self.robot.ends:
+        is_first, is_last = self.robot.parents[i] < 0, i in self.robot.ends
+        if is_first and not is_last:
             start = foot_below(self.robot, i)
-            self.add(body, "CYLINDER", [1.7 * self.radii[i], 0.1 * self.radii[i]], _BASE, pos=start)
-        length = np.linalg.norm(end - start)
-        if length > 0.5 * radius:
-            kind = "CYLINDER" if i in self.robot.ends else "CAPSULE"  # its end is the end effector's point
-            self.add(
-                body, kind, [radius], _BASE if self.robot.parents[i] < 0 else _SHELL, fromto=[*start, *end]
-            )
+            _draw(body, "CYLINDER", [1.7 * self.radii[i], 0.1 * self.radii[i]], _BASE, pos=start)
+        if np.linalg.norm(end - start) > 0.5 * radius:
+            kind = "CYLINDER" if is_last else "CAPSULE"  # its end is the end effector's point
+            _draw(body, kind, [radius], _BASE if is_first else _SHELL, fromto=[*start, *end])
 
     def drum(self, body: Any, i: int) -> None:
         """Draw joint i as a drum about its axis."""
         radius = self.radii[i]
-        self.add(body, "CYLINDER", [1.02 * radius, 1.15 * radius], _SHELL)
+        _draw(body, "CYLINDER", [1.02 * radius, 1.15 * radius], _SHELL)
         for side in (-1, 1):
-            self.add(body, "CYLINDER", [0.7 * radius, 0.06 * radius], _HUB, pos=[0, 0, side * 1.2 * radius])
+            _draw(body, "CYLINDER", [0.7 * radius, 0.06 * radius], _HUB, pos=[0, 0, side * 1.2 * radius])
 
     def rail(self, body: Any, i: int) -> None:
         """Draw the way along which joint i slides."""
         row, (lower, upper) = self.robot.chain[i], joint_range(self.robot, i) + self.robot.joint_offsets[i]
-        if not (np.isfinite(lower) and np.isfinite(upper)):
-            return
-        axis = np.empty(3)
-        self.mujoco.mju_rotVecQuat(axis, np.array([0.0, 0.0, 1.0]), np.ascontiguousarray(row[:4]))
-        ends = [*(row[4:7] + lower * axis), *(row[4:7] + upper * axis)]
-        self.add(body, "CAPSULE", [0.4 * self.radii[i]], _BASE, fromto=ends)
+        if np.isfinite(lower) and np.isfinite(upper):
+            self.rod(body, row, np.eye(3)[2], (lower, upper), 0.4 * self.radii[i], _BASE)
 
-    def triad(self, body: Any, tool: NDArray[np.float64]) -> None:
+    def triad(self, body: Any, tool: Array) -> None:
         """Draw the axes of an end effector: x red, y green, z blue."""
-        length, axis = 0.06 * self.reach, np.empty(3)
+        reach = drawn_reach(self.robot)
         for unit, colour in zip(np.eye(3), _TRIAD, strict=True):
-            self.mujoco.mju_rotVecQuat(axis, unit, np.ascontiguousarray(tool[:4]))
-            ends = [*tool[4:7], *(tool[4:7] + length * axis)]
-            self.add(body, "CAPSULE", [0.0045 * self.reach], colour, group=0, fromto=ends)
+            self.rod(body, tool, unit, (0.0, 0.06 * reach), 0.0045 * reach, colour, group=0)
+
+    def rod(
+        self,
+        body: Any,
+        place: Array,
+        axis: Array,
+        span: Sequence[float],
+        radius: float,
+        colour: Any,
+        **more: Any,
+    ) -> None:
+        """Draw a rod along an axis of a place, orientation and position (7)."""
+        along = np.empty(3)
+        import_mujoco().mju_rotVecQuat(along, axis, np.ascontiguousarray(place[:4]))
+        ends = [end for way in span for end in place[4:7] + way * along]
+        _draw(body, "CAPSULE", [radius], colour, fromto=ends, **more)
 
 
 class JointServos(Plant, frozen=True, kw_only=True):
@@ -247,23 +285,20 @@ class JointServos(Plant, frozen=True, kw_only=True):
     encoder_noise: Annotated[Each, Meta(description="rad or m")] = 0.0
 
     @classmethod
-    def complete(cls, data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-        """Return what a spec says of such a plant, with what fits of a plant file of servos in the place of ``file``.
+    def of_servos(cls, path: Path) -> dict[str, Any]:
+        """Return what fits of a plant file of servos.
 
         Those of second order keep ω and ζ at the inertia of the start; those of first order become critically damped
         ones that are as late for slow motions, ω = 2/τ.
         """
-        if not isinstance(data.get("file"), str):
-            return super().complete(data, folder)
-        servo = load_servo(folder / data["file"])
+        servo = load_servo(path)
         lags = fitting_lags(servo)
-        found: dict[str, Any] = {
+        say_what_is_left_out(path, servo, "physics", ("gain", "delay", "friction", "sag"))
+        return {
             "bandwidth": [round(bandwidth / (2 * math.pi), 9) for bandwidth, _ in lags],
             "damping_ratio": [ratio for _, ratio in lags],
             **encoders_and_mode(servo),
         }
-        say_what_is_left_out(folder / data["file"], servo, "physics", ("gain", "delay", "friction", "sag"))
-        return found | {key: value for key, value in data.items() if key != "file"}
 
     def target_mode(self) -> CommandMode:
         """Return its command mode."""
@@ -302,18 +337,10 @@ class JointServos(Plant, frozen=True, kw_only=True):
             # A stop that gives way by milliradians, as stiff as the time step allows.
             joint.solref_limit, joint.solimp_limit[:2] = (4 * self.timestep, 1), (0.99, 0.999)
             # The activation integrates the control: the target moves at the rate that the control holds.
-            servo = spec.add_actuator(
-                name=name,
-                target=name,
-                trntype=mujoco.mjtTrn.mjTRN_JOINT,
-                dyntype=mujoco.mjtDyn.mjDYN_INTEGRATOR,
-                gaintype=mujoco.mjtGain.mjGAIN_FIXED,
-                biastype=mujoco.mjtBias.mjBIAS_AFFINE,
-            )
+            servo = add_servo(spec, name, effort, dyntype=mujoco.mjtDyn.mjDYN_INTEGRATOR)
             if self.position_limit and joint.limited == mujoco.mjtLimited.mjLIMITED_TRUE:
                 servo.actrange, servo.actlimited = joint.range, mujoco.mjtLimited.mjLIMITED_TRUE
-            if np.isfinite(effort):  # of the servo, and of its sum with the gravity compensation
-                servo.forcerange, servo.forcelimited = (-effort, effort), mujoco.mjtLimited.mjLIMITED_TRUE
+            if np.isfinite(effort):  # also of its sum with the gravity compensation
                 joint.actfrcrange, joint.actfrclimited = (-effort, effort), mujoco.mjtLimited.mjLIMITED_TRUE
 
     def set_servos(self, robot: Robot, model: Any, data: Any, start: Array, dofs: NDArray[np.intp]) -> None:
@@ -350,3 +377,8 @@ def mass_matrix(model: Any, data: Any) -> Array:
         mujoco.mj_mulM(model, data, column, unit)
         matrix[:, i] = column
     return matrix
+
+
+def viscous_damping(model: Any) -> Array:
+    """Return the viscous friction of all degrees of freedom, shape (n,), as a view: of new MuJoCo the linear part."""
+    return model.dof_damping.reshape(model.nv, -1)[:, 0]

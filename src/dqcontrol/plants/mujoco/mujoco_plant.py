@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from collections.abc import Callable
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from msgspec.structs import replace
@@ -17,23 +18,17 @@ from dqcontrol.plants.mujoco.mujoco_model import (
     JointServos,
     add_inertias,
     compiled,
-    import_mujoco,
     mass_matrix,
     skeleton,
+    viscous_damping,
 )
 from dqcontrol.plants.mujoco.world_model import WorldContacts, add_links, add_world
 from dqcontrol.plants.mujoco.wrist_sensor import TOOL, MujocoWrist, add_wrist
 from dqcontrol.plants.plant import Channel, RunningPlant, as_command, plants_that_drive, start_within_limits
-from dqcontrol.plants.wrist import CHANNELS, Wrist
-from dqcontrol.robots.robot import base_coordinates
+from dqcontrol.plants.wrist import Wrist
+from dqcontrol.robots.files.mjcf import import_mujoco
+from dqcontrol.robots.robot import Robot, base_coordinates
 from dqcontrol.world import World
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from dqcontrol.arrays import Array
-    from dqcontrol.plants.mujoco.mujoco_model import JointServos
-    from dqcontrol.robots.robot import Robot
 
 _STEP = 1e-5  # rad, m and their rates, for slopes
 _OF_SERVOS = ("bandwidth", "damping_ratio", "stiffness", "damping", "pads")
@@ -46,7 +41,9 @@ class TorqueDrive:
     """
 
     def __init__(self, plant: MujocoPlant, robot: Robot, model: Any, data: Any) -> None:
-        assert plant.impedance is not None  # MuJoCo bears the weight, that of tools and grippers too
+        law = plant.prepared_impedance(robot)  # MuJoCo bears the weight, that of tools and grippers too
+        assert plant.impedance is not None
+        assert law is not None
         of_servos = [name for name in _OF_SERVOS if getattr(plant, name) != getattr(type(plant)(), name)]
         if of_servos:
             raise ValueRangeError(
@@ -59,19 +56,13 @@ class TorqueDrive:
         if plant.impedance.feels and plant.wrist is None:
             raise ValueRangeError("plant.impedance.mass: takes a measured wrench; give the plant a 'wrist'")
         n = robot.configuration_size
-        law = plant.prepared_impedance(robot)
-        assert law is not None
         self.law: PreparedImpedance = law
         self.law.check_period(data.qpos[:n].copy(), plant.timestep)
         model.actuator_gainprm[:n] = 0.0
         model.actuator_biasprm[:n] = 0.0
         data.act[:n] = data.qpos[:n]
-        self._q, self._rates, self._target, self._leads = (
-            data.qpos[:n],
-            data.qvel[:n],
-            data.act[:n],
-            data.ctrl[:n],
-        )
+        self._q, self._rates = data.qpos[:n], data.qvel[:n]
+        self._target, self._leads = data.act[:n], data.ctrl[:n]
         self._bias = model.actuator_biasprm[:n, 0]
 
     def advancing(self, step: Callable[[Any, Any, int], None], wrench: Array | None) -> Any:
@@ -91,9 +82,8 @@ class TorqueDrive:
         slopes = np.empty((n, 4 * n))
         for i, change in enumerate(_STEP * np.eye(4 * n)):
             ahead = self.law.torque(*(at + change).reshape(4, n), wrench=_NOTHING).copy()
-            slopes[:, i] = (ahead - self.law.torque(*(at - change).reshape(4, n), wrench=_NOTHING)) / (
-                2 * _STEP
-            )
+            behind = self.law.torque(*(at - change).reshape(4, n), wrench=_NOTHING)
+            slopes[:, i] = (ahead - behind) / (2 * _STEP)
         mass = mass_matrix(model, data)[:n, :n]
         pull = h * np.linalg.solve(mass + h * np.diag(viscous), slopes)
         pull[:, n : 2 * n] += np.linalg.solve(mass + h * np.diag(viscous), mass)
@@ -137,25 +127,20 @@ class RunningMujoco(RunningPlant):
         self._parents = robot.parents
         self.q: Array = data.qpos[:n]
         self.measured: Array = np.empty(n)
-        hands = len(robot.ends)
-        self._gripper = LiveGripper(plant.gripper, model, data, hands) if plant.gripper else None
-        period = substeps * plant.timestep
-        world, self.seen = plant.world, {}
+        self._gripper = LiveGripper(plant.gripper, model, data, len(robot.ends)) if plant.gripper else None
+        world, period = plant.world, substeps * plant.timestep
         self._world = WorldContacts(world, robot, model, data, period, seed) if world else None
         if self._world is not None:
             self._world.check_start()
             self.seen = self._world.bodies.seen
-            self.channels: tuple[Channel, ...] = self._world.channels
-            self.readings: Array = self._world.readings
         self._wrist = MujocoWrist(plant.wrist, model, data, seed) if plant.wrist else None
         if self._wrist is not None:
-            self.channels = (*self.channels, *CHANNELS)
-            self._wrist_at = len(self.readings)
-            self.readings = np.concatenate([self.readings, self._wrist.readings])
             self.wrench: Array = self._wrist.wrench
-        if self._gripper is not None:
-            self.channels = (*self.channels, self._gripper.channel)
-            self.readings = np.concatenate([self.readings, np.zeros(hands)])
+        parts = (self._world, self._wrist, self._gripper)
+        self._parts = [part for part in parts if part is not None]
+        channels = [channel for part in self._parts for channel in part.channels]
+        self.channels: tuple[Channel, ...] = tuple(channels)
+        self.readings: Array = np.zeros(sum(channel.size for channel in self.channels))
         self._read()
         self._rate, self._target = data.ctrl[:n], data.act
         self._advance = self._wrist.advance if self._wrist else import_mujoco().mj_step
@@ -253,28 +238,19 @@ class RunningMujoco(RunningPlant):
         applied[:] = 0.0
         joint = int(self._parents[row]) if row >= len(self.q) else row  # behind the joints: end effectors
         if joint >= 0:
-            body = self._body_of(joint)
+            body = int(self.model.body(f"link_{joint + 1}").id)
+            if self._wrist is not None:
+                tool = self.model.body(TOOL)
+                body = int(tool.id) if tool.parentid[0] == body else body
             applied[body, :3] = force
             applied[body, 3:] = np.cross(point - self.data.xipos[body], force)
 
-    def _body_of(self, joint: int) -> int:
-        """Return the body that a link is, or what hangs on its wrist's sensor."""
-        link = int(self.model.body(f"link_{joint + 1}").id)
-        if self._wrist is None:
-            return link
-        tool = int(self.model.body(TOOL).id)
-        return tool if self.model.body(tool).parentid[0] == link else link
-
     def _read(self) -> None:
         """Read what is felt, and how far the gripper is open."""
-        if self._world is not None:
-            self._world.read()
-            self.readings[: len(self._world.readings)] = self._world.readings
-        if self._wrist is not None:
-            self._wrist.read()
-            self.readings[self._wrist_at : self._wrist_at + len(self._wrist.readings)] = self._wrist.readings
-        if self._gripper is not None:
-            self._gripper.read(self.readings[-self._gripper.channel.size :])
+        for part in self._parts:
+            part.read()
+        if self._parts:
+            np.concatenate([part.readings for part in self._parts], out=self.readings)
 
 
 def check_rate(rate: Array) -> None:
@@ -425,8 +401,12 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
             raise ValueRangeError(f"plant.pads: press a body of the world between them; give {others}")
         start = start_within_limits(robot, start)
         substeps = self.substeps(period)
-        model = self._model(robot, start)
-        data = self._balance(robot, model, start)
+        mujoco, model = import_mujoco(), self._model(robot, start)
+        data: Any = mujoco.MjData(model)
+        data.qpos[: len(start)] = start
+        mujoco.mj_forward(model, data)
+        self.set_servos(robot, model, data, start, np.arange(len(start)))
+        mujoco.mj_forward(model, data)
         if self.pads is not None:
             data.act[:] += self.pads.squeezed(robot, start)
         return RunningMujoco(self, robot, model, data, substeps, seed)
@@ -440,14 +420,13 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         self.add_servos(spec, robot)
         if self.world is None:
             spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT  # nothing here touches anything
-        if self.world is not None:
+        else:
             add_links(spec, robot, self.timestep, padded=self.pads is not None, gripper=self.gripper)
             add_world(spec, self.world.bodies, self.timestep)
             spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC  # with friction as stiff as pressure allows:
             spec.option.impratio = 50.0  # no creeping
-            spec.option.enableflags |= getattr(
-                mujoco.mjtEnableBit, "mjENBL_SLEEP", 0
-            )  # what lies costs nothing
+            # what lies costs nothing
+            spec.option.enableflags |= getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0)
         if self.pads is not None:
             self.pads.add(spec, robot, start, self.timestep)
         if self.wrist is not None:
@@ -462,20 +441,8 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
             spec.body(f"link_{i + 1}").gravcomp = self.gravity_compensation
             spec.joint(name).actgravcomp = True
         model = compiled(spec)
-        model.dof_damping.reshape(model.nv, -1)[:n, 0] = as_each(
-            "plant.viscous_friction", self.viscous_friction, n
-        )
+        viscous_damping(model)[:n] = as_each("plant.viscous_friction", self.viscous_friction, n)
         return model
-
-    def _balance(self, robot: Robot, model: Any, start: Array) -> Any:
-        """Return the model's state at rest in the start configuration."""
-        mujoco = import_mujoco()
-        data = mujoco.MjData(model)
-        data.qpos[: len(start)] = start
-        mujoco.mj_forward(model, data)
-        self.set_servos(robot, model, data, start, np.arange(len(start)))
-        mujoco.mj_forward(model, data)
-        return data
 
     def by_effort(self) -> Self:
         """Return it with servos that only hold, while nothing drives the joints."""
@@ -504,10 +471,9 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         h, steps, n = self.timestep, self.substeps(period), robot.configuration_size
         live = self.start(robot, start, period, 1, 0)
         if live.drive is not None:
-            viscous = live.model.dof_damping.reshape(live.model.nv, -1)[:n, 0]
-            return live.drive.linear_model(live.model, live.data, h, steps, viscous)
+            return live.drive.linear_model(live.model, live.data, h, steps, viscous_damping(live.model)[:n])
         mass, unit, zero = mass_matrix(live.model, live.data)[:n, :n], np.eye(n), np.zeros((n, n))
-        damping = np.diag(live.damping + live.model.dof_damping.reshape(live.model.nv, -1)[:n, 0])
+        damping = np.diag(live.damping + viscous_damping(live.model)[:n])
         pull = h * np.linalg.solve(mass + h * damping, np.diag(live.stiffness))
         velocity = np.hstack([-pull, np.linalg.solve(mass + h * damping, mass), pull])
         step = np.eye(3 * n)  # of q, v and q*

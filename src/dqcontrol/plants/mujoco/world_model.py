@@ -6,7 +6,7 @@ import math
 from collections import deque
 from collections.abc import Iterator, Mapping
 from itertools import count
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,52 +16,18 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, error_prefix
 from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere
 from dqcontrol.plants.mujoco.gripper import BODIES, GRIP_FORCE, PADS, Gripper, fingers
+from dqcontrol.plants.mujoco.mujoco_model import add_geom
 from dqcontrol.plants.mujoco.wrist_sensor import TOOL
 from dqcontrol.plants.plant import Channel, begun_periods
+from dqcontrol.plants.wrist import AXES
 from dqcontrol.robots.files.mjcf import import_mujoco
+from dqcontrol.robots.link_shapes import LinkShape
+from dqcontrol.robots.robot import Robot
 from dqcontrol.world import Body, World
 from dqcontrol.world.mesh import convex_parts
 from dqcontrol.world.world import FLOOR
 
-if TYPE_CHECKING:
-    from dqcontrol.robots.link_shapes import LinkShape
-    from dqcontrol.robots.robot import Robot
-
-
 _SNAP = 1e-9  # periods; frames that are nearer to a sample than that are of it
-
-
-class WatchedBodies:
-    """Watched bodies at work.
-
-    Attributes
-    ----------
-    seen
-        By name the measured pose, unit dual quaternion (8,), updated in place.
-    """
-
-    def __init__(
-        self, watched: Mapping[str, Body], places: Mapping[str, Any], period: float, seed: int
-    ) -> None:
-        self._eyes = [
-            _Eye(name, body, place, period, np.random.default_rng([seed, 5, k]))
-            for k, ((name, body), place) in enumerate(zip(watched.items(), places.values(), strict=True))
-        ]
-        self.seen: dict[str, Array] = {eye.name: eye.pose for eye in self._eyes}
-
-    def look(self, out: Array) -> None:
-        """Take what arrives at the next sample, and write the readings."""
-        for k, eye in enumerate(self._eyes):
-            eye.look()
-            out[7 * k : 7 * k + 3] = algebra.translation(eye.pose)
-            out[7 * k + 3 : 7 * k + 7] = eye.pose[:4]
-
-
-def seen_channels(watched: Mapping[str, Body]) -> Iterator[Channel]:
-    """Yield what is recorded of watched bodies."""
-    for name in watched:
-        yield Channel(f"{name}_seen_position", ("x", "y", "z"), "m")
-        yield Channel(f"{name}_seen_quaternion", ("w", "x", "y", "z"), "")
 
 
 class _Eye:
@@ -164,12 +130,12 @@ def add_links(
         if gripper is not None and each.frame in ends:
             shape = gripper.behind_fingers(shape, robot.chain[ends[each.frame]])
         geom = _add_geom(body, shape)
-        geom.name, geom.mass, geom.group = _link_name(each.name), 0.0, 3  # drawn where links have no meshes
-        geom.contype, geom.conaffinity, geom.friction = 0, 0 if bare else BODIES, [0.0, 0.0, 0.0]
+        geom.name, geom.group = _link_name(each.name), 3  # drawn where links have no meshes
+        geom.conaffinity, geom.friction = 0 if bare else BODIES, [0.0, 0.0, 0.0]
         geom.solref[:2] = _SOLREF * timestep, 1.0
     for a, b in robot.shapes.pairs:
-        names = [_geom_of_link(shapes[k], base) for k in (a, b)]
-        pair = spec.add_pair(geomname1=names[0], geomname2=names[1])
+        first, second = (_geom_of_link(shapes[k], base) for k in (a, b))
+        pair = spec.add_pair(geomname1=first, geomname2=second)
         pair.solref[:2] = _SOLREF * timestep, 1.0
 
 
@@ -183,25 +149,19 @@ def add_world(spec: Any, bodies: Mapping[str, Body], timestep: float) -> None:
     """
     mujoco, meshes = import_mujoco(), count(1)
     for name, body in bodies.items():
-        role = body.role
+        role, is_fixed = body.role, body.role in ("fixed", "moving")
         if body.held is not None and role != "free":
             raise ValueRangeError(
                 f"world.{name}.held: physics moves what hands hold by its mass; give it one"
             )
-        place = spec.worldbody.add_body(
-            name=_body_name(name), pos=body.position, quat=algebra.rotation(body.pose)
-        )
-        place.mocap = body.moves is not None
+        place = spec.worldbody.add_body(name=_body_name(name), pos=body.position)
+        place.quat, place.mocap = algebra.rotation(body.pose), body.moves is not None
         joint = body.hinge or body.slide
         if role == "free":
             place.add_freejoint(name=_body_name(name))
         elif joint is not None:
-            kinds = mujoco.mjtJoint
-            added = place.add_joint(
-                name=_body_name(name),
-                type=kinds.mjJNT_HINGE if body.hinge else kinds.mjJNT_SLIDE,
-                axis=joint.axis,
-            )
+            kind = mujoco.mjtJoint.mjJNT_HINGE if body.hinge else mujoco.mjtJoint.mjJNT_SLIDE
+            added = place.add_joint(name=_body_name(name), type=kind, axis=joint.axis)
             added.pos = body.hinge.at if body.hinge else np.zeros(3)
             added.frictionloss, added.damping = joint.friction, _triple(added.damping, joint.damping)
             if joint.range is not None:
@@ -211,18 +171,17 @@ def add_world(spec: Any, bodies: Mapping[str, Body], timestep: float) -> None:
             if body.moves is not None:  # what moves as it says carries what gives way
                 place = place.add_body(name=_geoms_of(name, body))
             _hang(mujoco, place, name, body, timestep)
-        is_still = role in ("fixed", "moving", "free") or body.moves is not None
+        is_still = is_fixed or role == "free" or body.moves is not None
         if not is_still and hasattr(mujoco, "mjtSleepPolicy"):  # what is on its way, however slowly, moves on
             place.sleep = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
         geoms = list(_solid_geoms(spec, place, body, meshes))
         mass = body.mass or (_PLATE if role == "springy" else 1.0)
         volume = sum(each for _, each in geoms) or 1.0
         for geom, share in geoms:
-            geom.mass = mass * share / volume if role not in ("fixed", "moving") else 0.0
+            geom.mass = 0.0 if is_fixed else mass * share / volume
             geom.rgba, geom.contype, geom.conaffinity = _COLOURS[role], BODIES, BODIES
-            still = role in ("fixed", "moving")
-            across = 0.0 if still else 0.1 * _width(body) * body.friction  # of turning on a face, m
-            geom.friction, geom.condim = [body.friction, across, 0.0], 3 if still else 4
+            across = 0.0 if is_fixed else 0.1 * _width(body) * body.friction  # of turning on a face, m
+            geom.friction, geom.condim = [body.friction, across, 0.0], 3 if is_fixed else 4
             geom.solref[:2] = (2.0 if role == "springy" else _SOLREF) * timestep, 1.0
             if role == "springy":
                 geom.solimp[:3] = 0.99, 0.999, 1e-4
@@ -252,16 +211,14 @@ def _hang(mujoco: Any, place: Any, name: str, body: Body, timestep: float) -> No
         )
     place.gravcomp = 1.0
     for axis, unit in zip("xyz", np.eye(3), strict=True):
-        joint = place.add_joint(
-            name=f"{_body_name(name)} {axis}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=unit
-        )
+        kind = mujoco.mjtJoint.mjJNT_SLIDE
+        joint = place.add_joint(name=f"{_body_name(name)} {axis}", type=kind, axis=unit)
         joint.stiffness = _triple(joint.stiffness, body.stiffness)
         joint.damping = _triple(joint.damping, body.damping)
 
 
 def _solid_geoms(spec: Any, place: Any, body: Body, meshes: Any) -> Any:
     """Add the geoms of a body; yield each with its volume, m³."""
-    mujoco = import_mujoco()
     for solid in body.solids:
         if solid.kind != "mesh":
             for shape in solid.shapes:
@@ -270,27 +227,24 @@ def _solid_geoms(spec: Any, place: Any, body: Body, meshes: Any) -> Any:
         for part in convex_parts(str(solid.mesh)):
             name = f"mesh {next(meshes)}"
             spec.add_mesh(name=name, uservert=np.asarray(part.vertices).ravel())
-            geom = place.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
-            geom.pos, geom.quat = solid.position, algebra.rotation(solid.pose)
-            yield geom, float(part.volume)
+            pose = {"pos": solid.position, "quat": algebra.rotation(solid.pose)}
+            yield add_geom(place, "MESH", [], meshname=name, **pose), float(part.volume)
 
 
 def _add_geom(body: Any, shape: Shape) -> Any:
-    kinds = import_mujoco().mjtGeom
     if isinstance(shape, Sphere):
-        return body.add_geom(type=kinds.mjGEOM_SPHERE, size=[shape.radius, 0, 0], pos=shape.center)
+        return add_geom(body, "SPHERE", [shape.radius], pos=shape.center)
     if isinstance(shape, Capsule | Cylinder):
-        kind = kinds.mjGEOM_CAPSULE if isinstance(shape, Capsule) else kinds.mjGEOM_CYLINDER
         if np.linalg.norm(shape.end - shape.start) < 1e-9:  # a capsule that is a ball
-            return body.add_geom(type=kinds.mjGEOM_SPHERE, size=[shape.radius, 0, 0], pos=shape.start)
-        return body.add_geom(type=kind, size=[shape.radius, 0, 0], fromto=[*shape.start, *shape.end])
+            return add_geom(body, "SPHERE", [shape.radius], pos=shape.start)
+        kind = "CAPSULE" if isinstance(shape, Capsule) else "CYLINDER"
+        return add_geom(body, kind, [shape.radius], fromto=[*shape.start, *shape.end])
     if isinstance(shape, Box):
-        quaternion, middle = algebra.rotation(shape.pose), algebra.translation(shape.pose)
-        return body.add_geom(type=kinds.mjGEOM_BOX, size=0.5 * shape.size, pos=middle, quat=quaternion)
+        middle, quaternion = algebra.translation(shape.pose), algebra.rotation(shape.pose)
+        return add_geom(body, "BOX", 0.5 * shape.size, pos=middle, quat=quaternion)
     assert isinstance(shape, Plane)
-    quaternion = algebra.rotation_from_matrix(shape.axes)
-    at = shape.offset * shape.normal
-    return body.add_geom(type=kinds.mjGEOM_PLANE, size=[0, 0, 1], pos=at, quat=quaternion)
+    at, quaternion = shape.offset * shape.normal, algebra.rotation_from_matrix(shape.axes)
+    return add_geom(body, "PLANE", [0, 0, 1], pos=at, quat=quaternion)
 
 
 def _volume(shape: Shape) -> float:
@@ -322,6 +276,11 @@ def _geoms_of(name: str, body: Body) -> str:
     return f"{_body_name(name)} pad" if body.moves and body.role == "springy" else _body_name(name)
 
 
+def _pose_channels(name: str) -> Iterator[Channel]:
+    yield Channel(f"{name}_position", AXES, "m")
+    yield Channel(f"{name}_quaternion", ("w", *AXES), "")
+
+
 class WorldBodies:
     """The bodies of a world at work in MuJoCo: those that move as they say, and where physics moves the others.
 
@@ -338,13 +297,16 @@ class WorldBodies:
     def __init__(self, bodies: Mapping[str, Body], model: Any, data: Any, period: float, seed: int) -> None:
         self._data = data
         watched = {name: body for name, body in bodies.items() if body.watch is not None}
-        places = {name: data.body(_body_name(name)) for name in watched}
-        self._watched = WatchedBodies(watched, places, period, seed)
-        self.seen: dict[str, Array] = self._watched.seen
-        self.channels: tuple[Channel, ...] = (*body_channels(bodies), *seen_channels(watched))
+        self._eyes = [
+            _Eye(name, body, data.body(_body_name(name)), period, np.random.default_rng([seed, 5, k]))
+            for k, (name, body) in enumerate(watched.items())
+        ]
+        self.seen: dict[str, Array] = {eye.name: eye.pose for eye in self._eyes}
+        of_watched = [channel for name in watched for channel in _pose_channels(f"{name}_seen")]
+        self.channels: tuple[Channel, ...] = (*body_channels(bodies), *of_watched)
         self.size: int = sum(channel.size for channel in self.channels)
-        moving = {name: body for name, body in bodies.items() if body.moves is not None}
-        self._moving = [(int(model.body(_body_name(name)).mocapid[0]), body) for name, body in moving.items()]
+        moving = [(name, body) for name, body in bodies.items() if body.moves is not None]
+        self._moving = [(int(model.body(_body_name(name)).mocapid[0]), body) for name, body in moving]
         self.moves: bool = bool(self._moving)
         self._at = _coordinates_at(bodies, model)
 
@@ -367,18 +329,18 @@ class WorldBodies:
         """Write the readings, shape (size,)."""
         moved = len(self._at)
         out[:moved] = self._data.qpos[self._at]
-        if self.seen:
-            self._watched.look(out[moved:])
+        for eye, row in zip(self._eyes, out[moved:].reshape(-1, 7), strict=True):
+            eye.look()
+            row[:3], row[3:] = algebra.translation(eye.pose), eye.pose[:4]
 
 
 def body_channels(bodies: Mapping[str, Body]) -> Iterator[Channel]:
     """Yield what is recorded of the bodies that physics moves."""
     for name, body in bodies.items():
         if body.role == "free":
-            yield Channel(f"{name}_position", ("x", "y", "z"), "m")
-            yield Channel(f"{name}_quaternion", ("w", "x", "y", "z"), "")
+            yield from _pose_channels(name)
         elif body.role == "springy":
-            yield Channel(f"{name}_displacement", ("x", "y", "z"), "m")
+            yield Channel(f"{name}_displacement", AXES, "m")
         elif body.is_moved_by_physics:
             what, unit = ("angle", "rad") if body.hinge else ("way", "m")
             yield Channel(f"{name}_{what}", (), unit)
@@ -448,10 +410,8 @@ class WorldContacts:
         for k, row in enumerate(robot.ends):  # what an end effector has counts as the link that carries it
             carrier = int(robot.parents[row]) + 1
             last = max((i for i, each in enumerate(shapes) if each.frame == carrier), default=0)
-            held = {
-                names.index(name): last for name in (*fingers(k), *PADS[k : k + 1], TOOL) if name in names
-            }
-            links.update(held)
+            own = (*fingers(k), *PADS[k : k + 1], TOOL)
+            links |= {names.index(name): last for name in own if name in names}
         self._link_of: NDArray[np.intp] = np.array([links.get(i, -1) for i in range(model.ngeom)])
         self._wrench = np.zeros(6)
         parts = (*self._names, ITSELF)
@@ -505,9 +465,8 @@ class WorldContacts:
         ValueRangeError
             With the worst: which link, how deep, in what.
         """
-        thing, link, depth, _, (_, other) = max(
-            self.contacts(), key=lambda each: each[2], default=(0, 0, 0.0, 0.0, (0, 0))
-        )
+        none = 0, 0, 0.0, 0.0, (0, 0)
+        thing, link, depth, _, (_, other) = max(self.contacts(), key=lambda each: each[2], default=none)
         if depth > _DEEP:
             what = self._names[thing] if thing < len(self._names) else self._links[self._link_of[other]]
             raise ValueRangeError(

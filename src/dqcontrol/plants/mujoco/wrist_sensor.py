@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.plants.mujoco.gripper import BODIES
+from dqcontrol.plants.mujoco.mujoco_model import add_geom, weigh
+from dqcontrol.plants.plant import Channel
+from dqcontrol.plants.wrist import CHANNELS, Wrist
 from dqcontrol.robots.files.mjcf import import_mujoco
-
-if TYPE_CHECKING:
-    from dqcontrol.plants.wrist import Wrist
-    from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.robot import Robot
 
 TOOL = "wrist tool"  # its geom; body, site and sensors are named alike
 _FORCE, _TORQUE = f"{TOOL} force", f"{TOOL} torque"
@@ -40,37 +40,33 @@ def add_wrist(spec: Any, wrist: Wrist, robot: Robot, timestep: float, compensate
     ValueRangeError
         If the robot has several end effectors.
     """
-    mujoco = import_mujoco()
     if len(robot.ends) != 1:
         raise ValueRangeError(f"plant.wrist: is at one end effector, and {robot.name} has {len(robot.ends)}")
-    end = robot.chain[robot.ends[0]]
-    body = spec.body(f"link_{int(robot.parents[robot.ends[0]]) + 1}").add_body(
-        name=TOOL, pos=end[4:7], quat=end[:4]
-    )
+    end, link = robot.chain[robot.ends[0]], int(robot.parents[robot.ends[0]]) + 1
+    body = spec.body(f"link_{link}").add_body(name=TOOL, pos=end[4:7], quat=end[:4])
     size = (wrist.length**2 + 3 * wrist.radius**2) / 12  # of a rod, m²
-    body.mass, body.ipos, body.explicitinertial = wrist.mass, wrist.center, True
-    body.inertia = wrist.mass * np.array([size, size, 0.5 * wrist.radius**2])
+    weigh(body, wrist.mass, wrist.center, wrist.mass * np.array([size, size, 0.5 * wrist.radius**2]))
     body.gravcomp = compensated
     if wrist.length:
-        kinds, long = mujoco.mjtGeom, max(wrist.length, 2 * wrist.radius)
+        long = max(wrist.length, 2 * wrist.radius)
         if wrist.flat:  # MuJoCo's contacts of cylinders jump where their rims touch edges
             spec.add_mesh(name=TOOL, uservert=_prism(wrist.radius, long).ravel())
-            geom = body.add_geom(name=TOOL, type=kinds.mjGEOM_MESH, meshname=TOOL)
+            geom = add_geom(body, "MESH", [], name=TOOL, meshname=TOOL)
         else:
             ends = [0, 0, -long, 0, 0, -wrist.radius]
-            geom = body.add_geom(
-                name=TOOL, type=kinds.mjGEOM_CAPSULE, fromto=ends, size=[wrist.radius, 0, 0], mass=0.0
-            )
-        geom.contype, geom.conaffinity, geom.friction = 0, BODIES, [0.0, 0.0, 0.0]
+            geom = add_geom(body, "CAPSULE", [wrist.radius], name=TOOL, fromto=ends)
+        geom.conaffinity, geom.friction = BODIES, [0.0, 0.0, 0.0]
         geom.solref[:2] = 2.0 * timestep, 1.0
     body.add_site(name=TOOL, pos=np.zeros(3), size=[1e-3] * 3, group=4)
-    for name, kind in ((_FORCE, "FORCE"), (_TORQUE, "TORQUE")):
-        spec.add_sensor(
-            name=name,
-            type=getattr(mujoco.mjtSensor, f"mjSENS_{kind}"),
-            objtype=mujoco.mjtObj.mjOBJ_SITE,
-            objname=TOOL,
-        )
+    sense_site(spec, TOOL, {"force": _FORCE, "torque": _TORQUE})
+
+
+def sense_site(spec: Any, site: str, names: dict[str, str]) -> None:
+    """Add sensors of force and torque, by these names, between the body of a site and the one that carries it."""
+    mujoco = import_mujoco()
+    for kind, name in names.items():
+        sensor = getattr(mujoco.mjtSensor, f"mjSENS_{kind.upper()}")
+        spec.add_sensor(name=name, type=sensor, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site)
 
 
 def _prism(radius: float, length: float) -> Array:
@@ -88,7 +84,7 @@ class MujocoWrist:
     ----------
     wrench
         What it shows: force and torque of tool and environment on the end effector, its axes, shape (6,).
-    readings
+    channels, readings
         That, and the force of what is touched, base axes, the mean of a period: contacts of hard things come and go
         from one time step to the next.
     felt
@@ -103,6 +99,7 @@ class MujocoWrist:
         self._external: Array = data.cfrc_ext[model.body(TOOL).id, 3:]  # which the sensors let MuJoCo compute
         self._kept, self._noise, self._bias = wrist.kept(model.opt.timestep), wrist.noise, wrist.bias
         self._rng = np.random.default_rng([seed, _STREAM])
+        self.channels: tuple[Channel, ...] = CHANNELS
         self.readings: Array = np.zeros(9)
         self.wrench: Array = self.readings[:6]
         self.felt: Array = self._felt()

@@ -1,2 +1,4 @@
-from .servo_file import load_servo as load_servo
-from .servo_plant import Servo as Servo
+from .servo_plant import (
+    Servo as Servo,
+    load_servo as load_servo,
+)

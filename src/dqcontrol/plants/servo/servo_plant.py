@@ -6,11 +6,13 @@ On bodies with mobile bases joints lag, bases move as told, and a camera tells w
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import warnings
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, NamedTuple, Self, TypeAlias
 
+import msgspec
 import numpy as np
 from msgspec import Meta
 from msgspec.structs import replace
@@ -18,9 +20,19 @@ from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, WRONG_SIZE, inline, kernel
-from dqcontrol.compiled.intrinsics import as_matrix
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each, as_positive
+from dqcontrol.compiled.memory_layout import MemoryLayout
+from dqcontrol.errors import (
+    FileFormatError,
+    NoteWarning,
+    ShapeError,
+    ValueRangeError,
+    as_array,
+    as_each,
+    as_positive,
+)
+from dqcontrol.files.input_file import read_text
 from dqcontrol.files.long_array import long_array
+from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.limits.compensation import lag_weights
 from dqcontrol.limits.velocity_limit import scale_down, scale_down_rollers, speed_limits
 from dqcontrol.plants.camera import CAMERA_CHANNELS, Camera
@@ -50,6 +62,14 @@ from dqcontrol.world import World
 Each: TypeAlias = Annotated[float, Meta(ge=0)] | list[Annotated[float, Meta(ge=0)]]
 EachAboveZero: TypeAlias = Annotated[float, Meta(gt=0)] | list[Annotated[float, Meta(gt=0)]]
 _MOST_SHARED = 1_000_000  # numbers, 8 MB: so much is kept until other noise is drawn
+_LEAST_LAG = 1e-3  # s; quicker servos are as quick as that
+_OF_SERVOS = {  # what other plants may have no place for, and how it is called
+    "gain": (1.0, "", "a gain of {}"),
+    "delay": (0.0, " s", "a delay of {}"),
+    "friction": (0.0, " rad", "play of ± {}"),
+    "sag": (0.0, "", "the sag of the joints"),
+    "lags": (0.0, " s", "lags of {}"),
+}
 _HORIZON = 2.0  # s in which what matters of a joint is seen
 
 
@@ -137,17 +157,11 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         return self if self.wrist is None else replace(self, world=world)
 
     @classmethod
-    def complete(cls, data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-        """Return what a spec says of such a plant, with what its plant file holds in the place of ``file``.
-
-        What the spec says besides counts in place of what the file says.
-        """
-        if not isinstance(data.get("file"), str):
-            return super().complete(data, folder)
-        from dqcontrol.plants.servo.servo_file import servo_parameters  # which reads servos
-
-        own = {key: value for key, value in data.items() if key != "file"}
-        return servo_parameters(folder / data["file"]) | own
+    def of_servos(cls, path: Path) -> dict[str, Any]:
+        """Return what a plant file holds."""
+        content = _content(path)
+        convert(path, content, _PlantFile)
+        return {key: value for key, value in content["plant"].items() if key != "kind"}
 
     def base_errors(self) -> tuple[float, float]:
         """Return the camera's standard deviations, m and rad."""
@@ -162,11 +176,8 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
             If a parameter is out of range, the robot has no inertia and there is sag, or it has no mobile base for
             what is said of one.
         """
-        start, period, n = (
-            start_configuration(robot, start),
-            as_positive("period", period),
-            robot.configuration_size,
-        )
+        start, n = start_configuration(robot, start), robot.configuration_size
+        period = as_positive("period", period)
         if base_coordinates(robot).any():
             if self.wrist is not None:
                 raise ValueRangeError(
@@ -176,10 +187,8 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         for field in ("base_time_constant", "camera"):
             if getattr(self, field):
                 raise ValueRangeError(f"plant.{field}: {robot.name} has no mobile base")
-        answers = self._answers(n, period)
-        gain, stiffness = (self._each(field, n) for field in ("gain", "stiffness"))
-        sag = self.sag
-        compliance = sag / stiffness
+        answers, sag = self._answers(n, period), self.sag
+        compliance = sag / self._each("stiffness", n)
         sag0 = compliance * robot.gravity_forces(start, self.gravity) if sag else np.zeros(n)
         target = start + sag0
         ends = robot.limits if self.position_limit else Limits.none(n)
@@ -189,7 +198,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         head[layout.OLDEST_TARGET] = oldest
         head[layout.GRAVITY : layout.GRAVITY + 3] = as_array("plant.gravity", self.gravity, (3,))
         joint = np.zeros((n, layout.COLUMNS))
-        joint[:, layout.STEP] = gain * period
+        joint[:, layout.STEP] = self._each("gain", n) * period
         joint[:, layout.RATE] = robot.limits.velocity if self.rate_limit else np.inf
         joint[:, layout.LOWER], joint[:, layout.UPPER] = ends.lower, ends.upper
         joint[:, layout.COMPLIANCE] = compliance
@@ -289,11 +298,8 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
                 return [max(factor * each + more, 0.0) for each in value]
             return max(factor * value + more, 0.0)
 
-        return replace(
-            self,
-            time_constant=longer(self.time_constant, 1 + lag, 0.0),
-            delay=longer(self.delay, 1.0, delay),
-        )
+        lags, delays = longer(self.time_constant, 1 + lag, 0.0), longer(self.delay, 1.0, delay)
+        return replace(self, time_constant=lags, delay=delays)
 
     def _each(self, field: str, n: int) -> Array:
         """Return a parameter of each of n joints, checked."""
@@ -301,9 +307,8 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
 
     def _answers(self, n: int, period: float) -> list[_Answer]:
         """Return how each of n joints follows its targets."""
-        delay, bandwidth, tau = (
-            self._each(field, n).tolist() for field in ("delay", "bandwidth", "time_constant")
-        )
+        names = "delay", "bandwidth", "time_constant"
+        delay, bandwidth, tau = (self._each(name, n).tolist() for name in names)
         is_second = any(bandwidth)
         damping = self._each("damping_ratio", n).tolist() if is_second else [1.0] * n
         joints = list(zip(delay, bandwidth, damping, tau, strict=True))
@@ -353,23 +358,75 @@ def _second_order(bandwidth: float, damping: float, newer: float, period: float)
     """Return the exact step, the newer target being in force for the last ``newer`` seconds of a period."""
     first, second = free_response(period, bandwidth, damping)
     late, late_second = free_response(newer, bandwidth, damping)
-    return _SecondOrder(
-        kept=first,
-        by_speed=second,
-        newer=1 - late,
-        speed_lost=bandwidth**2 * second,
-        speed_kept=first - 2 * damping * bandwidth * second,
-        speed_newer=bandwidth**2 * late_second,
-    )
+    stiffness, speed_kept = bandwidth**2, first - 2 * damping * bandwidth * second
+    return _SecondOrder(first, second, 1 - late, stiffness * second, speed_kept, stiffness * late_second)
 
 
-# parameters: head; coordinate and input of each joint; coordinates of the bases; limits of the inputs and drives, as
-# `speed_limits` has them; by how much each may change in a period; how each drive steers; wheels with rollers;
-# then those of the joints' servos
-_DT, _COMMANDS, _INPUTS, _JOINTS, _PLACES, _DRIVES = range(6)
-_DECAY, _MEAN, _DELAY, _CAMERA_DELAY, _WEIGHT, _OLDEST = range(6, 12)
-_ROLLERS = 12
-_HEAD = 13
+class BodyParameters(NamedTuple):
+    """What compiled code knows of a body with mobile bases; numbers of things first, see `_SIZES`.
+
+    Attributes
+    ----------
+    period, decay, mean
+        T, s; what is left of a speed's distance from its command after a period, and of it on average in one.
+    weight
+        Of a frame of the camera.
+    oldest
+        Weight of the oldest command, below 1 where the delay ends within a period.
+    coordinate, moved_by
+        Of each joint, its place in the configuration, and its input.
+    place
+        Of the coordinates of the bases.
+    limits
+        Of the inputs and drives, as `speed_limits` has them.
+    change
+        By how much each input may change in a period.
+    steering
+        See `turn_front_wheels`.
+    rollers
+        Wheels with rollers.
+    servos
+        Parameters of the joints' servos.
+    """
+
+    period: float
+    decay: float
+    mean: float
+    weight: float
+    oldest: float
+    coordinate: Annotated[Array, "joints"]
+    moved_by: Annotated[Array, "joints"]
+    place: Annotated[Array, "places"]
+    limits: Annotated[Array, f"inputs + {DRIVE_COLUMNS} * drives"]
+    change: Annotated[Array, "inputs"]
+    steering: Annotated[Array, "drives", 4]
+    rollers: Annotated[Array, "rollers", ROLLER_COLUMNS]
+    servos: Annotated[Array, ...]
+
+
+class BodyState(NamedTuple):
+    """What a body with mobile bases remembers: the last commands and frames, newest first; the rest is scratch.
+
+    ``speed`` is of the inputs, ``seen`` where the bases are believed to be, ``angles`` those of front wheels.
+    """
+
+    inputs: Annotated[Array, "inputs"]
+    speed: Annotated[Array, "inputs"]
+    joint_command: Annotated[Array, "joints"]
+    joint_q: Annotated[Array, "joints"]
+    joint_measured: Annotated[Array, "joints"]
+    seen: Annotated[Array, "places"]
+    now: Annotated[Array, "places"]
+    commands: Annotated[Array, "inputs * commands"]
+    frames: Annotated[Array, "places * frames"]
+    angles: Annotated[Array, "drives"]
+    servos: Annotated[Array, ...]
+
+
+# length of a command; joints, places, inputs, drives, rollers; commands and frames that are remembered
+_SIZES = 8
+_parameters = MemoryLayout(BodyParameters, "joints", "places", "inputs", "drives", "rollers")
+_state = MemoryLayout(BodyState, "joints", "places", "inputs", "drives", "commands", "frames")
 
 
 @inline
@@ -390,7 +447,7 @@ def turn_front_wheels(drives, steering, angles, inputs):
     angle, whether the front wheel is driven.
     """
     for k in range(drives.shape[0]):
-        wheelbase, change, most = steering[4 * k], steering[4 * k + 1], steering[4 * k + 2]
+        wheelbase, change, most = steering[k, 0], steering[k, 1], steering[k, 2]
         if wheelbase == 0.0:
             continue
         j = int(drives[k, 0]) - k
@@ -399,7 +456,7 @@ def turn_front_wheels(drives, steering, angles, inputs):
         if v != 0.0 or across != 0.0:
             wanted = min(max(math.atan2(sign * across, abs(v)), -most), most)
             angles[k] = min(max(wanted, angles[k] - change), angles[k] + change)
-        if steering[4 * k + 3] != 0.0:
+        if steering[k, 3] != 0.0:
             rim = sign * math.hypot(v, across)
             inputs[j], inputs[j + 1] = rim * math.cos(angles[k]), rim * math.sin(angles[k]) / wheelbase
         else:
@@ -412,40 +469,16 @@ def servo_on_base(command, parameters, noise, state, q, measured):
 
     Noise: that of the encoders, then the share of the commands that is obeyed, whether a frame arrives, its errors.
     """
-    if command.shape[0] != int(parameters[_COMMANDS]):
+    if command.shape[0] != int(parameters[0]):
         return WRONG_SIZE
-    p, joints = int(parameters[_INPUTS]), int(parameters[_JOINTS])
-    places, drive_count = int(parameters[_PLACES]), int(parameters[_DRIVES])
-    coordinate = parameters[_HEAD : _HEAD + joints]
-    moved_by = parameters[_HEAD + joints : _HEAD + 2 * joints]
-    at = _HEAD + 2 * joints
-    place = parameters[at : at + places]
-    at += places
-    limits = speed_limits(parameters[at : at + p + DRIVE_COLUMNS * drive_count], p)
-    at += p + DRIVE_COLUMNS * drive_count
-    change = parameters[at : at + p]
-    at += p
-    steering = parameters[at : at + 4 * drive_count]
-    at += 4 * drive_count
-    rollers = as_matrix(
-        parameters[at : at + ROLLER_COLUMNS * int(parameters[_ROLLERS])],
-        int(parameters[_ROLLERS]),
-        ROLLER_COLUMNS,
-    )
-    servos = parameters[at + ROLLER_COLUMNS * int(parameters[_ROLLERS]) :]
-    drives = limits.drives
-    inputs, speed = state[0:p], state[p : 2 * p]
-    joint = state[2 * p : 2 * p + 3 * joints]
-    joint_command, joint_q, joint_measured = joint[0:joints], joint[joints : 2 * joints], joint[2 * joints :]
-    at = 2 * p + 3 * joints
-    seen = state[at : at + places]
-    now = state[at + places : at + 2 * places]
-    at += 2 * places
-    commands = state[at : at + p * (int(parameters[_DELAY]) + 1)]
-    at += commands.shape[0]
-    frames = state[at : at + places * (int(parameters[_CAMERA_DELAY]) + 1)]
-    at += frames.shape[0]
-    angles, servo_state = state[at : at + drive_count], state[at + drive_count :]
+    joints, places, p = int(parameters[1]), int(parameters[2]), int(parameters[3])
+    count, rollers = int(parameters[4]), int(parameters[5])
+    given = _parameters(parameters[_SIZES:], joints, places, p, count, rollers)
+    own = _state(state, joints, places, p, count, int(parameters[6]), int(parameters[7]))
+    limits = speed_limits(given.limits, p)
+    drives, inputs, speed, seen = limits.drives, own.inputs, own.speed, own.seen
+    coordinate, moved_by, place = given.coordinate, given.moved_by, given.place
+    joint_command, joint_q, joint_measured = own.joint_command, own.joint_q, own.joint_measured
 
     if command.shape[0] == p:
         for i in range(p):
@@ -456,36 +489,37 @@ def servo_on_base(command, parameters, noise, state, q, measured):
         joint_command[i] = noise[joints] * inputs[int(moved_by[i])]
         inputs[int(moved_by[i])] = 0.0
         joint_q[i], joint_measured[i] = q[int(coordinate[i])], measured[int(coordinate[i])]
-    status = servo_kernel_inline(joint_command, servos, noise, servo_state, joint_q, joint_measured)
+    status = servo_kernel_inline(joint_command, given.servos, noise, own.servos, joint_q, joint_measured)
     if status != OK:
         return status
 
+    commands = own.commands
     push(commands, inputs)
     for i in range(p):
         inputs[i] = commands[commands.shape[0] - p + i]
-        if parameters[_OLDEST] < 1.0:  # the delay ends within the period
+        if given.oldest < 1.0:  # the delay ends within the period
             newer = commands[commands.shape[0] - 2 * p + i]
-            inputs[i] = parameters[_OLDEST] * inputs[i] + (1.0 - parameters[_OLDEST]) * newer
-    scale_down_rollers(q, rollers, inputs)
+            inputs[i] = given.oldest * inputs[i] + (1.0 - given.oldest) * newer
+    scale_down_rollers(q, given.rollers, inputs)
     scale_down(q, limits, inputs)
     for i in range(p):
         inputs[i] *= noise[joints]
-        inputs[i] = min(max(inputs[i], speed[i] - change[i]), speed[i] + change[i])
+        inputs[i] = min(max(inputs[i], speed[i] - given.change[i]), speed[i] + given.change[i])
         behind = speed[i] - inputs[i]
-        speed[i] = inputs[i] + behind * parameters[_DECAY]
-        inputs[i] += behind * parameters[_MEAN]
-    turn_front_wheels(drives, steering, angles, inputs)
-    advance(drives, inputs, parameters[_DT], q)
+        speed[i] = inputs[i] + behind * given.decay
+        inputs[i] += behind * given.mean
+    turn_front_wheels(drives, given.steering, own.angles, inputs)
+    advance(drives, inputs, given.period, q)
     for i in range(joints):
         q[int(coordinate[i])], measured[int(coordinate[i])] = joint_q[i], joint_measured[i]
 
     for i in range(places):
-        now[i] = q[int(place[i])]
-    push(frames, now)
-    shown = frames[frames.shape[0] - places :]
+        own.now[i] = q[int(place[i])]
+    push(own.frames, own.now)
+    shown = own.frames[own.frames.shape[0] - places :]
     for i in range(places):
         if noise[joints + 1] != 0.0:
-            seen[i] += parameters[_WEIGHT] * (shown[i] + noise[joints + 2 + i] - seen[i])
+            seen[i] += given.weight * (shown[i] + noise[joints + 2 + i] - seen[i])
         measured[int(place[i])] = seen[i]
     return OK
 
@@ -514,33 +548,40 @@ def start_on_base(
     delay, oldest = begun_periods("plant.delay", plant.delay, period)
     noise, late, weight, foreseen = _sight(plant.camera, period, steps, len(place), seed)
 
-    head = np.zeros(_HEAD)
-    head[: _DRIVES + 1] = period, body.input_size, p, len(coordinate), len(place), len(body.drives)
-    head[_DECAY] = math.exp(-period / tau) if tau else 0.0
-    head[_MEAN] = -math.expm1(-period / tau) * tau / period if tau else 0.0
-    head[_DELAY], head[_CAMERA_DELAY], head[_WEIGHT], head[_OLDEST] = delay, late, weight, oldest
+    drives = body.drives
     rollers = driven.rollers if plant.rate_limit else driven.rollers[:0]
-    head[_ROLLERS] = len(rollers)
-    indices = np.concatenate([coordinate, moved_by, place]).astype(np.float64)
-    change = period * driven.acceleration_limits("plant")
-    steering = _steering(body, period)
-    parameters = np.concatenate(
-        [head, indices, velocity, body.drives.ravel(), change, steering, rollers.ravel(), servos.parameters]
+    sizes = len(coordinate), len(place), p, len(drives)
+    parameters = _parameters.pack(
+        period=period,
+        decay=math.exp(-period / tau) if tau else 0.0,
+        mean=-math.expm1(-period / tau) * tau / period if tau else 0.0,
+        weight=weight,
+        oldest=oldest,
+        coordinate=coordinate,
+        moved_by=moved_by,
+        place=place,
+        limits=np.append(velocity, drives),
+        change=period * driven.acceleration_limits("plant"),
+        steering=_steering(body, period),
+        rollers=rollers,
+        servos=servos.parameters,
     )
-    scratch, queue = np.zeros(2 * p + 3 * len(coordinate) + len(place)), np.zeros(p * (delay + 1))
-    frames = np.tile(start[place], late + 1)
-    state = np.concatenate([scratch, start[place], queue, frames, np.zeros(len(body.drives)), servos.state])
+    remembered = delay + 1, late + 1
+    parameters = np.concatenate([[body.input_size, *sizes, len(rollers), *remembered], parameters])
+    state = np.concatenate([np.zeros(_state.size(*sizes, *remembered)), servos.state])
+    own = _state(state, *sizes, *remembered)
+    own.seen[:], own.frames[:] = start[place], np.tile(start[place], late + 1)
     return CompiledPlant(servo_on_base, parameters, state, start, np.hstack([servos.noise, noise]), foreseen)
 
 
 def _steering(body: Robot, period: float) -> Array:
-    """Return how each drive steers, 4 numbers a drive: see `turn_front_wheels`."""
+    """Return how each drive steers, a row each: see `turn_front_wheels`."""
     rows = np.zeros((len(body.drives), 4))
     for row, part in zip(rows, body.driven_bases, strict=True):
         if not isinstance(part, DifferentialDrive) and part.steering_rate < math.inf:
             driven = isinstance(part, SteeredTricycle)
             row[:] = part.wheelbase, part.steering_rate * period, part.steering_limit, driven
-    return rows.ravel()
+    return rows
 
 
 def _joints(body: Robot, coordinate: NDArray[np.intp], moved_by: NDArray[np.intp]) -> SerialArm:
@@ -548,9 +589,8 @@ def _joints(body: Robot, coordinate: NDArray[np.intp], moved_by: NDArray[np.intp
     n, limits = len(coordinate), body.limits
     frames = np.tile([1.0, 0, 0, 0, 0, 0, 0], (n + 1, 1))
     types = [body.joint_types[i] for i in coordinate]
-    kept = Limits(
-        limits.lower[coordinate], limits.upper[coordinate], limits.velocity[moved_by], limits.effort[moved_by]
-    )
+    ends = limits.lower[coordinate], limits.upper[coordinate]
+    kept = Limits(*ends, limits.velocity[moved_by], limits.effort[moved_by])
     return SerialArm(frames, types, limits=kept, name=body.name)
 
 
@@ -566,3 +606,73 @@ def _sight(
     noise[:, 0], noise[:, 1], noise[:, 2:] = found.share, found.arrives[1:], found.errors[1:]
     values = found.age[:, None], found.share[:, None]
     return noise, found.delay, found.weight, list(zip(CAMERA_CHANNELS, values, strict=True))
+
+
+class _PlantFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    plant: Servo
+    identified: dict[str, Any] = {}
+
+
+def load_servo(path: str | Path) -> Servo:
+    """Return the servos that a plant file holds.
+
+    Parameters
+    ----------
+    path
+        A YAML file with the mapping ``plant``, as in specs, and perhaps ``identified``: where its numbers are from.
+
+    Raises
+    ------
+    FileFormatError
+        If it cannot be read or holds something else.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "my_arm.yaml"
+    >>> _ = file.write_text("plant: {kind: servo, time_constant: [0.05, 0.03], delay: 0.012}")
+    >>> load_servo(file).time_constant
+    [0.05, 0.03]
+    """
+    path = Path(path)
+    return convert(path, _content(path), _PlantFile).plant
+
+
+def fitting_lags(servo: Servo) -> list[tuple[float, float]]:
+    """Return ω (rad/s) and ζ of each joint, of first-order ones that of a critically damped one that is as late."""
+    columns = (servo.bandwidth, servo.damping_ratio, servo.time_constant)
+    size = max(np.size(each) for each in columns)
+    rows = zip(*(np.broadcast_to(each, size).tolist() for each in columns), strict=True)
+    return [(omega, ratio) if omega else (2 / max(lag, _LEAST_LAG), 1.0) for omega, ratio, lag in rows]
+
+
+def encoders_and_mode(servo: Servo) -> dict[str, Any]:
+    """Return what all plants with joints take of a servo: its encoders, and from where commands count."""
+    keys = ("command_mode", "encoder_resolution", "encoder_noise")
+    return {key: getattr(servo, key) for key in keys}
+
+
+def say_what_is_left_out(path: Path, servo: Servo, plant: str, keys: Sequence[str]) -> None:
+    """Warn with a note of what a plant file holds that a plant of another kind has no place for."""
+    left = []
+    for key in keys:
+        usual, unit, words = _OF_SERVOS[key]
+        if key == "lags":
+            values = [2 * ratio / omega for omega, ratio in fitting_lags(servo)]
+        else:
+            values = np.ravel(getattr(servo, key)).tolist()
+        if any(abs(value - usual) > 1e-9 for value in values):
+            ends = sorted({f"{min(values):.3g}", f"{max(values):.3g}"}, key=float)
+            left.append(words.format(" to ".join(ends) + unit))
+    if left:
+        note = f"{path}: {plant} has no place for {', '.join(left)}: left out"
+        warnings.warn(note, NoteWarning, stacklevel=3)
+
+
+def _content(path: Path) -> dict[str, Any]:
+    data = parse_yaml(path, read_text(path))
+    if not isinstance(data, dict) or not isinstance(data.get("plant"), dict):
+        raise FileFormatError(f"{path}: is no plant file: it needs the mapping 'plant', with kind: servo")
+    if data["plant"].get("kind") != "servo":
+        raise FileFormatError(f"{path}: plant.kind: expected 'servo', got {data['plant'].get('kind')!r:.40}")
+    return data

@@ -8,7 +8,7 @@ pressed in least, with Coulomb's friction along it, which speeds below 1 mm/s bu
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -21,10 +21,8 @@ from dqcontrol.plants.plant import PLANT, Channel, CompiledPlant
 from dqcontrol.plants.servo.servo_step import servo_kernel_inline
 from dqcontrol.plants.wrist import CHANNELS, Three, Wrist
 from dqcontrol.robots.kinematics.kinematics_kernels import joint_frames
+from dqcontrol.robots.robot import Robot
 from dqcontrol.world import World
-
-if TYPE_CHECKING:
-    from dqcontrol.robots.robot import Robot
 
 _SLIDING = 1e-3  # m/s from which on friction is whole
 
@@ -127,11 +125,8 @@ def feel(given, boxes, q, own):
     place, contact, true, center = own.place, own.contact, own.true, given.center
     for i in range(4):
         contact[i] = 0.0
-    vx, vy, vz = (
-        (px - place[0]) / given.period,
-        (py - place[1]) / given.period,
-        (pz - place[2]) / given.period,
-    )
+    period, mass, gravity = given.period, given.mass, given.gravity
+    vx, vy, vz = (px - place[0]) / period, (py - place[1]) / period, (pz - place[2]) / period
     for i in range(boxes):
         press(_box(given.boxes[i]), px, py, pz, vx, vy, vz, contact)
     place[0], place[1], place[2] = px, py, pz
@@ -140,11 +135,7 @@ def feel(given, boxes, q, own):
     for turn in range(2):
         a, b, c = contact[0], contact[1], contact[2]
         if turn == 1:
-            a, b, c = (
-                given.mass * given.gravity[0],
-                given.mass * given.gravity[1],
-                given.mass * given.gravity[2],
-            )
+            a, b, c = mass * gravity[0], mass * gravity[1], mass * gravity[2]
         tx, ty, tz = 2.0 * (z * b - y * c), 2.0 * (x * c - z * a), 2.0 * (y * a - x * b)
         fx, fy, fz = a + w * tx - y * tz + z * ty, b + w * ty - z * tx + x * tz, c + w * tz - x * ty + y * tx
         true[0] += fx

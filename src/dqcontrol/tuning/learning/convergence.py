@@ -52,10 +52,8 @@ class LoopShape:
         z = np.exp(1j * angles)[:, None, None]
         size, m = model.inputs.shape
         unit = np.eye(m)
-        plant = np.linalg.solve(
-            z * np.eye(size) - model.transition, np.broadcast_to(model.inputs, (len(z), size, m))
-        )
-        plant = plant[:, :m]
+        inputs = np.broadcast_to(model.inputs, (len(z), size, m))
+        plant = np.linalg.solve(z * np.eye(size) - model.transition, inputs)[:, :m]
         value = abs(self.gain.value)
         control = value + self.gain.integral_share * value**2 * self.period * z / (z - 1)
         if self.gain.lag:
@@ -95,9 +93,8 @@ class ForceShape(LoopShape):
         angles = np.maximum(2 * np.pi * self.period * frequencies, _LEAST_ANGLE)
         z = np.exp(1j * angles)
         step = exact_step(self.mass, self.damping, self.given_stiffness, self.period).reshape(2, 3)
-        moved = np.linalg.solve(
-            z[:, None, None] * np.eye(2) - step[:, :2], np.broadcast_to(step[:, 2:], (len(z), 2, 1))
-        )
+        inputs = np.broadcast_to(step[:, 2:], (len(z), 2, 1))
+        moved = np.linalg.solve(z[:, None, None] * np.eye(2) - step[:, :2], inputs)
         read = 1 / (1 + 1j * angles / self.period * self.filter)
         shifted = super().response(model, frequencies)
         alone = LoopShape(self.gain, self.feedforward, self.period).response(model, frequencies)
@@ -199,38 +196,28 @@ class Convergence:
         mean = self._mean(frequencies)
         return np.asarray(np.conj(mean) / (np.abs(mean) ** 2 + self.caution * self._power), np.complex128)
 
-    def _mean(self, frequencies: Array) -> NDArray[np.complex128]:
-        return self._mean_of(self.shape, frequencies)
-
-    def _mean_of(self, shape: LoopShape, frequencies: Array) -> NDArray[np.complex128]:
-        responses = shape.response(self.models[0], frequencies)
+    def _mean(self, frequencies: Array, shape: LoopShape | None = None) -> NDArray[np.complex128]:
+        responses = (shape or self.shape).response(self.models[0], frequencies)
         return np.diagonal(responses, axis1=1, axis2=2).mean(axis=1)
 
     @property
     def _power(self) -> float:
         """Mean of |T̄|² over all frequencies up to half a sample rate, without preview."""
         shape = replace(self.shape, ahead=0, share=0.0)
-        return self._once("power", lambda: float(np.mean(np.abs(self._mean_of(shape, self._even)) ** 2)))
+        return self._once("power", lambda: float(np.mean(np.abs(self._mean(self._even, shape)) ** 2)))
 
     @property
     def _even(self) -> Array:
         return np.linspace(0, 0.5 / self.shape.period, _EVEN)
 
-    def frequencies(self) -> Array:
-        """Return where it is judged, Hz."""
-        return np.geomspace(_LOWEST, 0.5 / self.shape.period, _FREQUENCIES)
-
     def factors(self) -> tuple[Array, Array]:
         """Return frequencies, Hz, and by what the error of each is multiplied in a repeat, of the worst plant."""
-        frequencies = self.frequencies()
+        frequencies = np.geomspace(_LOWEST, 0.5 / self.shape.period, _FREQUENCIES)
         operator = self._once("operator", lambda: self.operator(frequencies))
+        shapes = (self.shape, *self.others)
         responses = self._once(
             "responses",
-            lambda: [
-                shape.response(model, frequencies)
-                for shape in (self.shape, *self.others)
-                for model in self.models
-            ],
+            lambda: [each.response(model, frequencies) for each in shapes for model in self.models],
         )
         weight = self.low_pass(frequencies) ** 2 * operator
         worst = np.zeros(len(frequencies))

@@ -83,9 +83,8 @@ def increment(convergence: Convergence, time: Array, error: Array) -> Array:
 
 def weighted_norm(error: Array) -> float:
     """Return the root of the mean square of errors (N, 6) as ways, m: turns at the end of a lever."""
-    return float(
-        np.sqrt(np.mean(np.sum(error[:, 3:] ** 2, axis=1) + LEVER**2 * np.sum(error[:, :3] ** 2, axis=1)))
-    )
+    turns, ways = np.sum(error[:, :3] ** 2, axis=1), np.sum(error[:, 3:] ** 2, axis=1)
+    return float(np.sqrt(np.mean(ways + LEVER**2 * turns)))
 
 
 def start_weights(time: Array, skip: float) -> Array:
@@ -182,18 +181,16 @@ class ForceLearning:
             force[k], touches[k] = stage.state.wrench[axes], stage.state.touches[0]
         touched = np.flatnonzero(touches)
         time = record.time - record.time[0]
-        return Pressed(
-            deflection, force - self._wanted(time), float(time[touched[0]]) if len(touched) else np.inf
-        )
+        first_touch = float(time[touched[0]]) if len(touched) else np.inf
+        return Pressed(deflection, force - self._wanted(time), first_touch)
 
     def errors(self, record: Record) -> Array:
         """Return the error of the true force, N, shape (N, axes); of the measured one where no other is known."""
         time = record.time - record.time[0]
         if TOUCH_FORCE not in record.readings:
             return self.pressed(record).error
-        force = self.contact.turned_to_axes(
-            record.readings[TOUCH_FORCE].values, record.pose, record.desired[:, POSE]
-        )
+        touch = record.readings[TOUCH_FORCE].values
+        force = self.contact.turned_to_axes(touch, record.pose, record.desired[:, POSE])
         return force[:, [axis - 3 for axis in self.by_axis]] - self._wanted(time)
 
     def _wanted(self, time: Array) -> Array:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import math
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from dqcontrol.errors import NoteWarning, ReachError, ShapeError, ValueRangeErro
 from dqcontrol.experiments.check import driven_model
 from dqcontrol.experiments.contact_check import sensed, stiffness_touched
 from dqcontrol.experiments.feasibility import path_demand
-from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare_spec
+from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare_spec
 from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.results_folder import SPEC_FILE, WorkingFolder, check_new, new_folder, told_first
 from dqcontrol.experiments.run_comparison import write_table
@@ -38,6 +39,7 @@ from dqcontrol.recording import load_record, save_record
 from dqcontrol.references import Points, Previewed
 from dqcontrol.references.sample import POSE, TIME, TWIST
 from dqcontrol.tables.tables import Cell, Column, Table
+from dqcontrol.tuning.learning import learnt_motion
 from dqcontrol.tuning.learning.convergence import (
     HIGHEST,
     Convergence,
@@ -47,17 +49,6 @@ from dqcontrol.tuning.learning.convergence import (
     widest,
 )
 from dqcontrol.tuning.learning.learn_spec import LearnProblem, read_learn
-from dqcontrol.tuning.learning.learnt_motion import (
-    STIFFNESSES,
-    TRACKED_POSE,
-    ForceLearning,
-    hand_error,
-    increment,
-    motion_of,
-    start_weights,
-    weighted_norm,
-    write_motion,
-)
 from dqcontrol.tuning.tune_spec import plant_family
 
 LEARNT, LEARNT_SPEC, HISTORY = "learnt.csv", "learnt.yaml", "learning.json"
@@ -162,7 +153,7 @@ class Learning:
     margin: float
     first: Record = field(repr=False)
     last: Record = field(repr=False)
-    forces: ForceLearning | None = field(default=None, repr=False)
+    forces: learnt_motion.ForceLearning | None = field(default=None, repr=False)
     notes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
@@ -195,19 +186,10 @@ class Learning:
             Column("peak |u|", "rad/s or m/s", ".3g"),
             Column("outcome"),
         ]
+        names = ("position", "peak", "orientation", "seen", "noise", "cutoff", "peak_command")
+        numbers = attrgetter(*(["force"] if forced else []), *names)
         rows: list[list[Cell]] = [
-            [
-                each.number,
-                *([each.force] if forced else []),
-                each.position,
-                each.peak,
-                each.orientation,
-                each.seen,
-                each.noise,
-                each.cutoff,
-                each.peak_command,
-                each.outcome + ", kept" * (each.number == self.best),
-            ]
+            [each.number, *numbers(each), each.outcome + ", kept" * (each.number == self.best)]
             for each in self.repeats
         ]
         return Table(columns, rows, f"{self.problem.spec.name}: learning from repetition")
@@ -254,7 +236,7 @@ class Learning:
             f"law: {law}",
             f"plant: {plant}",
         )
-        write_motion(folder / LEARNT, self.motion, notes)
+        learnt_motion.write_motion(folder / LEARNT, self.motion, notes)
         (folder / LEARNT_SPEC).write_text(yaml_text(self.spec()), encoding="utf-8")
         history = {
             "repeats": [asdict(each) for each in self.repeats],
@@ -325,7 +307,8 @@ def learn(
         raise ValueRangeError("real_time: a robot behind a runner is always in real time; leave it out")
     if journal is not None and (runner is not None or real_time):
         raise ValueRangeError("journal: runs on the clock are not resumed; leave it out")
-    session, report = _Session(problem, real_time=real_time, runner=runner), progress or _no_progress
+    session = _Session(problem, real_time=real_time, runner=runner)
+    report = progress or (lambda done, total: None)
     if journal is None:
         return session.run(report)
     with WorkingFolder(Path(journal), _text(problem), session.setting.fingerprint()) as session.kept:
@@ -365,16 +348,16 @@ class _Session:
         self.time = self.samples[:, TIME]
         self.notes: list[str] = []
         self._skip = problem.block.skip
-        self.weights = start_weights(self.time, self._skip)
+        self.weights = learnt_motion.start_weights(self.time, self._skip)
         self._check_motion()
-        models, uncertain = self._models()
+        self._models, self._uncertain = self._plants()
         scene = self.case.scene
         self._law = self.case.prepare_law(problem.spec)
         shape = loop_shape(scene.robot, self._law, self.case.gains, scene.start, scene.reference)
-        self.margin = self._margin(models, uncertain)
-        self.convergence = self._convergence(shape, models, uncertain)
-        self.forces = self._force_learning(shape, models, uncertain)
-        self._warn_near_limit(uncertain)
+        self.margin = self._margin()
+        self.convergence = self._convergence(shape)
+        self.forces = self._force_learning(shape)
+        self._warn_near_limit()
         self._delay = problem.block.sensor_delay / problem.spec.period
         self.kept: WorkingFolder | None = None
 
@@ -383,7 +366,7 @@ class _Session:
         block, samples, where = self.problem.block, self.samples, self.problem.where
         if len(samples) < 20:
             raise ValueRangeError(f"{where}: duration: takes {len(samples)} samples; learning needs 20")
-        ((*turn, x, y, z),) = hand_error(samples[:1, POSE], samples[-1:, POSE])
+        ((*turn, x, y, z),) = learnt_motion.hand_error(samples[:1, POSE], samples[-1:, POSE])
         way, angle = math.hypot(x, y, z), math.hypot(*turn)
         if (way > _CLOSED[0] or angle > _CLOSED[1]) and block.return_time is None:
             raise ValueRangeError(
@@ -406,41 +389,47 @@ class _Session:
                 f"{demand.time:.3g} s, and saturation cannot be learnt; slow it down"
             )
 
-    def _models(self) -> tuple[list[LinearModel], str]:
+    def _plants(self) -> tuple[list[LinearModel], str]:
         """Return what the plant may be, the nominal one first, and in words how uncertain that is."""
-        problem, block = self.problem, self.problem.block
+        problem, block, scene = self.problem, self.problem.block, self.case.scene
         model: Plant = self.case.plant if block.model is None else block.model
-        family = plant_family(
-            model, block.uncertainty, 0.0, problem.spec.period, problem.identified, "learn.uncertainty"
-        )
-        models = [_linear(problem, self.case, each) for each in family.plants]
-        return models, _with(family.lag, family.delay)
+        period, field = problem.spec.period, "learn.uncertainty"
+        family = plant_family(model, block.uncertainty, 0.0, period, problem.identified, field)
+        models = []
+        for plant in family.plants:
+            linear, _ = driven_model(problem.spec, plant, scene.robot, scene.start)
+            if linear is None:
+                raise ShapeError(
+                    f"{problem.where}: learn.model: {type(plant).__name__} has no linear model; give one, as a servo "
+                    "that dqcontrol identify found"
+                )
+            models.append(linear)
+        by = f" if lags differ by {100 * family.lag:.3g} % and delays by {1e3 * family.delay:.3g} ms"
+        return models, by if family.lag or family.delay else ""
 
-    def _margin(self, models: Sequence[LinearModel], uncertain: str) -> float:
+    def _margin(self) -> float:
         """Return by how much the law's gain could be multiplied; raise if its loop is unstable."""
-        period = self.problem.spec.period
-        margin = min(gain_margin(gain, each, period) for gain in self.case.gains or () for each in models)
+        period, gains = self.problem.spec.period, self.case.gains or ()
+        margin = min(gain_margin(gain, each, period) for gain in gains for each in self._models)
         if margin <= 1:
             raise ValueRangeError(
-                f"{self.problem.where}: law: its loop is unstable with the model{uncertain}: only {margin:.3g} × its "
-                "gain is stable, and nothing can be said of how it answers a shift; choose less"
+                f"{self.problem.where}: law: its loop is unstable with the model{self._uncertain}: only {margin:.3g} × "
+                "its gain is stable, and nothing can be said of how it answers a shift; choose less"
             )
         return margin
 
-    def _warn_near_limit(self, uncertain: str) -> None:
+    def _warn_near_limit(self) -> None:
         """Say so if the loop is nearly unstable."""
         if self.margin < GOOD_MARGIN:
             warnings.warn(
                 f"{self.problem.where}: law: {self.margin:.3g} × its gain makes the loop unstable, as the model says"
-                f"{uncertain}, and what is learnt may make it swing; {self.margin / GOOD_MARGIN:.2g} × its gain, or "
-                "less, is well within",
+                f"{self._uncertain}, and what is learnt may make it swing; {self.margin / GOOD_MARGIN:.2g} × its gain, "
+                "or less, is well within",
                 NoteWarning,
                 stacklevel=2,
             )
 
-    def _force_learning(
-        self, shape: LoopShape, models: Sequence[LinearModel], uncertain: str
-    ) -> ForceLearning | None:
+    def _force_learning(self, shape: LoopShape) -> learnt_motion.ForceLearning | None:
         """Return how the force axes learn, None where no force is wanted; the plan's axes learn up to as high then."""
         spec, contact = self.problem.spec, self.case.variant.law.contact
         axes = [] if contact is None else [i for i in (3, 4, 5) if contact.force.components[i] is not None]
@@ -454,38 +443,34 @@ class _Session:
         by_axis, filter_, stiffness = {}, sensed(self.case).sensor.filter, stiffness_touched(spec)
         for axis in axes:
             mass, damping, given = contact.axis_rows[axis].tolist()
-            known = (shape.gain, shape.feedforward, shape.period, shape.ahead, shape.share)
-            forced = ForceShape(*known, mass, damping, given, filter_, stiffness)
-            others = tuple(replace(forced, stiffness=factor * stiffness) for factor in STIFFNESSES)
-            by_axis[axis] = self._convergence(forced, models, uncertain, others if uncertain else ())
+            law: dict[str, Any] = vars(shape)
+            rows = {"mass": mass, "damping": damping, "given_stiffness": given, "filter": filter_}
+            forced = ForceShape(**law, **rows, stiffness=stiffness)
+            factors = learnt_motion.STIFFNESSES
+            others = tuple(replace(forced, stiffness=factor * stiffness) for factor in factors)
+            by_axis[axis] = self._convergence(forced, others if self._uncertain else ())
         lowest = min(each.cutoff for each in (self.convergence, *by_axis.values()))
         self.convergence = replace(self.convergence, cutoff=lowest)
         by_axis = {axis: replace(each, cutoff=lowest) for axis, each in by_axis.items()}
-        return ForceLearning(contact, self.case.scene.robot, by_axis)
+        return learnt_motion.ForceLearning(contact, self.case.scene.robot, by_axis)
 
-    def _convergence(
-        self,
-        shape: LoopShape,
-        models: Sequence[LinearModel],
-        uncertain: str,
-        others: tuple[LoopShape, ...] = (),
-    ) -> Convergence:
+    def _convergence(self, shape: LoopShape, others: tuple[LoopShape, ...] = ()) -> Convergence:
         """Return the learning operator, or raise if it does not converge."""
         problem, block = self.problem, self.problem.block
         if block.cutoff is not None:
-            found = Convergence(shape, tuple(models), block.caution, block.cutoff, others)
+            found = Convergence(shape, tuple(self._models), block.caution, block.cutoff, others)
             if (frequency := found.breaks_at) is not None:
                 factor, at = found.worst
                 raise ValueRangeError(
                     f"{problem.where}: learn.cutoff: with {block.cutoff:g} Hz errors grow from {frequency:.2g} Hz on, "
-                    f"by {factor:.3g} a repeat at {at:.2g} Hz{uncertain}; choose a lower one"
+                    f"by {factor:.3g} a repeat at {at:.2g} Hz{self._uncertain}; choose a lower one"
                 )
             return found
-        found = widest(shape, models, block.caution, highest=HIGHEST, others=others)
+        found = widest(shape, self._models, block.caution, highest=HIGHEST, others=others)
         if found is None:
             raise ValueRangeError(
                 f"{problem.where}: learn: does not converge at any cut-off from 0.1 Hz on"
-                f"{uncertain}: the model is not sure enough"
+                f"{self._uncertain}: the model is not sure enough"
             )
         return found
 
@@ -499,10 +484,10 @@ class _Session:
         strength, at_noise = 1.0, 0  # of learning; repeats whose errors were noise
         repeats: list[LearningRun] = []
         first = last = None
-        motion = motion_of(self.samples, shift)
+        motion = learnt_motion.motion_of(self.samples, shift)
         progress(0, block.repeats + 1)
         for number in range(block.repeats + 1):
-            record = self._execute(motion_of(self.samples, shift) if number else None, number)
+            record = self._execute(learnt_motion.motion_of(self.samples, shift) if number else None, number)
             progress(number + 1, block.repeats + 1)
             if has_failed(record.stopped) or len(record) < count:
                 if number == 0:
@@ -520,11 +505,11 @@ class _Session:
             if outcome in ("first", "accepted", "averaged"):
                 accepted += outcome == "accepted"
                 best, best_size, best_error, best_shift = number, size, error, shift
-                motion, last = motion_of(self.samples, shift), record
+                motion, last = learnt_motion.motion_of(self.samples, shift), record
             elif outcome == "grown":
                 convergence = replace(convergence, cutoff=_NARROWER * convergence.cutoff)
                 strength *= _WEAKER
-            repeats.append(self._repeat(record, number, error, size, noise, convergence.cutoff, outcome))
+            repeats.append(self._repeat(record, error, number, size, noise, convergence.cutoff, outcome))
             first = first or record
             if best_size < _AT_NOISE * noise or outcome == "averaged":
                 at_noise, stopped = at_noise + 1, _NOISE
@@ -543,34 +528,23 @@ class _Session:
         assert first is not None
         assert last is not None
         self._say_what_is_hidden(repeats[best])
-        return Learning(
-            self.problem,
-            self.convergence,
-            tuple(repeats),
-            best,
-            motion,
-            stopped,
-            self.margin,
-            first,
-            last,
-            self.forces,
-            tuple(self.notes),
-        )
+        records, told = (first, last), (self.forces, tuple(self.notes))
+        found = tuple(repeats), best, motion, stopped, self.margin
+        return Learning(self.problem, self.convergence, *found, *records, *told)
 
     def _asked(self, convergence: Convergence, error: Array) -> Array:
         """Return the change of the shift that an error asks for."""
         if self.forces is None:
-            return increment(convergence, self.time, error)
+            return learnt_motion.increment(convergence, self.time, error)
         asked = self.forces.increment(convergence, self.time, error)
         return self.forces.turned(asked, self.samples[:, POSE], back=True)
 
     def _sampled(self, motion: Points) -> Array:
         """Return a motion as the law is given it to follow: with twists that lead as those of the spec's do."""
-        asked = self.case.scene.reference
-        led = isinstance(asked, Previewed)
-        return self.case.scene.along(
-            Previewed(motion, asked.delay, asked.lag, asked.step) if led else motion
-        ).samples
+        asked, scene = self.case.scene.reference, self.case.scene
+        if isinstance(asked, Previewed):
+            return scene.along(Previewed(motion, asked.delay, asked.lag, asked.step)).samples
+        return scene.along(motion).samples
 
     def _execute(self, motion: Points | None, number: int) -> Record:
         """Run a motion, or that of the spec; or give the record of the run that an earlier call has kept."""
@@ -606,12 +580,13 @@ class _Session:
         seen = record.desired[:, TIME] - begin  # the reference's time, which waits where messages are late
         rows = np.concatenate([[0], 1 + np.flatnonzero(np.diff(np.maximum.accumulate(seen)) > 0)])
         time = self.time - self.time[0]
-        count = (
-            len(time)
-            if seen[-1] > time[-1] - _MISSING * self.problem.spec.period
-            else np.searchsorted(time, seen[-1])
-        )
-        q = np.column_stack([np.interp(time[:count], seen[rows], each) for each in record.measured[rows].T])
+        is_whole = seen[-1] > time[-1] - _MISSING * self.problem.spec.period
+        count = len(time) if is_whole else np.searchsorted(time, seen[-1])
+
+        def joined(values: Array) -> Array:
+            return np.column_stack([np.interp(time[:count], seen[rows], each) for each in values[rows].T])
+
+        q = joined(record.measured)
         pose = self.case.scene.robot.fkm(q)
         if self.problem.block.measured_by == "tracker":
             pose = self._tracked(record, rows, seen[rows], time[:count])
@@ -626,11 +601,7 @@ class _Session:
             desired=samples[:count],
             disturbance=None,
             readings={
-                name: signal._replace(
-                    values=np.column_stack(
-                        [np.interp(time[:count], seen[rows], each) for each in signal.values[rows].T]
-                    )
-                )
+                name: signal._replace(values=joined(signal.values))
                 for name, signal in record.readings.items()
                 if name in WRENCH_READINGS
             },
@@ -638,12 +609,12 @@ class _Session:
 
     def _tracked(self, record: Record, rows: NDArray[np.intp], seen: Array, time: Array) -> Array:
         """Return where a tracker saw the end effector at some times, from rows of a record seen at increasing times."""
-        if TRACKED_POSE not in record.readings:
+        if learnt_motion.TRACKED_POSE not in record.readings:
             raise ShapeError(
-                f"{self.problem.where}: learn.measured_by: the robot's record has no reading '{TRACKED_POSE}'; give "
-                "encoders"
+                f"{self.problem.where}: learn.measured_by: the robot's record has no reading "
+                f"'{learnt_motion.TRACKED_POSE}'; give encoders"
             )
-        path = Points(seen, record.readings[TRACKED_POSE].values[rows])
+        path = Points(seen, record.readings[learnt_motion.TRACKED_POSE].values[rows])
         return path.samples(np.clip(time - seen[0], 0.0, path.duration))[:, POSE]
 
     def _seen(self, record: Record, number: int) -> tuple[Array, Array]:
@@ -653,12 +624,9 @@ class _Session:
         it, or by the forces' errors, N, shape (N, axes): which of two is smaller a way of theirs would not tell.
         """
         block, count = self.problem.block, len(self.time)
-        if block.measured_by == "tracker":
-            poses = record.pose[:count]
-        else:
-            poses = self.case.scene.robot.fkm(record.measured[:count])
-        noise = np.zeros((count, 6))
-        if block.measured_by == "tracker" and self._runner is None:
+        is_tracked, noise = block.measured_by == "tracker", np.zeros((count, 6))
+        poses = record.pose[:count] if is_tracked else self.case.scene.robot.fkm(record.measured[:count])
+        if is_tracked and self._runner is None:
             noise = np.random.default_rng([self.problem.spec.seed, 77, number]).standard_normal((count, 6))
             noise[:, :3] *= block.tracker.orientation_noise
             noise[:, 3:] *= block.tracker.position_noise
@@ -666,7 +634,7 @@ class _Session:
         if self._delay:
             late = np.maximum(self.time - block.sensor_delay, self.time[0])
             desired = self.case.scene.reference.samples(late)[:, POSE]
-        error = hand_error(desired, poses) - noise
+        error = learnt_motion.hand_error(desired, poses) - noise
         if self.forces is None:
             return error, error
         seen = self.forces.pressed(record)
@@ -685,7 +653,7 @@ class _Session:
                 "twice that time; begin nearer to what is touched, or let the motion begin later"
             )
         self._skip = max(self._skip, first_touch)
-        self.weights = start_weights(self.time - self.time[0], self._skip)
+        self.weights = learnt_motion.start_weights(self.time - self.time[0], self._skip)
         self.notes.append(f"contact: nothing is learnt in the first {self._skip:.2g} s, on the way to it")
 
     def _sizes(self, error: Array, cutoff: float) -> tuple[float, float]:
@@ -697,13 +665,15 @@ class _Session:
             # where not all is learnt yet the frame comes back from its way to the contact
             counts = self.weights[:, 0] == 1.0
             return _norm(smooth[counts]), share * _norm((error - smooth)[counts])
-        return weighted_norm(self.weights * smooth), share * weighted_norm(self.weights * (error - smooth))
+        rough = self.weights * (error - smooth)
+        size = learnt_motion.weighted_norm(self.weights * smooth)
+        return size, share * learnt_motion.weighted_norm(rough)
 
     def _repeat(
         self,
         record: Record,
-        number: int,
         error: Array,
+        number: int,
         size: float,
         noise: float,
         cutoff: float,
@@ -711,7 +681,7 @@ class _Session:
     ) -> LearningRun:
         count = len(self.time)
         judged = self.time >= self.time[0] + 2 * self._skip
-        true, force, to_unit = hand_error(self.samples[:, POSE], record.pose[:count]), None, 1e3
+        true, force, to_unit = learnt_motion.hand_error(self.samples[:, POSE], record.pose[:count]), None, 1e3
         if self.forces is not None:
             true = self.forces.planned(self.forces.turned(true, self.samples[:, POSE]))
             force, to_unit = _norm(self.forces.errors(record)[judged]), 1.0
@@ -741,30 +711,10 @@ class _Session:
             )
 
 
-def _no_progress(done: int, total: int) -> None:
-    pass
-
-
 def _text(problem: LearnProblem) -> str:
     """Return spec and block as YAML."""
     block = msgspec.to_builtins(problem.block, enc_hook=str)
     return yaml_text(problem.data | {"learn": {k: v for k, v in block.items() if v not in (None, {})}})
-
-
-def _linear(problem: LearnProblem, case: Combination, plant: Plant) -> LinearModel:
-    model, _ = driven_model(problem.spec, plant, case.scene.robot, case.scene.start)
-    if model is None:
-        raise ShapeError(
-            f"{problem.where}: learn.model: {type(plant).__name__} has no linear model; give one, as a servo that "
-            "dqcontrol identify found"
-        )
-    return model
-
-
-def _with(lag: float, delay: float) -> str:
-    if not lag and not delay:
-        return ""
-    return f" if lags differ by {100 * lag:.3g} % and delays by {1e3 * delay:.3g} ms"
 
 
 def _norm(errors: Array) -> float:
