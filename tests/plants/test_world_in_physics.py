@@ -52,7 +52,9 @@ def test_a_link_of_several_shapes_is_named_as_people_know_it():
     assert told["CollisionWarning"] == f"proportional · mujoco: {run.verdict.words}"
     task = run.verdict.words.rpartition("; ")[2]
     assert task.startswith("not reached: ")
-    assert told.get("TaskWarning", "proportional · mujoco: " + task).startswith(f"proportional · mujoco: {task}")
+    assert told.get("TaskWarning", "proportional · mujoco: " + task).startswith(
+        f"proportional · mujoco: {task}"
+    )
     assert sum("hit wall" in str(each.message) for each in said) == 1
 
 

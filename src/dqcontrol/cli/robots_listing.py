@@ -16,7 +16,7 @@ import yaml
 from dqcontrol.arrays import Array
 from dqcontrol.cli.screen import print_table
 from dqcontrol.errors import ExistsError, FileFormatError, ShapeError
-from dqcontrol.figures.robot_picture import shapes_picture
+from dqcontrol.figures.robots import shapes_picture
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.geometry import Box, Capsule, Sphere
 from dqcontrol.robots import Robot, SerialArm, load_robot

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def write_tuning_report(tuning: Tuning, spec: str, folder: Path) -> None:
     """Write ``report.html`` of a search and its figures into an existing folder."""
     from dqcontrol.figures import save_figures
-    from dqcontrol.figures.searches import front_figure, search_figure
+    from dqcontrol.figures.studies import front_figure, search_figure
 
     figures = {"search": search_figure(tuning)}
     if any(each.result.front for each in tuning.laws):
@@ -76,7 +76,7 @@ def _remarks(tuning: Tuning) -> list[Table]:
 def write_learning_report(learning: Learning, spec: str, folder: Path) -> None:
     """Write ``report.html`` of learning from repetition and its figure into an existing folder."""
     from dqcontrol.figures import save_figures
-    from dqcontrol.figures.searches import repeats_of_learning
+    from dqcontrol.figures.studies import repeats_of_learning
 
     figures = {"learning": repeats_of_learning(learning)}
     save_figures(figures, folder, ("svg",))
@@ -117,7 +117,7 @@ def write_identification_report(found: Identification, folder: str | Path) -> Pa
     --------
     >>> write_identification_report(dqc.identify("log.csv", "iiwa7"), "results/servos")  # doctest: +SKIP
     """
-    from dqcontrol.figures.searches import servo_fits
+    from dqcontrol.figures.studies import servo_fits
 
     (Path(folder) / "report.html").unlink(missing_ok=True)
     tables = [found.table]
