@@ -144,16 +144,13 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
         Error
             If the values do not fit together or a file cannot be read.
         """
-        timings = [
-            name for name in ("ramp", "corner_stops", "jerk_limits") if getattr(self, name) is not None
-        ]
+        timings = [key for key in ("ramp", "corner_stops", "jerk_limits") if getattr(self, key) is not None]
         if len(timings) > 1:
             raise ValueRangeError(f"{where}: give only one of {', '.join(timings)}")
         start = self._start(hand, where)
+        given = self._given("position"), self._given("orientation")
         with _within(f"{where}."):
-            reference = self._shape(
-                SpecStart(start, folder, where, self._given("position"), self._given("orientation"))
-            )
+            reference = self._shape(SpecStart(start, folder, where, *given))
         if self.repeat > 1:
             if (corners := self.repeat * len(reference.corners)) > _MOST_CORNERS:
                 raise ValueRangeError(
@@ -174,9 +171,8 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
             by = self.transform
             turn = rotation_from(f"{where}.transform", by.quaternion, by.rpy)
             position = as_array(f"{where}.transform.position", by.position, (3,))
-            reference = shapes.Transformed(
-                reference, algebra.pose(_NO_TURN if turn is None else turn, position)
-            )
+            moved = algebra.pose(_NO_TURN if turn is None else turn, position)
+            reference = shapes.Transformed(reference, moved)
         if self.preview is not None:
             reference = shapes.Previewed(reference, **msgspec.structs.asdict(self.preview))
         if self.touch is not None:
@@ -290,12 +286,8 @@ class SequenceSpec(ReferenceSpec, frozen=True, kw_only=True, tag="sequence"):
         if kept is None:
             raise ValueRangeError("plan-to: is the reference of a law, and no further task's")
         turn = StepsInTurn(robot, kept, world, start)
-        numbers = [
-            0,
-            *(i for i, each in enumerate(self.references) if each.plans_around and i),
-            len(self.references),
-        ]
-        for begin, end in pairwise(numbers):
+        plans = [i for i, each in enumerate(self.references) if each.plans_around and i]
+        for begin, end in pairwise([0, *plans, len(self.references)]):
             makes = [
                 partial(_planned_step, each, reference.folder, f"{reference.place}[{i}]")
                 for i, each in enumerate(self.references[begin:end], begin)
@@ -446,16 +438,8 @@ def _written(shape: type[shapes.Reference]) -> type[ReferenceSpec]:
     def _shape(self: ReferenceSpec, start: SpecStart) -> shapes.Reference:
         return shape.from_spec(start, **{name: getattr(self, name) for name in names})
 
-    def of_robot(
-        self: Any,
-        reference: shapes.Reference,
-        robot: Robot,
-        start: Array,
-        world: World | None,
-        kept: PreparedConstraints | None = None,
-    ) -> shapes.Reference:
-        given = {name: getattr(self, name) for name in names}
-        return shape.of_robot(reference, robot, start, world, kept, **given)
+    def of_robot(self: Any, *given: Any) -> shapes.Reference:
+        return shape.of_robot(*given, **{name: getattr(self, name) for name in names})
 
     contents = {
         "__doc__": said,
