@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from dqcontrol.errors import CollisionWarning, LimitWarning, TaskWarning
-from dqcontrol.experiments.feasibility import way_out
+from dqcontrol.experiments.feasibility import too_few_joints, way_out
 from dqcontrol.experiments.prepared_experiment import Combination
 from dqcontrol.laws import (
     GuidedProportional,
@@ -111,10 +111,7 @@ def not_done(case: Combination, trials: Trials) -> str:
 def _remedies(case: Combination, trial: Mapping[str, Any]) -> Iterator[str]:
     robot, law, task = case.scene.robot, case.variant.law, str(trial["verdict"])
     if robot.input_size < 6 and not isinstance(law, PartialProportional):
-        yield (
-            f"{robot.name} has {robot.input_size} joints and a pose takes 6; law partial-proportional asks for its "
-            "position alone"
-        )
+        yield too_few_joints(robot)
     guided = isinstance(law, GuidedProportional) or isinstance(law.null_space, BestHeading)
     if len(robot.drives) and not guided:
         yield (

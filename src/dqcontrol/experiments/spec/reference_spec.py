@@ -6,7 +6,7 @@ import dataclasses
 import inspect
 import math
 import types
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from itertools import pairwise
@@ -431,9 +431,18 @@ def _written(shape: type[shapes.Reference]) -> type[ReferenceSpec]:
     """Return the YAML form of a shape: the parameters of `Reference.from_spec`, beside what all references have."""
     makes = shape.from_spec.__func__
     is_constructor = makes is shapes.Reference.from_spec.__func__
-    fields = _fields_of_constructor(shape) if is_constructor else _fields_of_function(makes)
-    names = [name for name, *_ in fields]
-    said = ((shape if is_constructor else makes).__doc__ or "").partition("    Examples\n")[0]
+    made_by: Any = shape if is_constructor else makes
+    said, hints = (
+        (made_by.__doc__ or "").partition("    Examples\n")[0],
+        get_type_hints(made_by, include_extras=True),
+    )
+    # Of a constructor all parameters but the start, which all references have.
+    fields = [
+        each
+        for each in inspect.signature(made_by).parameters.values()
+        if (each.name != "start" if is_constructor else each.kind is each.KEYWORD_ONLY)
+    ]
+    names = [each.name for each in fields]
 
     def _shape(self: ReferenceSpec, start: SpecStart) -> shapes.Reference:
         return shape.from_spec(start, **{name: getattr(self, name) for name in names})
@@ -444,36 +453,16 @@ def _written(shape: type[shapes.Reference]) -> type[ReferenceSpec]:
     contents = {
         "__doc__": said,
         "__module__": __name__,
-        "__annotations__": {name: kind for name, kind, *_ in fields},
+        "__annotations__": {name: _form(hints[name]) for name in names},
         "_shape": _shape,
         "of_robot": of_robot,
         "plans_around": shape.plans_around,
-        **{name: default for name, _, *rest in fields for default in rest},
+        **{each.name: each.default for each in fields if each.default is not each.empty},
     }
     options = {"frozen": True, "kw_only": True, "forbid_unknown_fields": True, "tag": shape.kind}
     return types.new_class(
         f"{shape.__name__}Spec", (ReferenceSpec,), options, lambda body: body.update(contents)
     )
-
-
-def _fields_of_constructor(shape: type[shapes.Reference]) -> list[tuple[Any, ...]]:
-    """Return names, types and defaults of a dataclass, but ``start``, which all references have."""
-    hints = get_type_hints(shape, include_extras=True)
-    return [
-        (each.name, _form(hints[each.name]), *([] if each.default is dataclasses.MISSING else [each.default]))
-        for each in dataclasses.fields(shape)  # type: ignore[arg-type]
-        if each.init and each.name != "start"
-    ]
-
-
-def _fields_of_function(makes: Callable[..., Any]) -> list[tuple[Any, ...]]:
-    """Return names, types and defaults of a function's keyword-only parameters."""
-    hints = get_type_hints(makes, include_extras=True)
-    return [
-        (name, _form(hints[name]), *([] if each.default is each.empty else [each.default]))
-        for name, each in inspect.signature(makes).parameters.items()
-        if each.kind is each.KEYWORD_ONLY
-    ]
 
 
 def _form(hint: Any) -> Any:
