@@ -140,6 +140,11 @@ class Judge:
         planned = getattr(reference, "clear_of", None) is not None
         self._contacts = contacts_of(robot, self._constraints, plant, world, fitted=planned)
         self._world, self._outcome = world, list(outcome)
+        physics = plant if isinstance(plant, MobilePlant | MujocoPlant) else None
+        around = {} if physics is None or physics.world is None else physics.world.bodies
+        self._gripper = None if physics is None else physics.gripper
+        self._free = {name: body for name, body in around.items() if body.role == "free"}
+        self._containers = {name: body for name, body in around.items() if body.container is not None}
 
     @classmethod
     def of(
@@ -327,14 +332,14 @@ class Judge:
             lost = np.flatnonzero(internal[held[0] :] <= 0) if len(held) else np.zeros(1, dtype=np.intp)
             if len(lost):
                 yield f"let go of the box{_at(record, int(held[0] + lost[0]) if len(held) else 0)}"
-        plant = self._plant
-        if not isinstance(plant, MobilePlant | MujocoPlant) or plant.gripper is None or not _free(plant):
+        gripper = self._gripper
+        if gripper is None or not self._free:
             return
         opening = record.readings[GRIPPER_OPENING].values.min(axis=1)
         end = float(record.time[-1])
-        times = [event for event in plant.gripper.schedule if event.time < end]
+        times = [event for event in gripper.schedule if event.time < end]
         holds = [(a.time, b.time if b else end) for a, b in pairwise([*times, None]) if a and a.closed]
-        free = plant.gripper.opening / plant.gripper.speed  # s; twice as long as it takes to close on nothing
+        free = gripper.opening / gripper.speed  # s; twice as long as it takes to close on nothing
         for begin, until in holds:
             there = np.flatnonzero((record.time >= begin) & (record.time <= until))
             closed = opening[there] < _CLOSED
@@ -342,7 +347,7 @@ class Judge:
                 lost = float(record.time[there[int(closed.argmax())]])
                 dropped = lost > begin + free
                 yield f"dropped at {lost:.3g} s" if dropped else f"gripped nothing at {begin:.3g} s"
-        if _containers(plant) and any(until < end for _, until in holds):
+        if self._containers and any(until < end for _, until in holds):
             yield from self._not_placed(record, len(holds))
 
     def _missed(self, record: Record) -> Iterator[str]:
@@ -375,15 +380,14 @@ class Judge:
 
     def _not_placed(self, record: Record, carried: int) -> Iterator[str]:
         """Yield the body that is nearest to a container, and in none, if fewer are in one than were gripped."""
-        assert isinstance(self._plant, MobilePlant | MujocoPlant)
-        free, containers, outside = _free(self._plant), _containers(self._plant), {}
-        for name in free:
+        outside = {}
+        for name in self._free:
             place = record.readings[f"{name}_position"].values[-1]
-            away = {other: float(body.away(place)) for other, body in containers.items()}
+            away = {other: float(body.away(place)) for other, body in self._containers.items()}
             nearest = min(away, key=lambda other: away[other])
             if away[nearest] > 0:
                 outside[name] = nearest, away[nearest]
-        if len(free) - len(outside) < min(carried, len(free)):
+        if len(self._free) - len(outside) < min(carried, len(self._free)):
             name = min(outside, key=lambda each: outside[each][1])
             yield f"not placed: {name} {length_text(outside[name][1])} from {outside[name][0]}"
 
@@ -463,15 +467,13 @@ class Judge:
 
     def _done(self, record: Record) -> Iterator[str]:
         """Yield what else was to be done, and was."""
-        plant = self._plant
         if GRIP_FORCE in record.readings and not any(self._grip(record)):
             yield "held the box"
-        gripper = plant.gripper if isinstance(plant, MobilePlant | MujocoPlant) else None
-        if isinstance(plant, MobilePlant | MujocoPlant) and gripper and gripper.schedule and _free(plant):
-            places = [record.readings[f"{name}_position"].values[-1] for name in _free(plant)]
-            held = [any(body.holds(place) for body in _containers(plant).values()) for place in places]
+        if self._gripper is not None and self._gripper.schedule and self._free:
+            places = [record.readings[f"{name}_position"].values[-1] for name in self._free]
+            held = [any(body.holds(place) for body in self._containers.values()) for place in places]
             yield f"placed {sum(held)} of {len(places)}" if any(held) else "gripped"
-        if isinstance(plant, MobilePlant):
+        if isinstance(self._plant, MobilePlant):
             yield f"stands (tilt ≤ {math.degrees(float(record.readings['tilt'].values.max())):.2g}°)"
 
     # Why a task was not done
@@ -534,18 +536,6 @@ class Judge:
             yield f"out of reach: rests {length_text(float(missing))} short"
         elif metrics.limit_margin < AT_LIMIT:
             yield f"at its limit: {metrics.limit_joint}"
-
-
-def _bodies(plant: MobilePlant | MujocoPlant) -> dict[str, Body]:
-    return {} if plant.world is None else plant.world.bodies
-
-
-def _free(plant: MobilePlant | MujocoPlant) -> dict[str, Body]:
-    return {name: body for name, body in _bodies(plant).items() if body.role == "free"}
-
-
-def _containers(plant: MobilePlant | MujocoPlant) -> dict[str, Body]:
-    return {name: body for name, body in _bodies(plant).items() if body.container is not None}
 
 
 def _braked(record: Record) -> str:
