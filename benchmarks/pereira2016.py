@@ -17,7 +17,7 @@ import joblib
 import numpy as np
 from measure import Ratio
 
-from dqcontrol.experiments.run_study import run_study
+from dqcontrol.experiments.study import run_study
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import EXPERIMENTS, PHYSICS, PLANTS, SERVO
 from dqcontrol_theses.pereira2016.published_specs import published_spec
 

@@ -24,8 +24,7 @@ for library in ("OPENBLAS", "OMP", "MKL"):  # before NumPy is loaded
 
 import numpy as np  # noqa: E402
 
-from dqcontrol.experiments.run_sweep import run_sweep_to  # noqa: E402
-from dqcontrol.experiments.sweep import read_sweep  # noqa: E402
+from dqcontrol.experiments.sweep import read_sweep, run_sweep_to  # noqa: E402
 
 SPEC = {
     "name": "benchmark",

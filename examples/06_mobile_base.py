@@ -1,7 +1,7 @@
 """A mobile manipulator drives to a goal two metres away: a plan that it can follow, base and hand from above."""
 
 import dqcontrol as dqc
-from dqcontrol.figures.base_paths import base_path
+from dqcontrol.figures.robots import base_path
 
 run = dqc.run(
     {

@@ -41,4 +41,4 @@ def _clip(robot: Robot, plant: Plant, record: Record, path: Path, kept: Constrai
     render_clip(robot, plant, record, path, kept=kept)
 
 
-_result_pages.hand_in(_report_pages, _replay, _clip)
+_result_pages.hand_in(_result_pages.HandedIn(_report_pages, _replay, _clip))

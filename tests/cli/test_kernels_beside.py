@@ -11,7 +11,7 @@ import pytest
 from dqcontrol.cli import kernels_beside
 from dqcontrol.compiled import kernel_cache
 from dqcontrol.loop.rollout import rollout
-from dqcontrol.measures.run_kernels import measure_kernel
+from dqcontrol.measures.run_numbers import measure_kernel
 
 SPEC = """
 name: circle

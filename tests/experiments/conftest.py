@@ -2,10 +2,10 @@
 
 import pytest
 
-from dqcontrol.reports import study_report
+from dqcontrol.reports import study_reports
 
 
 @pytest.fixture
 def without_pictures(monkeypatch):
     """Save studies without their figures, which take a hundred times as long as a study of a few short runs."""
-    monkeypatch.setattr(study_report, "_figures", lambda *_: {})
+    monkeypatch.setattr(study_reports, "_figures", lambda *_: {})

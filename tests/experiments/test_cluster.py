@@ -61,7 +61,7 @@ def test_a_worker_that_is_killed_changes_no_number(tmp_path, cluster, monkeypatc
 
 @pytest.mark.slow
 def test_workers_of_another_version_are_refused(tmp_path, cluster, monkeypatch):
-    monkeypatch.setattr("dqcontrol.experiments.run_sweep.program", lambda: "of other sources")
+    monkeypatch.setattr("dqcontrol.experiments.sweep.program", lambda: "of other sources")
     with pytest.raises(
         Error, match="a worker has another version of dqcontrol, NumPy or MuJoCo; give all the same"
     ):

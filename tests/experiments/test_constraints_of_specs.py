@@ -4,7 +4,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.experiments.prepared_experiment import prepare
-from dqcontrol.figures.distances_plot import distances
+from dqcontrol.figures.plots import distances
 from dqcontrol.measures.held import deadlocks
 from dqcontrol.reports.run_report import run_verdicts
 

@@ -12,7 +12,7 @@ from dqcontrol.errors import Error, ExistsError, FileFormatError
 from dqcontrol.experiments import load_study, run_study, run_study_to, trials
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.results_folder import working_folder
-from dqcontrol.experiments.run_study import Journal
+from dqcontrol.experiments.study import Journal
 
 pytest.importorskip("pyarrow")
 pytestmark = pytest.mark.usefixtures("without_pictures")

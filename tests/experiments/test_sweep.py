@@ -10,7 +10,7 @@ from study_specs import AT_ONCE, FAR, spec
 import dqcontrol as dqc
 from dqcontrol import cli
 from dqcontrol.errors import Error, ExistsError, FileFormatError, UnknownNameError, ValueRangeError
-from dqcontrol.experiments import load_study, rank, run_sweep as conduct_sweep, run_sweep_to, sweep
+from dqcontrol.experiments import load_study, rank, run_sweep_to, sweep
 from dqcontrol.experiments.results_folder import working_folder
 from dqcontrol.experiments.spec import as_spec
 from dqcontrol.experiments.sweep import REFUSED, read_sweep
@@ -126,8 +126,8 @@ def interrupt(data, target, after):
 def test_an_interrupted_sweep_goes_on(tmp_path, small_parts, monkeypatch):
     run_sweep_to(study(), tmp_path / "whole")
     interrupt(study(), tmp_path / "s", 20)
-    ran, told, run = [], [], conduct_sweep.Task.run
-    monkeypatch.setattr(conduct_sweep.Task, "run", lambda task: ran.append(task.part) or run(task))
+    ran, told, run = [], [], sweep.Task.run
+    monkeypatch.setattr(sweep.Task, "run", lambda task: ran.append(task.part) or run(task))
     run_sweep_to(study(), tmp_path / "s", progress=lambda *done: told.append(done))
     assert told[0] == (24, 44)
     assert told[-1] == (44, 44)

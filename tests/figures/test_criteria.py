@@ -3,8 +3,8 @@ import pytest
 from test_plots import drawn, run, shifted
 
 from dqcontrol.errors import ExistsError, ShapeError
+from dqcontrol.figures.comparisons import compare_criteria, criteria_side_by_side
 from dqcontrol.figures.save import save_comparison
-from dqcontrol.figures.theory import compare_criteria, criteria_side_by_side
 from dqcontrol.loop.record import Record
 
 pytestmark = pytest.mark.filterwarnings("error")

@@ -3,7 +3,7 @@
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol.figures.base_paths import base_path
+from dqcontrol.figures.robots import base_path
 
 
 @pytest.mark.slow

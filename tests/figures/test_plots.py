@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from dqcontrol.errors import ExistsError, ShapeError, UnknownNameError
+from dqcontrol.figures.comparisons import compare_errors
 from dqcontrol.figures.paths import compare_paths, path_3d
-from dqcontrol.figures.plots import compare_errors, control_signals, errors, joint_angles, pose_coefficients
+from dqcontrol.figures.plots import control_signals, errors, joint_angles, pose_coefficients
 from dqcontrol.figures.save import save_plots
 from dqcontrol.loop.record import Record
 from dqcontrol.robots.limits import Limits, symmetric_limits

@@ -5,8 +5,8 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.algebra import translation
-from dqcontrol.figures.base_paths import silhouette
 from dqcontrol.figures.paths import desired_in_room, tip_paths
+from dqcontrol.figures.robots import silhouette
 from dqcontrol.films.film import framing_of_arm
 from dqcontrol.robots.files.description import drawn_reach
 

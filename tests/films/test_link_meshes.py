@@ -7,8 +7,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.algebra import matrix_from_pose, translation
-from dqcontrol.films.film import framing_of_arm
-from dqcontrol.films.link_meshes import add_meshes, link_meshes
+from dqcontrol.films.film import add_meshes, framing_of_arm, link_meshes
 from dqcontrol.plants.mujoco.mujoco_model import (
     RODS,
     compiled,

@@ -419,7 +419,7 @@ def test_a_table_without_column_names_and_a_file_of_another_robot_are_said(tmp_p
 def test_the_twin_of_a_log_does_what_the_robot_did(tmp_path):
     """Saved as two runs that `dqcontrol compare` reads, with the report beside them."""
     from dqcontrol.experiments import load_runs
-    from dqcontrol.reports.search_reports import write_identification_report
+    from dqcontrol.reports.study_reports import write_identification_report
 
     rng = np.random.default_rng(SEED)
     time = np.arange(1500) * 0.008

@@ -233,7 +233,7 @@ def test_where_nothing_plans_while_the_robot_moves_it_is_refused_in_a_line(tmp_p
 def test_a_report_and_pictures_say_when_and_why_it_was_planned_again():
     from dqcontrol.browser.run_view_model import Track
     from dqcontrol.figures import path_3d
-    from dqcontrol.figures.distances_plot import distances
+    from dqcontrol.figures.plots import distances
     from dqcontrol.measures.held import apart_at_plans, plans_of_run
 
     robot, way, crossed = scene()

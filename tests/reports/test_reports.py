@@ -26,7 +26,7 @@ from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.reports import rewrite_reports
 from dqcontrol.reports.about import command, evaluation_command, origins
 from dqcontrol.reports.run_report import run_verdicts
-from dqcontrol.reports.study_report import study_verdicts
+from dqcontrol.reports.study_reports import study_verdicts
 from dqcontrol.supervisor.interventions import INTERVENTIONS, VELOCITY
 from dqcontrol.tables.tables import Column, Table
 from dqcontrol_theses.reproduced import Reproduced

@@ -7,7 +7,7 @@ import dqcontrol as dqc
 from dqcontrol.algebra import matrix_from_pose
 from dqcontrol.cli.log_commands import convert
 from dqcontrol.experiments.spec import read_spec
-from dqcontrol.experiments.spec.world_file import foreign_text, world_text
+from dqcontrol.experiments.spec.world_file import world_text
 from dqcontrol.geometry import FloorMap, Sphere, distance, load_map, save_map
 from dqcontrol.world import Body, Hinge, Slide, Solid, World, floor_around
 
@@ -61,7 +61,7 @@ def distances(world):
 )
 def test_there_and_back(tmp_path, suffix, bodies):
     world = World(bodies=bodies)
-    (tmp_path / f"shelf{suffix}").write_text(foreign_text(world, suffix))
+    (tmp_path / f"shelf{suffix}").write_text(world_text(world, suffix))
     back = dqc.load_world(tmp_path / f"shelf{suffix}")
     assert set(back.bodies) == set(bodies)
     for name, found in distances(back).items():
@@ -84,7 +84,7 @@ def test_there_and_back(tmp_path, suffix, bodies):
 
 
 def test_a_capsule_is_three_shapes_in_urdf(tmp_path):
-    (tmp_path / "a.urdf").write_text(foreign_text(World(bodies={"capsule": CAPSULE}), ".urdf"))
+    (tmp_path / "a.urdf").write_text(world_text(World(bodies={"capsule": CAPSULE}), ".urdf"))
     back = dqc.load_world(tmp_path / "a.urdf")
     np.testing.assert_allclose(
         np.maximum(distances(back)["capsule"], 0),
@@ -162,7 +162,7 @@ def test_what_cannot_be_read_is_said_in_a_line(tmp_path, name, text, words):
 )
 def test_what_cannot_be_written_is_said(suffix, body, words):
     with pytest.raises(dqc.Error, match=words):
-        foreign_text(World(bodies={"a": body}), suffix)
+        world_text(World(bodies={"a": body}), suffix)
 
 
 def test_the_command_writes_worlds(tmp_path, capsys):

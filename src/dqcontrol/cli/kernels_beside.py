@@ -10,7 +10,7 @@ from dqcontrol.compiled import kernel_cache
 from dqcontrol.compiled.numba_choice import IS_PLAIN
 from dqcontrol.loop.record import pose_errors
 from dqcontrol.loop.rollout import rollout
-from dqcontrol.measures.run_kernels import measure_kernel
+from dqcontrol.measures.run_numbers import measure_kernel
 from dqcontrol.robots.inverse.inverse_kernels import solve
 
 _IN_THEIR_ORDER = (solve, rollout, measure_kernel, pose_errors)  # half of what a first run compiles

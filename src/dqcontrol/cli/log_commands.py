@@ -266,7 +266,7 @@ def servos(
     from dqcontrol.errors import ValueRangeError
     from dqcontrol.experiments.results_folder import check_new
     from dqcontrol.logs.servos import identify as identify_servos
-    from dqcontrol.reports.search_reports import write_identification_report
+    from dqcontrol.reports.study_reports import write_identification_report
 
     if out is not None and not force:
         check_new(out, force=False)

@@ -55,7 +55,7 @@ def compare(
     from dqcontrol.measures import means_table
     from dqcontrol.reports import write_report
     from dqcontrol.reports.about import RERUN_FOLDER, command, origins
-    from dqcontrol.reports.study_report import figures_of_several, surroundings_of
+    from dqcontrol.reports.study_reports import figures_of_several, surroundings_of
 
     if not folders:
         raise Error("compare: give at least one folder of a run")

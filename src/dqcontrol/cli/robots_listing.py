@@ -80,7 +80,7 @@ def list_shapes(
     for line in _doubts(robot, known, found, chosen):
         print(line)
     if picture is not None:
-        from dqcontrol.figures.robot_picture import shapes_picture  # only now: it loads Matplotlib
+        from dqcontrol.figures.robots import shapes_picture  # only now: it loads Matplotlib
 
         with whole_file(picture) as draft:
             drawn = shapes_picture(robot, known, _middle(robot))

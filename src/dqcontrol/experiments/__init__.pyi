@@ -15,6 +15,7 @@ from .prepared_experiment import (
     PreparedRobot as PreparedRobot,
     prepare as prepare,
 )
+from .processes import work_through as work_through
 from .ranking import (
     Ranking as Ranking,
     rank as rank,
@@ -36,15 +37,14 @@ from .run_comparison import (
     summary as summary,
     write_table as write_table,
 )
-from .run_study import (
-    run_study as run_study,
-    run_study_to as run_study_to,
-)
-from .run_sweep import run_sweep_to as run_sweep_to
 from .spec import (
     Spec as Spec,
     read_spec as read_spec,
 )
 from .spec.world_file import load_world as load_world
-from .study import Study as Study
-from .worked_parts import work_through as work_through
+from .study import (
+    Study as Study,
+    run_study as run_study,
+    run_study_to as run_study_to,
+)
+from .sweep import run_sweep_to as run_sweep_to

@@ -73,13 +73,10 @@ def mesh_cost(robot: Robot, constraints: Constraints, name: str) -> str:
     hulls = [shape for shape in constraints.obstacles[name].shapes if isinstance(shape, Hull)]
     if robot.shapes is None or len(hulls) < 2:
         return ""
-    links = [shape.row for shape in robot.shapes.moved(robot, np.zeros(robot.configuration_size))]
-    rows = np.zeros((len(links), kernels.SHAPE))
-    for row, link in zip(rows, links, strict=True):
-        row[:] = link
-    found, spent = np.empty((len(links), kernels.FOUND)), 0.0
+    rows = np.array([shape.row for shape in robot.shapes.moved(robot, np.zeros(robot.configuration_size))])
+    found, spent = np.empty((len(rows), kernels.FOUND)), 0.0
     for hull in hulls:
-        parts = np.tile(hull.row, (len(links), 1))
+        parts = np.tile(hull.row, (len(rows), 1))
         kernels.distances(rows, parts, found)
         begin = time.process_time()
         for _ in range(_REPEATS):
@@ -88,7 +85,7 @@ def mesh_cost(robot: Robot, constraints: Constraints, name: str) -> str:
     corners = sum(len(hull.points) for hull in hulls)
     return (
         f"constraints.clear_of.{name}: {len(hulls)} convex parts with {corners} corners; all their distances from "
-        f"{len(links)} links take {1e6 * spent:.2g} µs here, each time that a step looks at them; far ones are left out"
+        f"{len(rows)} links take {1e6 * spent:.2g} µs here, each time that a step looks at them; far ones are left out"
     )
 
 
@@ -251,10 +248,8 @@ class LoopCheck:
         if verdict == "oscillatory":
             facts += f", overshoot {100 * loop.overshoot:.2g} %"
         if verdict == "unstable for large errors":
-            facts += (
-                f"; beyond errors of about {self.largest_error:.2g} rad (or m) in a joint the supervisor's limit of "
-                "acceleration may keep it oscillating"
-            )
+            beyond = f"; beyond errors of about {self.largest_error:.2g} rad (or m) in a joint"
+            facts += f"{beyond} the supervisor's limit of acceleration may keep it oscillating"
         return f"{self.names.label}: {loop.gain.loop} {verdict}: {facts}; {self._advice(loop)}"
 
     def _at_the_start(self, loop: NumericLoop) -> str:
@@ -283,9 +278,8 @@ class LoopCheck:
             return "no gain makes it good: its errors turn as they shrink; take weights that are nearer to a diagonal"
         if loop.gain.lag and loop.gain.loop != "null space":
             return f"choose k̄ ≤ {4 * loop.gain.lag * recommended:.3g} 1/s²"
-        return f"largest recommended k = {recommended:.3g} 1/s" + " and k_I ∝ k²" * bool(
-            loop.gain.integral_share
-        )
+        as_well = " and k_I ∝ k²" if loop.gain.integral_share else ""
+        return f"largest recommended k = {recommended:.3g} 1/s{as_well}"
 
 
 @dataclass(frozen=True)
@@ -317,10 +311,8 @@ class Checks(Sequence[LoopCheck]):
         return self.rows[i]
 
     def __repr__(self) -> str:
-        counts = Counter(row.verdict for row in self.rows)
-        return (
-            f"Checks({self.name!r}, {', '.join(f'{count} {verdict}' for verdict, count in counts.items())})"
-        )
+        counts = Counter(row.verdict for row in self.rows).items()
+        return f"Checks({self.name!r}, {', '.join(f'{count} {verdict}' for verdict, count in counts)})"
 
     def __str__(self) -> str:
         """Return the table, and what to do."""
@@ -486,10 +478,8 @@ def driven_model(spec: Spec, plant: AnyPlant, robot: Robot, start: Array) -> tup
         return model, math.inf
     mode = command_mode(plant)
     prepared = supervisor.prepare(robot, period, mode)
-    window = prepared.window
-    return with_mean(model, window, period, from_measured=mode == "measured"), float(
-        prepared.acceleration.min()
-    )
+    behind = with_mean(model, prepared.window, period, from_measured=mode == "measured")
+    return behind, float(prepared.acceleration.min())
 
 
 def with_observer(model: LinearModel, compensation: Compensation, robot: Robot, period: float) -> LinearModel:

@@ -24,9 +24,8 @@ if TYPE_CHECKING:
     from dqcontrol.experiments.spec import Spec
     from dqcontrol.plants.linear_model import LinearModel
 
-_RIM = np.array(
-    [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]]
-)  # radii from the middle
+# radii from the middle
+_RIM = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
 _LATE = 1.2  # of the approach speed, which is predicted within a fifth
 _NOISES = 6.0  # standard deviations that one reading of a sensor may be off, in 3 axes
 _MOVES = 1e-6  # of the eight coefficients of a pose: 2 µm
@@ -70,10 +69,12 @@ def check_contact(spec: Spec, case: Combination) -> None:
         return
     limits = limits_of(spec, case)
     if limits.axis in ("x", "y", "z") and stiffest[1] >= limits.stiffness:
+        cure = f"damping must be above {limits.least_damping:.3g} N·s/m for it"
+        if np.isinf(limits.least_damping):
+            cure = "no damping makes it stable"
         raise ValueRangeError(
             f"contact: world.{stiffest[0]} has {stiffest[1]:.4g} N/m, but along {limits.axis} this loop is unstable "
-            f"from {limits.stiffness:.3g} N/m on; {_damping_for_it(limits)} (allow_unstable: true "
-            "runs it all the same)"
+            f"from {limits.stiffness:.3g} N/m on; {cure} (allow_unstable: true runs it all the same)"
         )
     _check_approach(spec, case, contact, limits)
 
@@ -126,12 +127,6 @@ def _check_approach(spec: Spec, case: Combination, contact: Admittance, limits: 
         )
 
 
-def _damping_for_it(limits: ContactLimits) -> str:
-    if np.isinf(limits.least_damping):
-        return "no damping makes it stable"
-    return f"damping must be above {limits.least_damping:.3g} N·s/m for it"
-
-
 def limits_of(spec: Spec, case: Combination) -> ContactLimits:
     """Return what the contact loop of a case bears at its start, before the stiffest springy body of its world."""
     touched = stiffness_touched(spec)
@@ -145,9 +140,9 @@ def limits_of(spec: Spec, case: Combination) -> ContactLimits:
 
 def bears_world(spec: Spec, case: Combination, model: LinearModel) -> bool:
     """Return whether the contact loop of a case is stable before the stiffest springy body of its world, if any."""
-    touched = max(_stiffnesses(spec).values(), default=0.0)
+    stiffest = stiffest_body(spec)
     soft = case.plant.compliance(case.scene.robot, case.scene.start)
-    return not touched or bears(*_loop_of(spec, case), model, case.scene.start, touched, soft)
+    return stiffest is None or bears(*_loop_of(spec, case), model, case.scene.start, stiffest[1], soft)
 
 
 def _loop_of(spec: Spec, case: Combination) -> tuple[Admittance, Controller]:
@@ -165,12 +160,15 @@ def _loop_of(spec: Spec, case: Combination) -> tuple[Admittance, Controller]:
 
 def stiffest_body(spec: Spec) -> tuple[str, float] | None:
     """Return name and stiffness, N/m, of the stiffest springy body of a spec's world; None where none is."""
-    return max(_stiffnesses(spec).items(), key=lambda each: each[1], default=None)
+    bodies = (spec.world or {}).items()
+    found = [(name, body.stiffness) for name, body in bodies if body.stiffness is not None]
+    return max(found, key=lambda each: each[1], default=None)
 
 
 def stiffness_touched(spec: Spec) -> float:
     """Return the stiffness of the stiffest springy body of a spec's world, N/m; of a table top where none says one."""
-    return max(_stiffnesses(spec).values(), default=_UNKNOWN_STIFFNESS)
+    stiffest = stiffest_body(spec)
+    return _UNKNOWN_STIFFNESS if stiffest is None else stiffest[1]
 
 
 def sensed(case: Combination) -> Admittance:
@@ -179,10 +177,6 @@ def sensed(case: Combination) -> Admittance:
     assert contact is not None
     slower = max(contact.sensor.filter, getattr(getattr(case.plant, "wrist", None), "filter", 0.0))
     return replace(contact, sensor=replace(contact.sensor, filter=slower))
-
-
-def _stiffnesses(spec: Spec) -> dict[str, float]:
-    return {name: body.stiffness for name, body in (spec.world or {}).items() if body.stiffness is not None}
 
 
 def contact_table(spec: Spec, cases: tuple[Combination, ...]) -> Table | None:
@@ -211,59 +205,33 @@ def _meanings(contact: Admittance, limits: ContactLimits, spec: Spec) -> Iterato
     if tool := contact.sensor.tool:
         again = "" if contact.sensor.tare else "; sensors drift, so give sensor.tare: 0.5 s, in the air"
         yield ["sensor.tool", f"{tool.mass:.3g} kg", _age(tool.tared) + again]
-    if contact.sensor.tare:
-        yield [
-            "sensor.tare",
-            f"{contact.sensor.tare:.3g} s",
-            "bias measured at the start, at rest in the air",
-        ]
+    if tare := contact.sensor.tare:
+        yield ["sensor.tare", f"{tare:.3g} s", "bias measured at the start, at rest in the air"]
     i = ("mx", "my", "mz", "x", "y", "z").index(limits.axis)
     mass, damping, stiffness = contact.axis_rows[i]
     along, wall = f" along {limits.axis}", "N·m/rad" if i < 3 else "N/m"
     of_damping, of_mass, of_force = ("N·m·s/rad", "kg·m²", "N·m") if i < 3 else ("N·s/m", "kg", "N")
-    touched = stiffness_touched(spec)
+    touched, loose, damps = stiffness_touched(spec), limits.loose_part, f"{damping:.4g} {of_damping}"
     bears = "whatever stands still" if np.isinf(limits.stiffness) else f"up to {limits.stiffness:.3g} {wall}"
     needs = "is borne with none" if np.isinf(limits.least_damping) else f"needs {limits.least_damping:.3g}"
-    yield [
-        "damping" + along,
-        f"{damping:.4g} {of_damping}",
-        f"bears {bears}; {touched:.4g} {wall} {needs}",
-    ]
-    loose = limits.loose_part
+    yield ["damping" + along, damps, f"bears {bears}; {touched:.4g} {wall} {needs}"]
     if loose.mass:
-        yield [
-            "damping" + along,
-            f"{damping:.4g} {of_damping}",
-            f"bears loose parts behind a contact of up to {loose.stiffness:.3g} N/m (worst: {loose.mass:.3g} kg)",
-        ]
+        words = f"a contact of up to {loose.stiffness:.3g} N/m (worst: {loose.mass:.3g} kg)"
+        yield ["damping" + along, damps, f"bears loose parts behind {words}"]
     if mass:
-        yield [
-            "mass" + along,
-            f"{mass:.4g} {of_mass}",
-            f"a lag of {1e3 * mass / damping:.3g} ms in the loop" if damping else "no damping",
-        ]
+        lag = f"a lag of {1e3 * mass / damping:.3g} ms in the loop" if damping else "no damping"
+        yield ["mass" + along, f"{mass:.4g} {of_mass}", lag]
     wanted = contact.force.components[i]
     if wanted is not None and damping:
         size = float(np.abs(wanted.values).max()) if isinstance(wanted, ForceReference) else abs(wanted)
-        yield [
-            f"force.{limits.axis}",
-            f"{size:.4g} {of_force}",
-            f"moves the end effector in free space at {1e3 * size / damping:.3g} mm/s",
-        ]
+        speed = f"moves the end effector in free space at {1e3 * size / damping:.3g} mm/s"
+        yield [f"force.{limits.axis}", f"{size:.4g} {of_force}", speed]
         if limits.approach_speed is not None:
-            speed = (
-                f"at {1e3 * limits.approach_speed:.3g} mm/s into {touched:.4g} N/m peaks at {3 * size:.3g} N"
-            )
-            yield ["reference", "", f"{speed}: approach no faster"]
+            into = f"at {1e3 * limits.approach_speed:.3g} mm/s into {touched:.4g} N/m"
+            yield ["reference", "", f"{into} peaks at {3 * size:.3g} N: approach no faster"]
     if stiffness:
-        yield [
-            "stiffness" + along,
-            f"{stiffness:.4g} {wall}",
-            f"{1e3 / stiffness:.3g} mm a newton" if i >= 3 else "holds the turn",
-        ]
+        words = f"{1e3 / stiffness:.3g} mm a newton" if i >= 3 else "holds the turn"
+        yield ["stiffness" + along, f"{stiffness:.4g} {wall}", words]
     if wanted is not None and stiffness:
-        yield [
-            f"force.{limits.axis}",
-            "",
-            "with a stiffness on the same axis the force is off by K times the deflection",
-        ]
+        words = "with a stiffness on the same axis the force is off by K times the deflection"
+        yield [f"force.{limits.axis}", "", words]

@@ -33,9 +33,8 @@ from dqcontrol.world import World
 HAND = "end effector"
 _UPRIGHT = math.cos(math.radians(10))  # of a first axis: bases that people put up are not level to a degree
 _SHOULDER = 0.03  # m above the base frame; of an arm whose base frame lies in its shoulder it is 0
-_BELOW = (
-    -0.01
-)  # m: links of the file so far below the base frame say that it does not stand on anything there
+# m: links of the file so far below the base frame say that it does not stand on anything there
+_BELOW = -0.01
 _TOUCH = 1e-6  # m: what stands on the floor or rests against a wall is that near by rounding, and goes through nothing
 _FIRST_LOOK = 17  # samples; between them only what may have touched is looked at
 _MOST_KEPT = 1_000_000  # numbers of a run, 8 MB
@@ -115,16 +114,12 @@ class Contacts:
         robot = robot if plant is None else plant.body_of(robot)
         self._robot = robot
         base = np.flatnonzero(base_coordinates(robot))
-        self._first = (
-            int(base[-1]) + 2 if len(base) and base[0] == 0 else 1
-        )  # frame that something on the base has
+        # The frame that something on the base has.
+        self._first = int(base[-1]) + 2 if len(base) and base[0] == 0 else 1
         self._bodies = _bodies(robot, self._first, fitted=fitted)
         self._moving = [each for each in self._bodies if each.frame > 0]
-        self._carried = [
-            each
-            for each in self._moving
-            if each.frame >= self._first and (self._first > 1 or robot.parents[each.frame - 1] >= 0)
-        ]
+        carried = [each for each in self._moving if each.frame >= self._first]
+        self._carried = [each for each in carried if self._first > 1 or robot.parents[each.frame - 1] >= 0]
         self._levers = _levers(robot, self._bodies)
         felt = world is not None and plant is not None and plant.touches_world
         self._watched = [] if felt else [*self._floor(constraints, world), *self._itself(constraints)]
@@ -149,10 +144,8 @@ class Contacts:
             return []
         found: list[Contact] = []
         if self._watched and not self._has_room(record.q):
-            found += [
-                Contact(self._watched[i].words, depth, float(record.time[k]))
-                for i, depth, k in self._deepest(record)
-            ]
+            for i, depth, k in self._deepest(record):
+                found.append(Contact(self._watched[i].words, depth, float(record.time[k])))
         if (chassis := _chassis(self._robot)) is not None:
             inside = _inside(chassis, record.q, record.position)
             if inside[k := int(inside.argmax())] > _TOUCH:
@@ -254,9 +247,7 @@ class Contacts:
 
     def _bodies_of(self, world: World | None, constraints: Constraints | None) -> Iterator[_Watched]:
         """Yield all links and the bodies that constraints do not keep clear of, but those that physics alone moves."""
-        kept: set[str] = set()
-        if constraints is not None and constraints.world is not None:
-            kept = set(constraints.cleared)
+        kept = constraints.cleared if constraints is not None and constraints.world is not None else ()
         for name, body in () if world is None else world.bodies.items():
             if name in kept or body.is_recorded or body.role == "springy":
                 continue

@@ -175,10 +175,7 @@ def spec_of_robot(robot: str, ends: Ends = (None, None)) -> dict[str, Any]:
 def _start(robot: Robot) -> Array:
     """Return the most dexterous configuration that is well above the floor: of two arms, that of each."""
     if isinstance(robot, TwoArms):
-        return np.concatenate(
-            [
-                np.zeros(part.configuration_size) if part is robot.base else _start(part)
-                for part in robot.parts
-            ]
-        )
+        base = robot.base
+        starts = [np.zeros(each.configuration_size) if each is base else _start(each) for each in robot.parts]
+        return np.concatenate(starts)
     return most_dexterous(robot, _ABOVE * (describe(robot).reach or 1.0))

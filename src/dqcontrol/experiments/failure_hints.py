@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from dqcontrol.errors import CollisionWarning, LimitWarning, TaskWarning
-from dqcontrol.experiments.feasibility import way_out
+from dqcontrol.experiments.feasibility import too_few_joints, way_out
 from dqcontrol.experiments.prepared_experiment import Combination
 from dqcontrol.laws import (
     GuidedProportional,
@@ -28,6 +28,7 @@ Trials = Sequence[Mapping[str, Any]]  # metrics of the repeats of one case
 _MISSED = re.compile("not (reached|followed|kept)")
 _ROUNDING = 1e-9  # as a share of a velocity limit
 _OFTEN = 0.1  # of the samples at a velocity limit
+_THROUGH = ("crossed", "contact")
 
 
 def warn_of_failures(cases: Sequence[tuple[Combination, Trials]], *, stacklevel: int) -> None:
@@ -79,7 +80,7 @@ def beyond_velocities(label: str, trials: Trials) -> str:
 
 def collided(case: Combination, trials: Trials) -> str:
     """Say what a robot of one case crossed or went through; nothing if it did not."""
-    through = [trial for trial in trials if trial["failure"] in ("crossed", "contact")]
+    through = [trial for trial in trials if trial["failure"] in _THROUGH]
     if not through:
         return ""
     words = f"{case.names.label}: {through[0]['verdict']}{_count(through, trials, ', ')}"
@@ -99,19 +100,18 @@ def not_done(case: Combination, trials: Trials) -> str:
     if not short:
         return ""
     worst = max(short, key=lambda trial: trial["final_error"] or 0.0)
-    help_ = "; ".join(_remedies(case, worst))
-    return (
-        f"{case.names.label}: {worst['verdict']}{_count(short, trials, ', ')}{': ' if help_ else ''}{help_}"
-    )
+    verdict, help_ = str(worst["verdict"]), "; ".join(_remedies(case, worst))
+    if worst["failure"] in _THROUGH:  # `collided` says all of it
+        verdict = verdict.rpartition("; ")[2]
+        if not help_:
+            return ""
+    return f"{case.names.label}: {verdict}{_count(short, trials, ', ')}{': ' if help_ else ''}{help_}"
 
 
 def _remedies(case: Combination, trial: Mapping[str, Any]) -> Iterator[str]:
     robot, law, task = case.scene.robot, case.variant.law, str(trial["verdict"])
     if robot.input_size < 6 and not isinstance(law, PartialProportional):
-        yield (
-            f"{robot.name} has {robot.input_size} joints and a pose takes 6; law partial-proportional asks for its "
-            "position alone"
-        )
+        yield too_few_joints(robot)
     guided = isinstance(law, GuidedProportional) or isinstance(law.null_space, BestHeading)
     if len(robot.drives) and not guided:
         yield (

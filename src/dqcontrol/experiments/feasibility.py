@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,40 +92,25 @@ def path_demand(scene: PreparedRobot) -> PathDemand | None:
     law counts; a plan in its own configurations. Bases with wheels, which cannot go sideways, follow it with their
     headings as they turn out and with the best ones; what leaves less counts.
     """
+    samples = scene.samples[:: -(-len(scene.samples) // _MOST)]
+    period = float(samples[1, -1] - samples[0, -1]) if len(samples) > 1 else 1.0
+    gain, way = _PULL / period, scene.reference
+    if isinstance(way, PlannedWay):
+        law = GuidedProportional(gain=gain).prepare(way.robot, way, period)
+        return _demand(way.robot, law, scene.start, samples)
     robot = scene.robot.in_form("constrained")
-    if isinstance(scene.reference, PlannedWay):
-        return _planned(scene.reference.robot, scene, scene.reference)
-    found = [
-        _followed(robot, scene, heading) for heading in (None, BestHeading())[: 1 + bool(len(robot.drives))]
-    ]
-    demands = [demand for demand in found if demand is not None]
-    return min(demands, key=lambda demand: (not demand.left.succeeded, demand.left.position), default=None)
-
-
-def _followed(robot: Robot, scene: PreparedRobot, null_space: BestHeading | None) -> PathDemand | None:
-    samples, period = _coarser(scene)
     start = robot.solve(samples[0, POSE], scene.start, restarts=20).q
-    law = ProportionalFeedforward(gain=_PULL / period, null_space=null_space).prepare(robot, None, period)
     held = np.repeat(samples[:1], _ARRIVED, axis=0)  # the first pose, until what can be reached of it is
     held[:, 8:20] = 0.0
     held[:, -1] = samples[0, -1] + period * np.arange(-_ARRIVED, 0)
-    try:
-        arrived = simulate_prepared(law, Integrator(), start, held).q[-1]
-    except DivergedError:
-        return None
-    return _demand(robot, law, arrived, samples)
-
-
-def _planned(robot: Robot, scene: PreparedRobot, way: PlannedWay) -> PathDemand | None:
-    samples, period = _coarser(scene)
-    law = GuidedProportional(gain=_PULL / period).prepare(robot, way, period)
-    return _demand(robot, law, scene.start, samples)
-
-
-def _coarser(scene: PreparedRobot) -> tuple[Array, float]:
-    """Return the samples that are followed, and the time between them, s."""
-    samples = scene.samples[:: -(-len(scene.samples) // _MOST)]
-    return samples, float(samples[1, -1] - samples[0, -1]) if len(samples) > 1 else 1.0
+    found: list[PathDemand | None] = []
+    for heading in (None, BestHeading())[: 1 + bool(len(robot.drives))]:
+        law = ProportionalFeedforward(gain=gain, null_space=heading).prepare(robot, None, period)
+        with suppress(DivergedError):
+            arrived = simulate_prepared(law, Integrator(), start, held).q[-1]
+            found.append(_demand(robot, law, arrived, samples))
+    demands = [demand for demand in found if demand is not None]
+    return min(demands, key=lambda demand: (not demand.left.succeeded, demand.left.position), default=None)
 
 
 def _demand(robot: Robot, law: Controller, start: Array, samples: Array) -> PathDemand | None:
@@ -226,6 +212,12 @@ def _of_the_origin(case: Combination) -> Iterator[str]:
         )
 
 
+def too_few_joints(robot: Robot) -> str:
+    """Say that a robot has too few joints for a pose, and what helps."""
+    joints = f"{robot.name} has {robot.input_size} joints and a pose takes 6"
+    return f"{joints}; law partial-proportional asks for its position alone"
+
+
 def way_out(law: Law) -> str:
     """Say what leads a law out of a singularity in which it stands still."""
     if isinstance(law.null_space, ManipulabilityAscent):
@@ -278,19 +270,15 @@ def _of_path(scene: PreparedRobot) -> Iterator[str]:
     if demand is None:
         return
     if not demand.left.succeeded and demand.left.error:
-        why = (
-            f"{robot.name} has {robot.input_size} joints and a pose takes 6; law partial-proportional asks for its "
-            "position alone"
-            if robot.input_size < 6
-            else "a base with wheels cannot go sideways; start with another heading, nearer, or go slower"
-            if len(robot.drives)
-            else "a singularity or the reach of the arm is in the way; start elsewhere, or move the reference"
-        )
+        why = "a singularity or the reach of the arm is in the way; start elsewhere, or move the reference"
+        if robot.input_size < 6:
+            why = too_few_joints(robot)
+        elif len(robot.drives):
+            why = "a base with wheels cannot go sideways; start with another heading, nearer, or go slower"
         share = SETTLED if demand.left.rests else FOLLOWED
         yield (
             f"reference: cannot be followed by {robot.name}: even with ideal joints the end effector "
-            f"{demand.left.error}, more "
-            f"than {100 * share:.0f} % of the motion: {why}"
+            f"{demand.left.error}, more than {100 * share:.0f} % of the motion: {why}"
         )
     if demand.peak_share > _SHARES:
         slower = math.ceil(100 * demand.peak_share) / 100  # as much as it takes: 1.003 is not "1"

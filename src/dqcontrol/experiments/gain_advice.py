@@ -86,8 +86,8 @@ def advise_gains(
             f"robot: {arm.name} has a mobile base, of which no linear model is known; give an arm"
         )
     limits = gain_limits(model, period)
-    gain = _round_down(limits.recommended / period)
-    parameters = law_parameters(gain, _round_down(_stiffest(model, period)))
+    gain = rounded_down(limits.recommended / period, 2)
+    parameters = law_parameters(gain, rounded_down(_stiffest(model, period), 2))
     laws = {kind: {"kind": kind, **each} for kind, each in parameters.items()}
     checks = check(
         {
@@ -155,23 +155,20 @@ def _reasons(limits: GainLimits, period: float, delay: float, lag: float, gain: 
     stable = limits.stable / period
     half = limits.recommended >= limits.stable / 2 * (1 - 1e-9)
     why = "twice as much is the limit" if half else "beyond it the damping ratio falls below 0.7"
-    lines = [f"k = {gain:.3g} 1/s: {why}; unstable from k = {stable:.3g} 1/s on"]
-    if delay + lag > 4 * period:
-        lines.append(
-            f"delay and lag of {1e3 * (delay + lag):.3g} ms decide, not the period: shorten them first"
-        )
-    lines.append(
+    late = f"delay and lag of {1e3 * (delay + lag):.3g} ms decide, not the period: shorten them first"
+    return [
+        f"k = {gain:.3g} 1/s: {why}; unstable from k = {stable:.3g} 1/s on",
+        *([late] if delay + lag > 4 * period else []),
         "a target that moves: take a law with feed-forward rather than more gain; a constant push of v leaves v/k, "
-        "which an integral_gain up to k²/4 removes"
-    )
-    return lines
+        "which an integral_gain up to k²/4 removes",
+    ]
 
 
 def _four_digits(value: float) -> float:
     return float(f"{value:.4g}")
 
 
-def _round_down(value: float) -> float:
-    """Return two digits, not more than the value."""
-    place = 10.0 ** (math.floor(math.log10(value)) - 1) if value > 0 else 1.0
+def rounded_down(value: float, digits: int) -> float:
+    """Return so many digits of a number ≥ 0, not more than it is."""
+    place = 10.0 ** (math.floor(math.log10(value)) + 1 - digits) if value > 0 else 1.0
     return float(f"{math.floor(value / place + 1e-9) * place:.6g}")

@@ -82,14 +82,8 @@ def load_run(folder: str | Path) -> Run:
     if not spec.is_single:
         raise FileFormatError(f"{path / SPEC_FILE}: describes several runs")
     (robot,), (law,), (plant,) = spec.robot_by_label.values(), spec.law_by_label, spec.plant_by_label
-    return Run(
-        text,
-        robot.load(),
-        load_record(path / "record.mcap"),
-        spec.skip_initial,
-        f"{law} · {plant}",
-        spec.metrics_from,
-    )
+    record, label = load_record(path / "record.mcap"), f"{law} · {plant}"
+    return Run(text, robot.load(), record, spec.skip_initial, label, spec.metrics_from)
 
 
 def spec_of_results(folder: Path) -> str:
@@ -135,9 +129,8 @@ def load_runs(folders: Sequence[str | Path]) -> dict[str, Run]:
                 raise Error(f"{path}: given twice")
             seen.add(path.resolve())
             name = f"{path.parent.name} · {path.name}" if path.name.isdecimal() else path.name
-            found.append(
-                ((path.resolve().parent if inside == [folder] else folder.resolve()).name, name, path)
-            )
+            study = path.resolve().parent if inside == [folder] else folder.resolve()
+            found.append((study.name, name, path))
     plain = Counter(name for _, name, _ in found)
     full = Counter((study, name) for study, name, _ in found)
     runs: dict[str, Run] = {}

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.errors import LimitWarning, ReachError, ValueRangeError
 from dqcontrol.experiments.check import check
+from dqcontrol.experiments.gain_advice import rounded_down
 from dqcontrol.files.units import as_quantity, number_in, unsaid_unit
 from dqcontrol.robots import Robot, describe, load_robot, most_dexterous
 
@@ -112,7 +113,7 @@ def _fitting(spec: dict[str, Any], arm: Robot, motion: str, kind: str) -> tuple[
         if not row.loops or not any(loop.limits.recommended > 0 for loop in row.loops):
             return size, 1.0
         most = min(loop.limits.recommended for loop in row.loops) / row.period
-        return size, _MOST_GAIN if most >= _MOST_GAIN else _rounded_down(most)
+        return size, _MOST_GAIN if most >= _MOST_GAIN else rounded_down(most, 1)
     raise ReachError(f"motion: no {motion} from 1 to 10 % of the reach fits around {arm.name}'s start: {why}")
 
 
@@ -128,15 +129,12 @@ def _reference(motion: str, size: float) -> dict[str, Any]:
 
 
 def _flow(data: dict[str, Any]) -> str:
-    parts = []
-    for key, value in data.items():
-        if isinstance(value, dict):
-            parts.append(f"{key}: {_flow(value)}")
-        elif key in ("radius", "side", "length"):
-            parts.append(f"{key}: {value * 1e3:g} mm")
-        else:
-            parts.append(f"{key}: {value}" + (" s" if key == "duration" else ""))
-    return "{" + ", ".join(parts) + "}"
+    def said(key: str, value: Any) -> str:
+        if key in ("radius", "side", "length"):
+            return f"{value * 1e3:g} mm"
+        return _flow(value) if isinstance(value, dict) else f"{value} s" if key == "duration" else str(value)
+
+    return "{" + ", ".join(f"{key}: {said(key, value)}" for key, value in data.items()) + "}"
 
 
 def _seconds(period: str) -> float:
@@ -157,9 +155,3 @@ def _rounded(q: NDArray[np.float64], arm: Robot) -> NDArray[np.float64]:
 
 def _angle(value: float, kind: str) -> str:
     return f"{round(math.degrees(value))} deg" if kind == "revolute" else f"{value:.3f}"
-
-
-def _rounded_down(value: float) -> float:
-    """Return the nearest number of one digit below a positive one."""
-    digit = 10 ** math.floor(math.log10(value))
-    return math.floor(value / digit + 1e-9) * digit

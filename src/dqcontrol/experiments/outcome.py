@@ -11,7 +11,7 @@ from msgspec import Meta, field
 from dqcontrol import algebra
 from dqcontrol.constraints.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
-from dqcontrol.errors import ShapeError, ValueRangeError, error_prefix, unknown_name
+from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.experiments.spec.reference_spec import Part
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.metrics import contact_force
@@ -78,10 +78,10 @@ class Expectation(Part, frozen=True, kw_only=True):
         given = {key for key in self.__struct_fields__ if getattr(self, key) is not None}
         leads = [key for key in _FORMS if key in given]
         if len(leads) != 1 or not any(given == {leads[0], *rest} for rest in _FORMS[leads[0]]):
+            said = ", ".join("in" if key == "inside" else key for key in sorted(given))
             raise ShapeError(
                 "expected one of {body, in}, {body, opened}, {clear_of, by}, {hand, within}, {deep, in}, {contact}, "
-                "{force}, got "
-                f"{{{', '.join('in' if key == 'inside' else key for key in sorted(given))}}}"
+                f"{{force}}, got {{{said}}}"
             )
         bodies = {} if world is None else world.bodies
         named = [self.body, self.inside, *(self.clear_of if isinstance(self.clear_of, list) else ())]
@@ -101,36 +101,7 @@ class Judged(NamedTuple):
     words: str
 
 
-def check_outcome(outcome: list[Expectation], world: World | None) -> None:
-    """Raise with the number of the first expectation that says nothing; see `Expectation.check`."""
-    for k, each in enumerate(outcome):
-        with error_prefix(f"outcome[{k}]"):
-            each.check(world)
-
-
-def judge_outcome(
-    outcome: list[Expectation],
-    record: Record,
-    robot: Robot,
-    world: World | None,
-    period: float,
-    through: list[str],
-) -> list[Judged]:
-    """Return of each expectation whether a run met it.
-
-    Parameters
-    ----------
-    outcome, world
-        As of the spec.
-    record, robot, period
-        Of the run; s.
-    through
-        What it went through, as nothing stopped it there.
-    """
-    return [_judged(each, record, robot, world, period, through) for each in outcome]
-
-
-def _judged(
+def judge(
     given: Expectation,
     record: Record,
     robot: Robot,
@@ -138,14 +109,28 @@ def _judged(
     period: float,
     through: list[str],
 ) -> Judged:
+    """Return whether a run met an expectation.
+
+    Parameters
+    ----------
+    given, world
+        As of the spec.
+    record, robot, period
+        Of the run; s.
+    through
+        What it went through, as nothing stopped it there.
+    """
+    felt_at = contact_force(record)
+    force = 0.0 if felt_at is None else float(felt_at.max(initial=0.0))
     if given.contact is not None:
-        if force := _peak(record):
-            return Judged(False, f"contact: {force_text(force)}{_when(record)}")
+        if felt_at is not None and force:
+            when = record.time[int((felt_at > 0).argmax())]
+            return Judged(False, f"contact: {force_text(force)} at {when:.3g} s")
         return Judged(not through, through[0] if through else "no contact")
     if given.force is not None:
-        if contact_force(record) is None:
+        if felt_at is None:
             return Judged(False, "no force is felt: this plant has no physics of contact")
-        force, most = _peak(record), given.force.at_most
+        most = given.force.at_most
         return Judged(force <= most, f"{force_text(force)} at most felt, {most:g} N allowed")
     if given.within is not None:
         near, turned = float(record.position_error[-1]), float(record.orientation_error[-1])
@@ -196,22 +181,9 @@ def _clear(given: Expectation, record: Record, robot: Robot, world: World, perio
     at, row = np.unravel_index(int(values.argmin()), values.shape)
     near, asked = float(values[at, row]), given.by or 0.0
     thing, _, link = prepared.labels[row].partition(": ")
-    least = (
-        f"{link} {length_text(near)} clear of {thing}"
-        if near > 0
-        else f"{link} {length_text(-near)} in {thing}"
-    )
+    where = "clear of" if near > 0 else "in"
+    least = f"{link} {length_text(abs(near))} {where} {thing}"
     return Judged(near >= asked, f"{least} at {record.time[at]:.3g} s, {1e3 * asked:g} mm asked")
-
-
-def _peak(record: Record) -> float:
-    force = contact_force(record)
-    return 0.0 if force is None else float(force.max(initial=0.0))
-
-
-def _when(record: Record) -> str:
-    force = contact_force(record)
-    return "" if force is None else f" at {record.time[int((force > 0).argmax())]:.3g} s"
 
 
 def felt(record: Record, robot: Robot) -> list[str]:

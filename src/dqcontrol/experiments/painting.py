@@ -129,20 +129,28 @@ def paint(
     axes, pace = plane_axes("plane", plane), as_positive("speed", speed)
     low, high = box_of(pens)
     extent = high - low
-    own_size = Path(drawing).suffix.lower() == ".txt"
-    if width is not None or own_size:
+
+    def placed(scale: float) -> list[PenStroke]:
+        return scaled(pens, 0.5 * (low + high), scale, pace)
+
+    def largest(wide: float) -> float:
+        """Return the largest scale that is reached and tried, from a width on, or 0."""
+        while wide > _NARROWEST:
+            if _reached(arm, q, axes, placed(scale := wide / float(extent.max()))):
+                return scale
+            wide *= _SHRINK
+        return 0.0
+
+    if width is not None or Path(drawing).suffix.lower() == ".txt":  # which has a size of its own
         wide = float(extent[0]) if width is None else as_positive("width", width)
         scale = wide / float(extent[0] or extent[1])
-        if not _reached(arm, q, axes, scaled(pens, 0.5 * (low + high), scale, pace)):
-            best = _fitting(arm, q, axes, pens, low, high, pace, wide)
+        if not _reached(arm, q, axes, placed(scale)):
+            best = largest(wide)
             hint = f"at most about {best * extent[0] * 1e3:.0f} mm" if best else "move it: another start"
             raise ReachError(f"width: {1e3 * wide:.0f} mm is more than {arm.name} reaches here; {hint}")
-    else:
-        scale = _fitting(arm, q, axes, pens, low, high, pace, _WIDEST)
-        if not scale:
-            raise ReachError(f"drawing: {arm.name} cannot reach any of it from this start; give another")
-    placed = scaled(pens, 0.5 * (low + high), scale, pace)
-    reference, switched = _motion(arm.fkm(q), axes, placed, pace)
+    elif not (scale := largest(_WIDEST)):
+        raise ReachError(f"drawing: {arm.name} cannot reach any of it from this start; give another")
+    reference, switched = _motion(arm.fkm(q), axes, placed(scale), pace)
     if reference.duration > _LONGEST:
         raise ValueRangeError(
             f"speed: {pace:g} m/s makes a drawing of {reference.duration:.0f} s, at most {_LONGEST:g} s are drawn"
@@ -181,31 +189,9 @@ def _pens(drawing: str | Path) -> tuple[PenStroke, ...]:
     raise FileFormatError(f"{drawing}: expected a .svg or a .txt file, got '{suffix}'")
 
 
-def _fitting(
-    arm: Robot,
-    q: Array,
-    axes: Array,
-    pens: Sequence[PenStroke],
-    low: Array,
-    high: Array,
-    pace: float,
-    wide: float,
-) -> float:
-    """Return the largest scale that is reached and tried, or 0."""
-    longest = float((high - low).max())
-    while wide > _NARROWEST:
-        if _reached(arm, q, axes, scaled(pens, 0.5 * (low + high), wide / longest, pace)):
-            return wide / longest
-        wide *= _SHRINK
-    return 0.0
-
-
 def _reached(arm: Robot, q: Array, axes: Array, pens: Sequence[PenStroke]) -> bool:
-    points = []
-    for pen in pens:
-        trace = PenPath.of(pen.strokes)
-        points.append(trace.at(np.linspace(0.0, trace.times[-1], 8))[0] + pen.start)
-    flat = np.concatenate(points)
+    traces = [(PenPath.of(pen.strokes), pen.start) for pen in pens]
+    flat = np.concatenate([of.at(np.linspace(0.0, of.times[-1], 8))[0] + start for of, start in traces])
     flat = flat[np.unique(np.linspace(0, len(flat) - 1, _POSES).astype(int))]
     hand = arm.fkm(q)
     poses = algebra.pose(hand[:4], algebra.translation(hand) + flat @ axes)

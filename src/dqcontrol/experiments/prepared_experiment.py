@@ -10,6 +10,7 @@ from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -391,13 +392,8 @@ def prepare_spec(
     trials = len(robots) * len(variants) * len(plants) * spec.repeats
     if trials > _MOST_TRIALS:
         raise ShapeError(f"spec: describes {trials:,} trials; at most {_MOST_TRIALS:,}")
-    names = [
-        Names(robot, variant.label, variant.set, plant)
-        for robot in robots
-        for plant in plants
-        for variant in variants
-    ]
-    folder_names(each.label for each in names)
+    every = product(robots, plants, variants)
+    folder_names(Names(robot, each.label, each.set, plant).label for robot, plant, each in every)
     scenes = {}
     for label, robot in robots.items():
         with error_prefix(f"robots.{label}") if label else nullcontext():
@@ -576,13 +572,8 @@ def _prepared_laws(
     bytes_left = _KEPT_BYTES
     for variant in variants:
         with error_prefix(f"law {variant.label}" + (f", set {variant.set}" if variant.set else "")):
-            first = variant.law.prepare(
-                scene.robot,
-                scene.reference,
-                spec.period,
-                next(iter(different.values())),
-                tasks=scene.tasks,
-            )
+            limits = next(iter(different.values()))
+            first = variant.law.prepare(scene.robot, scene.reference, spec.period, limits, tasks=scene.tasks)
             if isinstance(variant.law.null_space, Posture) and variant.law.null_space.rest is not None:
                 note_turns("null_space.rest", np.array(variant.law.null_space.rest), scene.robot)
             if first.constraints:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
@@ -77,9 +77,7 @@ class Ranking:
 
     def values(self, name: str) -> list[Any]:
         """Return the different values of a label or parameter of all combinations, in their order."""
-        return sorted(
-            (each for each in self.groups[name].unique().to_pylist() if each is not None), key=_in_order
-        )
+        return _in_order(self.groups[name].to_pylist())
 
     def best_of_each(self, key: str) -> Ranking:
         """Return the best combination for each value of a label or parameter, as the best gain for each delay.
@@ -89,14 +87,10 @@ class Ranking:
         UnknownNameError
             If nothing of that name varies.
         """
-        name = self._named("key", key)
+        name = _column("key", key, self.groups.column_names)
         found = self.groups[name].slice(0, self.placed).to_pylist()
         firsts = [found.index(value) for value in self.values(name) if value in found]
         return Ranking(self.by, self.groups.take(firsts), len(firsts), name)
-
-    def _named(self, field: str, key: str) -> str:
-        """Return the column of a label or parameter."""
-        return _column(field, key, self.groups.column_names)
 
     def table(self, top: int = TOP) -> Table:
         """Return the best, one row each, with means and standard deviations where there are repeats."""
@@ -128,18 +122,17 @@ class Ranking:
 
 
 def _column(field: str, key: str, columns: Sequence[str]) -> str:
-    known = {
-        name.removeprefix(_PARAMETER): name
-        for name in columns
-        if name in LABELS or name.startswith(_PARAMETER)
-    }
+    named = [name for name in columns if name in LABELS or name.startswith(_PARAMETER)]
+    known = {name.removeprefix(_PARAMETER): name for name in named}
     if key.removeprefix(_PARAMETER) not in known:
         raise unknown_name(field, key, known)
     return known[key.removeprefix(_PARAMETER)]
 
 
-def _in_order(value: Any) -> tuple[bool, Any]:
-    return isinstance(value, str), value
+def _in_order(values: Iterable[Any]) -> list[Any]:
+    """Return what values there are, numbers before texts."""
+    known = {each for each in values if each is not None}
+    return sorted(known, key=lambda value: (isinstance(value, str), value))
 
 
 def rank(
@@ -211,7 +204,7 @@ def _chosen(arrow: Any, rows: pyarrow.Table, key: str, value: float | str) -> py
     else:
         mask = [isinstance(each, float) and math.isclose(each, value, rel_tol=1e-9) for each in there]
     if not any(mask):
-        known = sorted({each for each in there if each is not None}, key=_in_order)
+        known = _in_order(there)
         some = ", ".join(f"{each:g}" if isinstance(each, float) else str(each) for each in known[:12])
         raise ValueRangeError(
             f"where: no run has {key} = {value} (there are: {some}{', …' * (len(known) > 12)})"

@@ -29,7 +29,6 @@ class ResultPages(Protocol):
 
     def write_run(self, run: Run, folder: Path, outside: str, *, figures: bool = True) -> None:
         """Write those of a run; ``outside`` leads from its folder out of all results."""
-        ...
 
     def write_study(
         self,
@@ -42,19 +41,15 @@ class ResultPages(Protocol):
         figures: bool = True,
     ) -> None:
         """Write those of a study, with further tables, records to compare and pages of single runs by label."""
-        ...
 
     def write_sweep(self, ranking: Ranking, spec: str, folder: Path) -> None:
         """Write those of a parameter study."""
-        ...
 
     def write_tuning(self, tuning: Tuning, spec: str, folder: Path) -> None:
         """Write those of a search."""
-        ...
 
     def write_learning(self, learning: Learning, spec: str, folder: Path) -> None:
         """Write those of learning from repetition."""
-        ...
 
     def path_picture(self, record: Record) -> bytes:
         """Return the path of the end effector as a PNG file."""
@@ -84,7 +79,7 @@ class ShownPage:
         return f'<iframe srcdoc="{page}" width="100%" height="{self.height}" style="border:none"></iframe>'
 
 
-class _HandedIn(NamedTuple):
+class HandedIn(NamedTuple):
     """What packages above make of runs."""
 
     load: Callable[[], ResultPages]
@@ -92,16 +87,12 @@ class _HandedIn(NamedTuple):
     clip: Callable[[Robot, Plant, Record, Path, Constraints | None], None]
 
 
-_handed_in: list[_HandedIn] = []
+_handed_in: list[HandedIn] = []
 
 
-def hand_in(
-    load: Callable[[], ResultPages],
-    replay: Callable[[Mapping[str, Run]], str],
-    clip: Callable[[Robot, Plant, Record, Path, Constraints | None], None],
-) -> None:
+def hand_in(given: HandedIn) -> None:
     """Take what loads the writer of figures and reports, and what makes replays and clips."""
-    _handed_in[:] = [_HandedIn(load, replay, clip)]
+    _handed_in[:] = [given]
 
 
 def result_pages() -> ResultPages:

@@ -158,10 +158,7 @@ def _clear_up(target: Path) -> None:
             continue
         if not (draft / _CONTENTS).is_file():
             continue
-        with (
-            suppress(OSError),
-            FileLock(_lock_of(draft), blocking=False),
-        ):  # a `Timeout`, an OSError, if it is in use
+        with suppress(OSError), FileLock(_lock_of(draft), blocking=False):  # a `Timeout`, one too, if in use
             if draft.name.endswith("-old") and not target.exists():
                 draft.rename(target)
             else:
@@ -262,7 +259,9 @@ class WorkingFolder:
         self._text, self._fingerprint = text, fingerprint
         with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
-            if not (folder / _FINGERPRINT).exists() and (foreign := _names(folder) - _FIRST):
+            if not (folder / _FINGERPRINT).exists() and (
+                foreign := {path.name for path in folder.iterdir()} - _FIRST
+            ):
                 raise ExistsError(f"{folder}: holds '{foreign.pop()}' and no unfinished study; move it away")
             self._lock = FileLock(folder / _LOCK, thread_local=False)
             try:
@@ -336,7 +335,3 @@ class WorkingFolder:
 def working_folder(folder: Path) -> Path:
     """Return where the finished trials of a study are kept until its folder is complete."""
     return folder.parent / f".{folder.name}.part"
-
-
-def _names(folder: Path) -> set[str]:
-    return {path.name for path in folder.iterdir()}

@@ -64,11 +64,10 @@ def summary(runs: Mapping[str, Run | Record], title: str = "") -> Table:
     >>> print(summary({"mine": record}).csv().splitlines()[1].split(",")[0])
     mine
     """
-    records = {label: run if isinstance(run, Record) else run.record for label, run in runs.items()}
-    metrics = {
-        label: evaluate(run) if isinstance(run, Record) else run.metrics for label, run in runs.items()
-    }
-    rows = ((label, {**metrics[label].flat(), "stopped": records[label].stopped}) for label in runs)
+    rows = []
+    for label, run in runs.items():
+        record, metrics = (run, evaluate(run)) if isinstance(run, Record) else (run.record, run.metrics)
+        rows.append((label, {**metrics.flat(), "stopped": record.stopped}))
     robots = [run.robot for run in runs.values() if not isinstance(run, Record)]
     return summary_of(rows, title, unit_of_way(robots) if len(robots) == len(runs) else "rad or m")
 

@@ -1,4 +1,7 @@
-"""Parameter studies: a spec whose keys vary, each point of which is a study of its own."""
+"""Parameter studies: a spec whose keys vary, each point of which is a study of its own.
+
+They run part by part: in processes here, or on a cluster.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,13 @@ import copy
 import hashlib
 import json
 import math
+import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cached_property
-from itertools import groupby, islice
+from functools import cached_property, lru_cache
+from itertools import groupby, islice, product
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -22,8 +26,19 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from dqcontrol.errors import Error, FileFormatError, ShapeError, ValueRangeError, suggest
-from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare_spec
-from dqcontrol.experiments.row_file import Row
+from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare_spec, program
+from dqcontrol.experiments.processes import checked_jobs, connect, in_processes, on_cluster
+from dqcontrol.experiments.ranking import BEST_BY, Ranking, rank
+from dqcontrol.experiments.result_pages import result_pages
+from dqcontrol.experiments.results_folder import (
+    SPEC_FILE,
+    WorkingFolder,
+    check_new,
+    new_folder,
+    working_folder,
+)
+from dqcontrol.experiments.row_file import Row, join_files, parquet, write_whole
+from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec import (
     Spec,
     as_spec,
@@ -32,11 +47,12 @@ from dqcontrol.experiments.spec import (
     read_data,
     readable_again,
 )
-from dqcontrol.experiments.spec.reference_spec import Part
-from dqcontrol.experiments.spec.spec_files import locate_files
-from dqcontrol.experiments.trials import Batch
+from dqcontrol.experiments.spec.reference_spec import ObjectSpec, Part
+from dqcontrol.experiments.spec.spec_files import copy_inputs, locate_files
+from dqcontrol.experiments.study import ROWS
+from dqcontrol.experiments.trials import WORTH_PROCESSES, Batch, precompile
 from dqcontrol.files.yaml_file import convert, parse_yaml
-from dqcontrol.measures.metric_tables import METRIC_COLUMNS
+from dqcontrol.measures.metric_tables import METRIC_COLUMNS, number_column
 
 _MOST_POINTS = 10_000_000  # more are a slip
 
@@ -265,14 +281,19 @@ class Sweep:
         return self.setting(next(self.sampling.points_between(0, 1)))
 
     @property
+    def runs(self) -> int:
+        """How many repeats of points there are, each of all cases."""
+        return self.sampling.size * self.first.spec.repeats
+
+    @property
     def trials(self) -> int:
         """How many there are in all."""
-        return self.sampling.size * self.first.spec.repeats * len(self.first.cases)
+        return self.runs * len(self.first.cases)
 
     @property
     def runs_in_part(self) -> int:
         """How many repeats of points, each of all cases, a part has; the same wherever and in how many jobs it runs."""
-        seconds = self.seconds / (self.sampling.size * self.first.spec.repeats)
+        seconds = self.seconds / self.runs
         most = max(_MOST_IN_PART // len(self.first.cases), 1)
         return min(max(math.ceil(_PART / seconds), 1), most)
 
@@ -286,12 +307,12 @@ class Sweep:
     @property
     def parts(self) -> int:
         """Number of parts."""
-        return math.ceil(self.sampling.size * self.first.spec.repeats / self.runs_in_part)
+        return math.ceil(self.runs / self.runs_in_part)
 
     def runs_of(self, part: int) -> range:
         """Return the numbers of a part's runs, which count the repeats of all points one after the other."""
         size = self.runs_in_part
-        return range(part * size, min((part + 1) * size, self.sampling.size * self.first.spec.repeats))
+        return range(part * size, min((part + 1) * size, self.runs))
 
     def trials_in(self, part: int) -> int:
         """Return how many trials a part has."""
@@ -306,13 +327,6 @@ class Sweep:
             If it is malformed, does not fit or is out of reach.
         """
         return prepare_spec(as_spec(self.where, self._data_at(point), self.folder), self.folder, self._known)
-
-    def _unchecked(self, point: Point) -> PreparedExperiment:
-        """Return the same for runs that follow at once, which fail where `setting` does, if in other words."""
-        spec = self._spec_at(point)
-        if self._keeps_scenes:
-            return self.first.with_drives_of(spec)
-        return prepare_spec(spec, self.folder, self._known, checked=False)
 
     @cached_property
     def _keeps_scenes(self) -> bool:
@@ -385,24 +399,32 @@ class Sweep:
                     yield from self._rows_at(number, point, of_point, setting)
 
     def _ready(self, point: Point) -> PreparedExperiment | Error:
-        """Return the study at a point for runs that follow at once, or why there are none."""
+        """Return the study at a point for runs that follow at once, or why there are none.
+
+        It fails where `setting` does, if in other words.
+        """
         try:
-            return self._unchecked(point)
+            spec = self._spec_at(point)
+            if self._keeps_scenes:
+                return self.first.with_drives_of(spec)
+            return prepare_spec(spec, self.folder, self._known, checked=False)
         except Error as error:
             return error
 
     def _rows_at(
         self, number: int, point: Point, repeats: list[int], setting: PreparedExperiment | Error
     ) -> Iterator[Row]:
-        place: Row = {"point": number} | {
-            f"parameter.{key}": self._shown(key, value) for key, value in point.items()
-        }
+        shown = {f"parameter.{key}": self._shown(key, value) for key, value in point.items()}
+        place: Row = {"point": number} | shown
         try:
             if isinstance(setting, Error):
                 raise setting
             outcomes = [list(Batch(setting, case, repeats, None).outcomes()) for case in setting.cases]
         except Error as error:
-            yield from self._refused(place, f"{REFUSED}{self._worded(point, error)}", repeats)
+            why, nothing = self._worded(point, error), dict.fromkeys(METRIC_COLUMNS)
+            for repeat, case in product(repeats, self.first.cases):
+                trial: Row = {"repeat": repeat, "seed": None, "stopped": f"{REFUSED}{why}"}
+                yield {**place, **case.names._asdict(), **trial, **nothing}
             return
         for i in range(len(repeats)):
             yield from (place | of_case[i].row for of_case in outcomes)
@@ -414,13 +436,6 @@ class Sweep:
         except Error as found:
             return found
         return error
-
-    def _refused(self, place: Row, why: str, repeats: list[int]) -> Iterator[Row]:
-        nothing: Row = dict.fromkeys(METRIC_COLUMNS)
-        for repeat in repeats:
-            for case in self.first.cases:
-                trial: Row = {"repeat": repeat, "seed": None, "stopped": why}
-                yield {**place, **case.names._asdict(), **trial, **nothing}
 
     def _shown(self, key: str, value: Any) -> float | str | None:
         """Return a value as part of a row: numbers as such, if the key has no other values."""
@@ -543,3 +558,154 @@ def _inside(inner: Any, name: str) -> list[Any]:
     if isinstance(inner, list):
         return [inner[int(name)]]
     return list(inner.values()) if name == "*" else [inner[name]]
+
+
+SweepProgress = Callable[[int, int], None]  # trials done; trials in all
+_ONE_AT_A_TIME = threading.Lock()  # a cluster's worker may have threads, and trials change warning filters
+
+
+@dataclass(frozen=True)
+class Task:
+    """A part of a parameter study, to be run anywhere.
+
+    Attributes
+    ----------
+    text, folder
+        Of the study.
+    program
+        Versions that it must run with.
+    part
+        Its number.
+    runs
+        What it consists of; see `Sweep.runs_of`.
+    """
+
+    text: str
+    folder: Path
+    program: str
+    part: int
+    runs: range
+
+    def run(self) -> tuple[int, int, bytes]:
+        """Return the part's number, its number of trials, and its rows in a Parquet file.
+
+        Raises
+        ------
+        Error
+            If another version of dqcontrol, or of the libraries that trials depend on, is installed here.
+        """
+        if program() != self.program:
+            raise Error("a worker has another version of dqcontrol, NumPy or MuJoCo; give all the same")
+        with _ONE_AT_A_TIME:
+            rows = list(_known(self.text, self.folder).rows(self.runs))
+        return self.part, len(rows), parquet(rows, {})
+
+
+@lru_cache(maxsize=1)
+def _known(text: str, folder: Path) -> Sweep:
+    return sweep_of_text(text, folder)
+
+
+def run_sweep_to(
+    source: str | Path | dict[str, Any],
+    folder: str | Path,
+    *,
+    force: bool = False,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    by: str = BEST_BY,
+    progress: SweepProgress | None = None,
+) -> Ranking:
+    """Run a parameter study, and write ``spec.yaml``, ``runs.parquet``, a table and a figure of its best points.
+
+    The same spec gives the same rows to the last bit, whatever the number of jobs or workers. Finished parts are kept
+    in ``.NAME.part`` beside the folder NAME until all are there: after an interruption the same call resumes it.
+
+    Parameters
+    ----------
+    source
+        Path of a YAML file with the key ``sweep``, or the same as a dictionary.
+    folder
+        A new folder.
+    force
+        Replace the folder, if it holds earlier results, and discard finished parts of another spec or version.
+    jobs
+        Processes on this machine; default: as many as there are processors, or one if there is little to do.
+    scheduler
+        Address of a Dask scheduler, whose workers run the trials in place of processes here.
+    by
+        Number, as in `Metrics.flat`, that says which points are best.
+    progress
+        Called with trials done, and in all.
+
+    Returns
+    -------
+    The points, the best first.
+
+    Raises
+    ------
+    Error
+        If something is missing, malformed, does not fit or is out of reach, at the first point or with any end of a
+        range or value of a list in it; or if the folder must not be written, or nobody answers at the address.
+    """
+    sweep, target, jobs = read_sweep(source), Path(folder), checked_jobs(jobs)
+    if scheduler is not None and jobs is not None:
+        raise Error("jobs: is for processes on this machine; leave it out with a scheduler")
+    if isinstance(sweep.first.spec.reference, ObjectSpec):
+        if scheduler is not None or jobs not in (None, 1):
+            raise Error(
+                "reference: is an object of this program, which other processes do not have; leave out jobs"
+            )
+        jobs = 1
+    check_new(target, force=force)
+    number_column(by)
+    fingerprint = sweep.fingerprint()
+    with (
+        WorkingFolder(working_folder(target), sweep.text, fingerprint, force=force) as parts,
+        _workers(sweep, jobs, scheduler) as carry_out,
+    ):
+        _run(sweep, parts, carry_out, progress or (lambda done, total: None))
+        with new_folder(target, force=force) as new:
+            (new / SPEC_FILE).write_text(sweep.text, encoding="utf-8")
+            copy_inputs(parse_yaml("spec", sweep.text), new)
+            join_files(list(parts.parts().values()), new / ROWS, {"spec": sweep.text})
+            ranking = rank([new], by)
+            write_table(ranking.table(), new, "best")
+            result_pages().write_sweep(ranking, sweep.text, new)
+        parts.discard()
+    return ranking
+
+
+CarryOut = Callable[[Iterable[Task]], Iterator[tuple[int, int, bytes]]]
+
+
+@contextmanager
+def _workers(sweep: Sweep, jobs: int | None, scheduler: str | None) -> Iterator[CarryOut]:
+    """Give what runs tasks: a cluster, processes, or this one."""
+    if scheduler is not None:
+        with connect(scheduler) as client:
+            yield lambda tasks: on_cluster(client, Task.run, tasks)
+        return
+    import joblib
+
+    if jobs is None:
+        jobs = joblib.cpu_count() if sweep.seconds > WORTH_PROCESSES else 1
+    if jobs == 1 or sweep.parts == 1:
+        yield lambda tasks: map(Task.run, tasks)
+        return
+    precompile([Batch(setting, case, (0,), None) for setting in sweep.ends() for case in setting.cases])
+    yield lambda tasks: in_processes(Task.run, tasks, jobs)
+
+
+def _run(sweep: Sweep, parts: WorkingFolder, carry_out: CarryOut, report: SweepProgress) -> None:
+    """Run the parts that are not finished, and write each when it is there."""
+    finished = parts.parts()
+    done = sum(sweep.trials_in(part) for part in finished)
+    report(done, sweep.trials)
+    text, version = sweep.text, program()
+    left = (part for part in range(sweep.parts) if part not in finished)
+    tasks = (Task(text, sweep.folder, version, part, sweep.runs_of(part)) for part in left)
+    for part, count, content in carry_out(tasks):
+        write_whole(parts.part(part), content)
+        done += count
+        report(done, sweep.trials)

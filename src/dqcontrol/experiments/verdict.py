@@ -15,7 +15,7 @@ from dqcontrol.constraints.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import SELF
 from dqcontrol.controller import PreparedTasks
 from dqcontrol.experiments.contacts import HAND, contacts_of
-from dqcontrol.experiments.outcome import Expectation, felt, judge_outcome, length_text
+from dqcontrol.experiments.outcome import Expectation, felt, judge, length_text
 from dqcontrol.experiments.spec import Spec
 from dqcontrol.experiments.spec.reference_spec import ReferenceSpec
 from dqcontrol.laws import Law, PartialProportional
@@ -140,6 +140,11 @@ class Judge:
         planned = getattr(reference, "clear_of", None) is not None
         self._contacts = contacts_of(robot, self._constraints, plant, world, fitted=planned)
         self._world, self._outcome = world, list(outcome)
+        physics = plant if isinstance(plant, MobilePlant | MujocoPlant) else None
+        around = {} if physics is None or physics.world is None else physics.world.bodies
+        self._gripper = None if physics is None else physics.gripper
+        self._free = {name: body for name, body in around.items() if body.role == "free"}
+        self._containers = {name: body for name, body in around.items() if body.container is not None}
 
     @classmethod
     def of(
@@ -181,9 +186,11 @@ class Judge:
             diverged = "" if has_failed(record.stopped) else "diverged: "
             return Verdict(diverged + record.stopped.partition(";")[0], "ended")
         touched = list(self._touched(record))
-        judged = judge_outcome(self._outcome, record, self.robot, self._world, self._period, touched)
+        judged = [
+            judge(each, record, self.robot, self._world, self._period, touched) for each in self._outcome
+        ]
         met = [each.words for each in judged if each.holds]
-        hit, grip, missed = self._felt(record), list(self._grip(record)), list(self._missed(record))
+        hit, grip, missed = felt(record, self.robot), list(self._grip(record)), list(self._missed(record))
         found: list[tuple[Failure, str]] = [
             *(("outcome", f"not so: {each.words}") for each in judged if not each.holds),
             *(("crossed", words) for words in (*self._crossed(record), *self._supervised(record))),
@@ -201,7 +208,9 @@ class Judge:
         told = [words for words, failed in (*pressed, *further) if not failed]
         task = metrics.verdict
         met += [
-            words.replace("hit ", "pressed on ", 1) if self._is_springy(words) else words
+            words.replace("hit ", "pressed on ", 1)
+            if (body := self._hit(words)) and body.role == "springy"
+            else words
             for words in hit
             if self._outcome or self._may_be_hit(words)
         ]
@@ -214,13 +223,8 @@ class Judge:
             return Verdict("; ".join([*met, task, *told, *kept, *self._done(record)]), "")
         if task.startswith("not ") and not self._outcome:
             if not found and (left := self._left(record, result)):
-                words = [
-                    *self._kept(record),
-                    f"left the {self._motion} by {left}",
-                    "back on it at the end",
-                    *told,
-                ]
-                return Verdict("; ".join(words), "")
+                left = f"left the {self._motion} by {left}; back on it at the end"
+                return Verdict("; ".join([*self._kept(record), left, *told]), "")
             cause = next(self._causes(record, metrics, result), "")
             found.append(("task", f"{cause}; {task}" if cause else task))
         elif not found:
@@ -233,17 +237,10 @@ class Judge:
             words.append(f"and {len(breaches) - _SAID} more")
         return Verdict("; ".join([*words, end]), found[0][0])
 
-    def _felt(self, record: Record) -> list[str]:
-        return felt(record, self.robot)
-
     def _may_be_hit(self, words: str) -> bool:
         """Return whether what was hit is a body that gives way."""
         body = self._hit(words)
         return body is not None and (body.is_moved_by_physics or body.role == "springy")
-
-    def _is_springy(self, words: str) -> bool:
-        body = self._hit(words)
-        return body is not None and body.role == "springy"
 
     def _hit(self, words: str) -> Body | None:
         name = words.removeprefix("hit ").partition(": ")[0]
@@ -291,10 +288,8 @@ class Judge:
         if given is None:
             return
         if given.keep_out is not None:
-            radius, base = (
-                given.keep_out.footprint_of(self.robot),
-                record.q[:, self.robot.bases[0][0] :][:, :2],
-            )
+            radius = given.keep_out.footprint_of(self.robot)
+            base = record.q[:, self.robot.bases[0][0] :][:, :2]
             for name, taken in given.keep_out.footprints.items():
                 room = taken.clearance(base) - radius
                 if (k := int(room.argmin())) >= 0 and room[k] < -_CROSSED:
@@ -319,9 +314,8 @@ class Judge:
             i = record.joint_names.index(metrics.limit_joint)
             k = int(joint_margins(record, self.robot.limits)[i].argmin())
             turns = self.robot.joint_types[i] == "revolute"
-            by = (
-                f"{math.degrees(-metrics.limit_margin):.2g}°" if turns else length_text(-metrics.limit_margin)
-            )
+            beyond = -metrics.limit_margin
+            by = f"{math.degrees(beyond):.2g}°" if turns else length_text(beyond)
             yield f"beyond its limit: {metrics.limit_joint} by {by}{_at(record, k)}"
         if metrics.peak_velocity_share > 1 + _ROUNDING:
             shares = np.abs(record.command[:-1]) / self.robot.limits.velocity
@@ -338,14 +332,14 @@ class Judge:
             lost = np.flatnonzero(internal[held[0] :] <= 0) if len(held) else np.zeros(1, dtype=np.intp)
             if len(lost):
                 yield f"let go of the box{_at(record, int(held[0] + lost[0]) if len(held) else 0)}"
-        plant = self._plant
-        if not isinstance(plant, MobilePlant | MujocoPlant) or plant.gripper is None or not _free(plant):
+        gripper = self._gripper
+        if gripper is None or not self._free:
             return
         opening = record.readings[GRIPPER_OPENING].values.min(axis=1)
         end = float(record.time[-1])
-        times = [event for event in plant.gripper.schedule if event.time < end]
+        times = [event for event in gripper.schedule if event.time < end]
         holds = [(a.time, b.time if b else end) for a, b in pairwise([*times, None]) if a and a.closed]
-        free = plant.gripper.opening / plant.gripper.speed  # s; twice as long as it takes to close on nothing
+        free = gripper.opening / gripper.speed  # s; twice as long as it takes to close on nothing
         for begin, until in holds:
             there = np.flatnonzero((record.time >= begin) & (record.time <= until))
             closed = opening[there] < _CLOSED
@@ -353,7 +347,7 @@ class Judge:
                 lost = float(record.time[there[int(closed.argmax())]])
                 dropped = lost > begin + free
                 yield f"dropped at {lost:.3g} s" if dropped else f"gripped nothing at {begin:.3g} s"
-        if _containers(plant) and any(until < end for _, until in holds):
+        if self._containers and any(until < end for _, until in holds):
             yield from self._not_placed(record, len(holds))
 
     def _missed(self, record: Record) -> Iterator[str]:
@@ -364,9 +358,8 @@ class Judge:
             if held is None:
                 continue
             alone = World(bodies={name: body})
-            kept = Constraints(world=alone, self_collision=False).prepare(
-                self.robot, self._period, "measured"
-            )
+            prepared = Constraints(world=alone, self_collision=False)
+            kept = prepared.prepare(self.robot, self._period, "measured")
             known = record.readings.get(f"{name}_position") if body.mass is not None else None
             for time, stands, words in (
                 (held.since, body, "gripped nothing: {} is {} from where the hand closes on it"),
@@ -375,29 +368,26 @@ class Judge:
                 if stands is None or time > record.time[-1]:
                     continue
                 k = int(np.searchsorted(record.time, time - INSTANT))
-                place = algebra.translation(
-                    held_poses(kept, name, record.q[k : k + 1], np.array([held.since]))
-                )[0]
-                other = np.array(stands.position)
-                if known is not None:  # physics says where it is
-                    place, other = (
-                        (known.values[k], other) if stands is not body else (place, known.values[k])
-                    )
+                pose = held_poses(kept, name, record.q[k : k + 1], np.array([held.since]))[0]
+                place, other = algebra.translation(pose), np.array(stands.position)
+                if known is not None and stands is body:  # physics says where it is
+                    other = known.values[k]
+                elif known is not None:
+                    place = known.values[k]
                 away = float(np.linalg.norm(place - other))
                 if away > held.within:
                     yield words.format(name, length_text(away)) + _at(record, k)
 
     def _not_placed(self, record: Record, carried: int) -> Iterator[str]:
         """Yield the body that is nearest to a container, and in none, if fewer are in one than were gripped."""
-        assert isinstance(self._plant, MobilePlant | MujocoPlant)
-        free, containers, outside = _free(self._plant), _containers(self._plant), {}
-        for name in free:
+        outside = {}
+        for name in self._free:
             place = record.readings[f"{name}_position"].values[-1]
-            away = {other: float(body.away(place)) for other, body in containers.items()}
+            away = {other: float(body.away(place)) for other, body in self._containers.items()}
             nearest = min(away, key=lambda other: away[other])
             if away[nearest] > 0:
                 outside[name] = nearest, away[nearest]
-        if len(free) - len(outside) < min(carried, len(free)):
+        if len(self._free) - len(outside) < min(carried, len(self._free)):
             name = min(outside, key=lambda each: outside[each][1])
             yield f"not placed: {name} {length_text(outside[name][1])} from {outside[name][0]}"
 
@@ -477,15 +467,13 @@ class Judge:
 
     def _done(self, record: Record) -> Iterator[str]:
         """Yield what else was to be done, and was."""
-        plant = self._plant
         if GRIP_FORCE in record.readings and not any(self._grip(record)):
             yield "held the box"
-        gripper = plant.gripper if isinstance(plant, MobilePlant | MujocoPlant) else None
-        if isinstance(plant, MobilePlant | MujocoPlant) and gripper and gripper.schedule and _free(plant):
-            places = [record.readings[f"{name}_position"].values[-1] for name in _free(plant)]
-            held = [any(body.holds(place) for body in _containers(plant).values()) for place in places]
+        if self._gripper is not None and self._gripper.schedule and self._free:
+            places = [record.readings[f"{name}_position"].values[-1] for name in self._free]
+            held = [any(body.holds(place) for body in self._containers.values()) for place in places]
             yield f"placed {sum(held)} of {len(places)}" if any(held) else "gripped"
-        if isinstance(plant, MobilePlant):
+        if isinstance(self._plant, MobilePlant):
             yield f"stands (tilt ≤ {math.degrees(float(record.readings['tilt'].values.max())):.2g}°)"
 
     # Why a task was not done
@@ -494,16 +482,10 @@ class Judge:
         """Return by how much constraints took the end effector away from its reference, if it is back at the end."""
         if PRESSURE not in record.readings or not self._kept_hand(record):
             return ""
-        errors = (
-            (record.position_error, result.position_tolerance, result.position),
-            (
-                record.orientation_error,
-                result.orientation_tolerance,
-                result.orientation,
-            ),
-        )
-        judged = [(error, tolerance) for error, tolerance, found in errors if math.isfinite(found)]
-        if any(error[-1] > tolerance for error, tolerance in judged):
+        # What is not judged is NaN.
+        far_off = math.isfinite(result.position) and record.position_error[-1] > result.position_tolerance
+        turned_off = record.orientation_error[-1] > result.orientation_tolerance
+        if far_off or (math.isfinite(result.orientation) and turned_off):
             return ""
         far, turned = float(record.position_error.max()), float(record.orientation_error.max())
         mainly = result.position > result.position_tolerance
@@ -525,7 +507,7 @@ class Judge:
             shares = (record.readings[PRESSURE].values > 0).mean(axis=0)
             name = record.readings[PRESSURE].parts[int(shares.argmax())]
             yield f"pushed aside by {name} for {100 * shares.max():.2g} % of the time"
-        yield from (words for words in self._felt(record) if self._may_be_hit(words))
+        yield from (words for words in felt(record, self.robot) if self._may_be_hit(words))
         if "wheel_slip" in record.readings:
             slip = np.abs(record.readings["wheel_slip"].values).max(axis=1)
             if (share := float(np.mean(slip > SLIDING))) > _OFTEN:
@@ -554,18 +536,6 @@ class Judge:
             yield f"out of reach: rests {length_text(float(missing))} short"
         elif metrics.limit_margin < AT_LIMIT:
             yield f"at its limit: {metrics.limit_joint}"
-
-
-def _bodies(plant: MobilePlant | MujocoPlant) -> dict[str, Body]:
-    return {} if plant.world is None else plant.world.bodies
-
-
-def _free(plant: MobilePlant | MujocoPlant) -> dict[str, Body]:
-    return {name: body for name, body in _bodies(plant).items() if body.role == "free"}
-
-
-def _containers(plant: MobilePlant | MujocoPlant) -> dict[str, Body]:
-    return {name: body for name, body in _bodies(plant).items() if body.container is not None}
 
 
 def _braked(record: Record) -> str:

@@ -13,11 +13,9 @@ from dqcontrol.errors import ShapeError, as_array
 from dqcontrol.figures.style import (
     COLOURS,
     DESIRED,
-    DOUBLE,
     legend_below,
     mark_style,
-    new_figure,
-    panels_across,
+    panel_grid,
     styled,
 )
 from dqcontrol.loop.clock import Timing
@@ -58,10 +56,8 @@ def histogram(values: Mapping[str, ArrayLike], label: str = "sampling period [ms
     low, high = _most(everything)
     margin = max(0.02 * (high - low), 1e-3 * abs(high), 1e-9)
     edges = np.linspace(low - margin, high + margin, _BINS + 1)
-    columns = panels_across(2 if len(samples) in (2, 4) else min(3, len(samples)))
-    rows = -(-len(samples) // columns)
-    figure = new_figure(DOUBLE, 0.5 + 2.1 * rows)
-    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    most = 2 if len(samples) in (2, 4) else min(3, len(samples))
+    figure, panels = panel_grid(len(samples), most, 2.1, 0.5, sharex=True, sharey=True)
     for axes, (name, numbers) in zip(panels.flat, samples.items(), strict=False):
         axes.hist(numbers, edges, color=COLOURS[0], edgecolor="white", linewidth=0.3)
         mean = mean_of(numbers)
@@ -70,7 +66,7 @@ def histogram(values: Mapping[str, ArrayLike], label: str = "sampling period [ms
         axes.set_title(title + _outside(numbers, edges[0], edges[-1]), loc="left")
     for axes in panels.flat[len(samples) :]:
         axes.set_visible(False)
-    for axes in panels.flat[max(len(samples) - columns, 0) : len(samples)]:
+    for axes in panels.flat[max(len(samples) - panels.shape[1], 0) : len(samples)]:
         axes.tick_params(labelbottom=True)
         axes.set_xlabel(label)
     for axes in panels[:, 0]:
@@ -123,12 +119,9 @@ def parity(
     """
     from matplotlib.ticker import LogLocator, NullLocator
 
-    across = panels_across(min(len(panels), _ACROSS))
-    rows = -(-len(panels) // across)
-    figure = new_figure(DOUBLE, 0.4 + 2.8 * rows)
-    everywhere = figure.subplots(rows, across, squeeze=False).ravel()
-    grid = everywhere[: len(panels)]
-    for axes in everywhere[len(panels) :]:
+    figure, everywhere = panel_grid(len(panels), min(len(panels), _ACROSS), 2.8, 0.4)
+    grid = everywhere.ravel()[: len(panels)]
+    for axes in everywhere.flat[len(panels) :]:
         axes.remove()
     known = list(dict.fromkeys(label for groups in panels.values() for label in groups))
     for axes, (title, groups) in zip(grid, panels.items(), strict=True):
@@ -146,7 +139,7 @@ def parity(
             axis.set_major_locator(LogLocator(subs=subs))
             axis.set_major_formatter(lambda value, _: f"{value:g}")
             axis.set_minor_locator(NullLocator())
-    for axes in grid[::across]:
+    for axes in grid[:: everywhere.shape[1]]:
         axes.set_ylabel(labels[1])
     legend_below(figure, max(grid, key=lambda axes: len(axes.get_legend_handles_labels()[0])))
     return figure
@@ -170,15 +163,10 @@ def timing_histogram(timing: Timing) -> Figure:
     """
     if len(timing.begin) < 2:
         raise ShapeError(f"timing: needs at least two steps, got {len(timing.begin)}")
-    rows = (
-        ("period", timing.periods),
-        ("computation", timing.computation),
-        ("idle", timing.idle[1:]),
-    )
-    across = panels_across(len(rows))
-    figure = new_figure(DOUBLE, 0.6 + 2.0 * len(rows) / across)
-    panels = figure.subplots(len(rows) // across, across, sharey=True, squeeze=False).ravel()
-    for axes, (name, seconds) in zip(panels, rows, strict=True):
+    rows = _times(timing)
+    figure, grid = panel_grid(len(rows), len(rows), 2.0, 0.6, sharey=True)
+    panels = grid.ravel()
+    for axes, (name, seconds) in zip(panels, rows.items(), strict=True):
         values = 1e3 * seconds
         axes.hist(values, _TIMING_BINS, color=COLOURS[0], edgecolor="white", linewidth=0.2)
         axes.set_yscale("log")
@@ -194,6 +182,10 @@ def timing_histogram(timing: Timing) -> Figure:
     return figure
 
 
+def _times(timing: Timing) -> dict[str, Array]:
+    return {"period": timing.periods, "computation": timing.computation, "idle": timing.idle[1:]}
+
+
 def timing_table(timing: Timing) -> Table:
     """Return median, 99 % and longest of periods, computation and idle times, and how many periods were missed.
 
@@ -204,11 +196,7 @@ def timing_table(timing: Timing) -> Table:
     columns = [Column("timing"), *(Column(name, "ms", ".4g") for name in ("median", "99 % below", "longest"))]
     rows = [
         [name, *(1e3 * float(np.quantile(seconds, share)) for share in (0.5, 0.99, 1.0))]
-        for name, seconds in (
-            ("period", timing.periods),
-            ("computation", timing.computation),
-            ("idle", timing.idle[1:]),
-        )
+        for name, seconds in _times(timing).items()
         if len(seconds)
     ]
     steps = f"{len(timing.begin)} steps of {1e3 * timing.period:.4g} ms"

@@ -27,10 +27,7 @@ from dqcontrol.figures.save import encoded
 from dqcontrol.figures.style import TICKS
 
 _PAD, _GAP = 0.06, 0.12  # in: around everything, and between the labels of neighbouring panels
-_TICK, _BESIDE = (
-    3.5,
-    7.0,
-)  # points: the length of ticks, and how far numbers stand from the panel, as Matplotlib's
+_TICK, _BESIDE = 3.5, 7.0  # points: length of ticks, distance of numbers from the panel, as Matplotlib's
 _MINOR = 2.0  # points
 _SIZE = 8.0  # points, of numbers where nothing else is said
 _DIGIT = 0.73  # height of a digit of DejaVu Sans as a share of its size
@@ -121,9 +118,8 @@ class _PanelAxis:
         for text in (self.label, self.offsetText):
             if text.get_visible() and text.get_text():
                 box = text.get_window_extent(renderer)
-                if (
-                    for_layout_only and text is self.label
-                ):  # a longer one would gain nothing by a smaller panel
+                if for_layout_only and text is self.label:
+                    # A longer one would gain nothing by a smaller panel.
                     low, high = box.min, box.max
                     low[1 - self.across] = high[1 - self.across] = 0.5 * (low + high)[1 - self.across]
                     box = Bbox([low, high])

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.errors import ShapeError
 from dqcontrol.figures.style import (
     DESIRED,
     DOUBLE,
     NEUTRAL,
-    PANE,
+    first_of,
+    frame_space,
     legend_below,
     line_style,
     new_figure,
@@ -35,9 +35,7 @@ if TYPE_CHECKING:
     from dqcontrol.constraints.constraints import Constraints
 
 
-_PIECES = (
-    800  # of a curve: one a pixel of a figure across a page, 7.16 in at 96 dots an inch less its margins
-)
+_PIECES = 800  # of a curve: one a pixel of a figure across a page, 7.16 in at 96 dots an inch less margins
 
 
 def outline(curves: Array) -> NDArray[np.intp] | None:
@@ -153,10 +151,8 @@ def _paths(records: Mapping[str, Record], constraints: Constraints | None) -> Fi
     from matplotlib.lines import Line2D
     from matplotlib.ticker import MaxNLocator
 
-    if not records:
-        raise ShapeError("records: expected at least one run, got none")
+    first = first_of(records)
     hands = {label: _finite(record.position) for label, record in records.items()}
-    first = next(iter(records.values()))
     made = [each for each in plans_of_run(first) if each.held_by]
     desired = _finite(first.desired_position)
     ways = apart_at_plans(first, desired)
@@ -230,18 +226,10 @@ def _mark(kind: str, colour: str) -> dict[str, Any]:
 
 def _frame_space(axes: Any, points: Array, plane: tuple[Array, tuple[str, str]] | None, zoom: float) -> None:
     """Give a 3-D view one scale, room for its ticks, and an oblique view onto the path's plane."""
-    from matplotlib.ticker import MaxNLocator
-
     low, high = points.min(axis=0), points.max(axis=0)
     longest = max(float((high - low).max()), 1e-3)
     size = np.maximum(1.1 * (high - low), 0.6 * longest)
-    middle = (low + high) / 2
-    for name, centre, extent in zip(_NAMES, middle, size, strict=True):
-        getattr(axes, f"set_{name}lim")(centre - extent / 2, centre + extent / 2)
-        getattr(axes, f"set_{name}label")(f"{name} [m]", labelpad=2)
-        axis = getattr(axes, f"{name}axis")
-        axis.set_major_locator(MaxNLocator(4 if extent > 0.8 * size.max() else 3))
-        axis.set_pane_color(PANE)
+    frame_space(axes, (low + high) / 2, size, [4 if each > 0.8 * size.max() else 3 for each in size], 2)
     axes.set_box_aspect(size, zoom=zoom)
     axes.tick_params(pad=0)
     elevation, azimuth = 24.0, -58.0

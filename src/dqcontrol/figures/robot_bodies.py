@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import io
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -113,10 +113,8 @@ def box(size: ArrayLike, centre: ArrayLike = (0.0, 0.0, 0.0), axes: ArrayLike | 
                 corners.append(corner)
             faces += [[first, first + 1, first + 2], [first, first + 2, first + 3]]
     turn = np.eye(3) if axes is None else np.asarray(axes, np.float64)
-    vertices = (0.5 * np.array(corners) * np.asarray(size, np.float64)) @ turn.T + np.asarray(
-        centre, np.float64
-    )
-    return Surface(vertices, np.array(faces, np.int64))
+    vertices = (0.5 * np.array(corners) * np.asarray(size, np.float64)) @ turn.T
+    return Surface(vertices + np.asarray(centre, np.float64), np.array(faces, np.int64))
 
 
 def _turned(profile: Array, axis: Array) -> Surface:
@@ -135,7 +133,8 @@ def _turned(profile: Array, axis: Array) -> Surface:
     return Surface(vertices.reshape(-1, 3), np.concatenate([below.reshape(-1, 3), above.reshape(-1, 3)]))
 
 
-Drawn = tuple[int, Any, tuple[int, int, int]]
+Colour = tuple[int, int, int]
+Drawn = tuple[int, Any, Colour]
 
 _PLAIN = (200, 203, 208)
 _MESHES = ("dae", "stl", "obj", "ply", "off", "glb")  # none that is an archive, which may hold any amount
@@ -160,24 +159,31 @@ def urdf_shapes(path: Path, base_link: str, arm: SerialArm) -> list[Drawn]:
     tree = UrdfTree(CheckedXml(path))
     frames = arm.frames(np.zeros(arm.configuration_size))[:-1]
     homes = [np.eye(4), *(pose_matrix(pose7("frame", frame)) for frame in frames)]
-    places = tree.places(arm.joint_names)
-    links = {link: (place, carrier) for link, place, carrier in places}
+    links = {link: (place, carrier) for link, place, carrier in tree.places(arm.joint_names)}
     to_base = np.linalg.inv(links[base_link][0])
+    placed = {
+        link: (carrier - 1, np.linalg.inv(homes[carrier]) @ to_base @ place)
+        for link, (place, carrier) in links.items()
+    }
+    return _visuals(path, tree, placed)
+
+
+def _visuals(path: Path, tree: UrdfTree, placed: Mapping[str, tuple[int, Array]]) -> list[Drawn]:
+    """Return the visuals of links, each with the row that carries it and its place there, (4, 4)."""
     drawn: list[Drawn] = []
-    for link, (place, carrier) in links.items():
-        for visual in tree.links[link].visuals:
-            at = np.linalg.inv(homes[carrier]) @ to_base @ place @ origin_matrix(visual)
+    for link, (row, place) in placed.items():
+        for visual in tree.links[link].visuals if link in tree.links else ():
+            at = place @ origin_matrix(visual)
             try:
                 pieces = list(_geometry(path, visual))
             except FileNotFoundError:
-                warnings.warn(missing_note(path), NoteWarning, stacklevel=2)
+                warnings.warn(missing_note(path), NoteWarning, stacklevel=3)
                 return []
-            for mesh, colour in pieces:
-                drawn.append((carrier - 1, mesh.copy().apply_transform(at), colour))
+            drawn += [(row, mesh.copy().apply_transform(at), colour) for mesh, colour in pieces]
     return drawn
 
 
-def _geometry(urdf: Path, visual: Any) -> Iterator[tuple[Any, tuple[int, int, int]]]:
+def _geometry(urdf: Path, visual: Any) -> Iterator[tuple[Any, Colour]]:
     """Yield the pieces of a visual, and their colours."""
     import trimesh
 
@@ -195,7 +201,7 @@ def _geometry(urdf: Path, visual: Any) -> Iterator[tuple[Any, tuple[int, int, in
             yield mesh.copy().apply_transform(np.diag([*scale, 1.0])), colour or own
 
 
-def _material(visual: Any) -> tuple[int, int, int] | None:
+def _material(visual: Any) -> Colour | None:
     colour = visual.material.color if visual.material is not None else None
     if colour is None or colour.rgba is None:
         return None
@@ -204,7 +210,7 @@ def _material(visual: Any) -> tuple[int, int, int] | None:
 
 
 @functools.cache
-def _loaded(path: Path) -> list[tuple[Any, tuple[int, int, int]]]:
+def _loaded(path: Path) -> list[tuple[Any, Colour]]:
     """Return the meshes of a file with their colours."""
     import trimesh
 
@@ -212,9 +218,8 @@ def _loaded(path: Path) -> list[tuple[Any, tuple[int, int, int]]]:
     if kind not in _MESHES:
         raise FileFormatError(f"{path}: is no mesh that is read here (allowed: {', '.join(_MESHES)})")
     data = read_whole(path, _LARGEST_MESH)
-    if kind == "dae" and any(
-        word in data.replace(b"\0", b"").upper() for word in (b"<!DOCTYPE", b"<!ENTITY")
-    ):
+    text = data.replace(b"\0", b"").upper() if kind == "dae" else b""
+    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
         raise FileFormatError(f"{path}: declares a document type or entities, refused for safety")
     try:
         scene: Any = trimesh.load_scene(io.BytesIO(data), file_type=kind)
@@ -223,7 +228,7 @@ def _loaded(path: Path) -> list[tuple[Any, tuple[int, int, int]]]:
     return [(mesh, _own_colour(mesh)) for mesh in scene.dump() if hasattr(mesh, "faces")]
 
 
-def _own_colour(mesh: Any) -> tuple[int, int, int]:
+def _own_colour(mesh: Any) -> Colour:
     if not mesh.visual.defined:
         return _PLAIN
     material = getattr(mesh.visual, "material", None)
@@ -243,26 +248,15 @@ def placed_shapes(placed: PlacedLinks) -> list[Drawn]:
 
     Without any visuals there are none; nor if a mesh is not found, which a `NoteWarning` names.
     """
-    drawn: list[Drawn] = []
     if placed.path.suffix.lower() == ".xml":
-        for geom in shown_geoms(placed.path):
-            frame = placed.frames[geom.body]
-            drawn.append((frame.joint, geom_mesh(geom).apply_transform(pose_matrix(frame.pose)), geom.colour))
-        return drawn
-    links = UrdfTree(CheckedXml(placed.path)).links
-    for name, frame in placed.frames.items():
-        for visual in links[name].visuals if name in links else ():
-            at = pose_matrix(frame.pose) @ origin_matrix(visual)
-            try:
-                pieces = list(_geometry(placed.path, visual))
-            except FileNotFoundError:
-                warnings.warn(missing_note(placed.path), NoteWarning, stacklevel=2)
-                return []
-            drawn += [(frame.joint, mesh.copy().apply_transform(at), colour) for mesh, colour in pieces]
-    return drawn
+        geoms = [(geom, placed.frames[geom.body]) for geom in shown_geoms(placed.path)]
+        return [
+            (frame.joint, geom_mesh(geom).apply_transform(pose_matrix(frame.pose)), geom.colour)
+            for geom, frame in geoms
+        ]
+    at = {name: (frame.joint, pose_matrix(frame.pose)) for name, frame in placed.frames.items()}
+    return _visuals(placed.path, UrdfTree(CheckedXml(placed.path)), at)
 
-
-Colour = tuple[int, int, int]
 
 SHELL, JOINT, DARK, TYRE = (236, 238, 241), (213, 94, 0), (64, 69, 77), (32, 33, 36)
 _SHARP = 0.6  # rad; edges between faces that meet at a larger angle stay edges
@@ -308,7 +302,7 @@ def robot_shapes(robot: Robot) -> list[CarriedBody]:
     return list(_merged(drawn))
 
 
-def arm_meshes(robot: Robot) -> Iterator[tuple[range, list[tuple[int, Any, Colour]]]]:
+def arm_meshes(robot: Robot) -> Iterator[tuple[range, list[Drawn]]]:
     """Yield for each part with a file its rows of `Robot.frames`, and its meshes with the row that moves each."""
     if isinstance(robot, TreeRobot) and robot.placed_links is not None:
         yield range(len(robot.joints.kind)), placed_shapes(robot.placed_links)
@@ -402,9 +396,8 @@ def _rods(robot: Robot, own: set[int]) -> Iterator[tuple[int, Surface, Colour]]:
         if joint and not on_base and robot.chain[i, 7] == PRISMATIC:
             yield from _rail(robot, i, 0.4 * radii[i])
         if joint and not on_base:
-            below = (
-                0.0 if i == 0 and np.linalg.norm(points[0]) < radii[0] else 1.0
-            )  # the first stands on the floor
+            on_floor = i == 0 and np.linalg.norm(points[0]) < radii[0]
+            below = 0.0 if on_floor else 1.0
             yield i, rod(*_along_z(-1.02 * below * radii[i], 1.02 * radii[i]), 1.15 * radii[i]), SHELL
             yield i, rod(*_along_z(-1.12 * below * radii[i], 1.12 * radii[i]), 0.7 * radii[i]), JOINT
 
@@ -413,9 +406,8 @@ def _rail(robot: Robot, i: int, radius: float) -> Iterator[tuple[int, Surface, C
     """Yield the way along which joint i slides, if it has ends."""
     way = joint_range(robot, i) + robot.joint_offsets[i]
     if np.isfinite(way).all() and np.ptp(way) > 0:
-        start, end = (
-            robot.chain[i, 4:7] + way[:, None] * algebra.matrix_from_rotation(robot.chain[i, :4])[:, 2]
-        )
+        along = algebra.matrix_from_rotation(robot.chain[i, :4])[:, 2]
+        start, end = robot.chain[i, 4:7] + way[:, None] * along
         yield int(robot.parents[i]), rod(start, end, radius, round_ends=True), DARK
 
 

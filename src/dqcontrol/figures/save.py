@@ -10,25 +10,11 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from dqcontrol.errors import ExistsError, unknown_name
-from dqcontrol.figures.base_paths import base_path, has_base, superimposed
-from dqcontrol.figures.distances_plot import distances
+from dqcontrol.figures import plots
+from dqcontrol.figures.comparisons import compare_criteria, compare_errors
 from dqcontrol.figures.distributions import timing_histogram
 from dqcontrol.figures.paths import compare_paths, path_3d
-from dqcontrol.figures.plots import (
-    compare_errors,
-    control_signals,
-    disturbance,
-    errors,
-    has_margins,
-    has_readings,
-    has_tasks,
-    joint_angles,
-    limit_margins,
-    pose_coefficients,
-    readings,
-    task_errors,
-)
-from dqcontrol.figures.theory import compare_criteria, lyapunov, range_condition
+from dqcontrol.figures.robots import base_path, has_base, superimposed
 from dqcontrol.loop.clock import Timing
 from dqcontrol.loop.constraint_signals import ROOM
 from dqcontrol.loop.record import Record
@@ -178,26 +164,26 @@ def run_figures(
         draw["base"] = lambda: base_path(moved, {"": record}, constraints)
         draw["motion"] = lambda: superimposed(moved, {"": record}, constraints=constraints)
     draw |= {
-        "errors": lambda: errors(record),
-        "pose": lambda: pose_coefficients(record),
-        "joints": lambda: joint_angles(record, limits, joint_units),
+        "errors": lambda: plots.errors(record),
+        "pose": lambda: plots.pose_coefficients(record),
+        "joints": lambda: plots.joint_angles(record, limits, joint_units),
     }
-    if limits is not None and has_margins(limits):
-        draw["margins"] = lambda: limit_margins(record, limits)
+    if limits is not None and plots.has_margins(limits):
+        draw["margins"] = lambda: plots.limit_margins(record, limits)
     if not np.isnan(record.command).all():  # a log of somebody else's may lack the commands
-        draw["inputs"] = lambda: control_signals(record, input_units)
+        draw["inputs"] = lambda: plots.control_signals(record, input_units)
     if record.disturbance is not None:
-        draw["disturbance"] = lambda: disturbance(record)
-    if has_readings(record):
-        draw["readings"] = lambda: readings(record)
-    if has_tasks(record):
-        draw["tasks"] = lambda: task_errors(record)
+        draw["disturbance"] = lambda: plots.disturbance(record)
+    if plots.has_readings(record):
+        draw["readings"] = lambda: plots.readings(record)
+    if plots.has_tasks(record):
+        draw["tasks"] = lambda: plots.task_errors(record)
     if ROOM in record.readings:
-        draw["distances"] = lambda: distances(record)
+        draw["distances"] = lambda: plots.distances(record)
     if RANGE in record.readings:
-        draw["range"] = lambda: range_condition(TaskRange.recorded(record), record.error)
+        draw["range"] = lambda: plots.range_condition(TaskRange.recorded(record), record.error)
     if certificate is not None:
-        draw["lyapunov"] = lambda: lyapunov(certificate)
+        draw["lyapunov"] = lambda: plots.lyapunov(certificate)
     if timing is not None and len(timing.begin) > 1:
         draw["timing"] = lambda: timing_histogram(timing)
     return draw

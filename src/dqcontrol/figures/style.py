@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import wraps
-from typing import TYPE_CHECKING, Any, ParamSpec
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import unknown_name
+from dqcontrol.errors import ShapeError, unknown_name
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 P = ParamSpec("P")
+T = TypeVar("T")
 
 WIDTHS = {"single": 3.5, "double": 7.16}  # in; one and both columns of a journal's page
 DOUBLE = WIDTHS["double"]
@@ -39,15 +40,11 @@ COLOURS = (
 )
 DESIRED, LIMIT, NEUTRAL = "#222222", "#B2182B", "#555555"
 PANE = (0.97, 0.97, 0.97, 1.0)  # the walls of figures in space
-FLOOR = (
-    1e-8  # of errors on a logarithmic axis, in m and rad: 10 nm, of which nothing is seen but the rounding
-)
+FLOOR = 1e-8  # of errors on a logarithmic axis, m and rad: of 10 nm nothing is seen but the rounding
 LINES = ("-", "--", "-.", ":")
 ERROR = r"$|1 - x^{*} x_d|$"  # label of the norm of an error, which has no unit
-_USUAL, _SPIKE = (
-    0.9,
-    10.0,
-)  # a tenth of the values may be spikes; ten times as high hides the others on a linear axis
+# A tenth of the values may be spikes; ten times as high they hide the others on a linear axis.
+_USUAL, _SPIKE = 0.9, 10.0
 _TRANSIENT = 20.0  # a twentieth of a panel is two millimetres on paper
 _LETTERS = {"phi": "φ", "omega": "ω"}
 _GREEK = re.compile(r"(?<![A-Za-z])(phi|omega)(?![A-Za-z])")
@@ -162,6 +159,46 @@ def new_figure(width: float, height: float) -> Figure:
 def panels_across(most: int) -> int:
     """Return how many of so many panels stand side by side in the column that figures are drawn for."""
     return max(1, round(most * _width.get() / DOUBLE - 0.3))
+
+
+def time_panels(count: int, height: float) -> tuple[Figure, Any]:
+    """Return a figure of this height, in, and its panels over one axis of time, one below the other."""
+    figure = new_figure(DOUBLE, height)
+    panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    panels[-1].set_xlabel("time [s]")
+    return figure, panels
+
+
+def panel_grid(count: int, most: int, each: float, beside: float, **shared: Any) -> tuple[Figure, Any]:
+    """Return a figure of at least so many panels, shape (rows, columns), with ``most`` of them in a row across a page.
+
+    A row is ``each`` in high, and what is ``beside`` the rows so much in all.
+    """
+    across = panels_across(most)
+    rows = -(-count // across)
+    figure = new_figure(DOUBLE, beside + each * rows)
+    return figure, figure.subplots(rows, across, squeeze=False, **shared)
+
+
+def frame_space(
+    axes: Any, middle: Array, extents: Array, ticks: Sequence[int], labelpad: float | None = None
+) -> None:
+    """Give axes in space their ends, labels, at most so many ticks each, and walls."""
+    from matplotlib.ticker import MaxNLocator
+
+    for name, centre, extent, most in zip("xyz", middle, extents, ticks, strict=True):
+        getattr(axes, f"set_{name}lim")(centre - extent / 2, centre + extent / 2)
+        getattr(axes, f"set_{name}label")(f"{name} [m]", labelpad=labelpad)
+        axis = getattr(axes, f"{name}axis")
+        axis.set_major_locator(MaxNLocator(most))
+        axis.set_pane_color(PANE)
+
+
+def first_of(records: Mapping[str, T]) -> T:
+    """Return the first of some runs by label, or raise `ShapeError` if there are none."""
+    if not records:
+        raise ShapeError("records: expected at least one run, got none")
+    return next(iter(records.values()))
 
 
 def line_style(index: int) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -91,22 +91,21 @@ def faces_near(constraints: Constraints | None, points: Array, record: Record) -
             every = faces_of(thing.shape, size)
             if isinstance(thing.shape, Cylinder):
                 every = _round(*_inside(thing.shape, low - shift, high - shift), thing.shape.radius, 1)
-            cut = [_cut(face + shift, low, high) for face in every]
-            near = [face for face in cut if len(face) > 2]
-            if near:
+            if near := _near((face + shift for face in every), low, high):
                 found.append(DrawnFaces(near, thing.is_zone, strength, plane, words))
-    readings = {name: signal.values for name, signal in record.readings.items()}
+    readings = {name: signal.values[[0, -1]] for name, signal in record.readings.items()}
     for name, body in around.free.items():
-        poses = poses_of(
-            name, body, record.time[[0, -1]], {each: values[[0, -1]] for each, values in readings.items()}
-        )
+        poses = poses_of(name, body, record.time[[0, -1]], readings)
         for pose, strength, when in ((poses[0], _FAINT, "start"), (poses[1], _STRONG, "end")):
-            shapes = [shape.moved(pose) for shape in body.own_shapes]
-            faces = [_cut(face, low, high) for shape in shapes for face in faces_of(shape, size)]
-            near = [face for face in faces if len(face) > 2]
-            if near:
+            faces = (face for shape in body.own_shapes for face in faces_of(shape.moved(pose), size))
+            if near := _near(faces, low, high):
                 found.append(DrawnFaces(near, False, strength, None, f"{name} at the {when}"))
     return found
+
+
+def _near(faces: Iterable[Array], low: Array, high: Array) -> list[Array]:
+    """Return what of faces lies inside a box."""
+    return [face for face in (_cut(each, low, high) for each in faces) if len(face) > 2]
 
 
 def _nearest_sample(record: Record, name: str) -> int:

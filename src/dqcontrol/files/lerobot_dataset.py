@@ -35,13 +35,8 @@ _DATA = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 _VIDEO = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"  # a field that readers expect
 _FILES_A_CHUNK, _LARGEST_FILE, _LARGEST_VIDEO = 1000, 100, 200  # lerobot's: files, MB, MB
 _QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
-_COUNTED = {
-    "timestamp": "float32",
-    "frame_index": "int64",
-    "episode_index": "int64",
-    "index": "int64",
-    "task_index": "int64",
-}
+_COUNTED = {"timestamp": "float32"}
+_COUNTED |= dict.fromkeys(("frame_index", "episode_index", "index", "task_index"), "int64")
 
 
 class Feature(NamedTuple):
@@ -184,26 +179,19 @@ def _write(
             count = len(columns["index"])
             table = [_cells(arrow, columns[name], types[name]) for name in schema.names]
             writer.write_table(arrow.table(table, schema=schema))  # one row group an episode
-            stats = {name: _statistics(values) for name, values in columns.items()}
-            every.append(stats)
-            rows.append(
-                {
-                    "episode_index": number,
-                    "tasks": [episode.task],
-                    "length": count,
-                    "data/chunk_index": file // _FILES_A_CHUNK,
-                    "data/file_index": file % _FILES_A_CHUNK,
-                    "dataset_from_index": first,
-                    "dataset_to_index": first + count,
-                    **{
-                        f"stats/{name}/{key}": value
-                        for name, each in stats.items()
-                        for key, value in each.items()
-                    },
-                    "meta/episodes/chunk_index": 0,
-                    "meta/episodes/file_index": 0,
-                }
-            )
+            every.append({name: _statistics(values) for name, values in columns.items()})
+            row = {
+                "episode_index": number,
+                "tasks": [episode.task],
+                "length": count,
+                "data/chunk_index": file // _FILES_A_CHUNK,
+                "data/file_index": file % _FILES_A_CHUNK,
+                "dataset_from_index": first,
+                "dataset_to_index": first + count,
+            }
+            for name, each in every[-1].items():
+                row |= {f"stats/{name}/{key}": value for key, value in each.items()}
+            rows.append(row | {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0})
             first += count
     finally:
         if writer is not None:
@@ -211,6 +199,11 @@ def _write(
     (folder / _EPISODES).parent.mkdir(parents=True, exist_ok=True)
     parquet.write_table(arrow.Table.from_pylist(rows), folder / _EPISODES)
     parquet.write_table(_task_table(arrow, tasks), folder / _TASKS)
+    described = {
+        name: {"dtype": "float32", "shape": [len(each.names)], "names": [*each.names], "units": [*each.units]}
+        for name, each in features.items()
+    }
+    counted = {name: {"dtype": kind, "shape": [1], "names": None} for name, kind in _COUNTED.items()}
     info = {
         "codebase_version": VERSION,
         "robot_type": robot_type,
@@ -224,18 +217,7 @@ def _write(
         "splits": {"train": f"0:{len(episodes)}"},
         "data_path": _DATA,
         "video_path": _VIDEO,
-        "features": {
-            **{
-                name: {
-                    "dtype": "float32",
-                    "shape": [len(each.names)],
-                    "names": [*each.names],
-                    "units": [*each.units],
-                }
-                for name, each in features.items()
-            },
-            **{name: {"dtype": kind, "shape": [1], "names": None} for name, kind in _COUNTED.items()},
-        },
+        "features": {**described, **counted},
     }
     (folder / _INFO).write_text(json.dumps(info, indent=4, ensure_ascii=False), encoding="utf-8")
     (folder / _STATS).write_text(json.dumps(_overall(every), indent=4), encoding="utf-8")
@@ -288,12 +270,8 @@ def _overall(
         weights = parts["count"] / parts["count"].sum()
         mean = (weights * parts["mean"]).sum(0)
         variance = (weights * (parts["std"] ** 2 + (parts["mean"] - mean) ** 2)).sum(0)
-        joined = {
-            "min": parts["min"].min(0),
-            "max": parts["max"].max(0),
-            "mean": mean,
-            "std": np.sqrt(variance),
-        }
+        joined = {"min": parts["min"].min(0), "max": parts["max"].max(0), "mean": mean}
+        joined |= {"std": np.sqrt(variance)}
         joined |= {key: (weights * parts[key]).sum(0) for key in _QUANTILES}
         out[name] = {key: value.tolist() for key, value in joined.items()}
         out[name]["count"] = [int(parts["count"].sum())]

@@ -55,34 +55,28 @@ def long_array(*shape: int) -> Array:
         ) from None
 
 
-def row_by_row(function: Callable[..., Array], *rows: Array, ahead: int = 0) -> Array:
+def row_by_row(function: Callable[..., Array], *rows: Array) -> Array:
     """Return what a function makes of each row, worked out in blocks so that its scratch stays small.
 
     Parameters
     ----------
     function
-        Of arrays of the same rows, shape (k, …): one row or number for each; with ``ahead`` rows that follow them too,
-        which give none.
+        Of arrays of the same rows, shape (k, …): one row or number for each.
     rows
         Arrays of as many rows.
-    ahead
-        Rows after a row that the function needs for it; so many fewer rows come out.
 
     Examples
     --------
     >>> import numpy as np
-    >>> row_by_row(lambda rows: np.diff(rows, axis=0), np.arange(6.0).reshape(3, 2), ahead=1).tolist()
-    [[2.0, 2.0], [2.0, 2.0]]
+    >>> row_by_row(lambda rows: rows.sum(axis=1), np.arange(6.0).reshape(3, 2)).tolist()
+    [1.0, 5.0, 9.0]
     """
-    count = max(len(rows[0]) - ahead, 0)
+    found = function(*(each[:BLOCK] for each in rows))
+    count = len(rows[0])
     if count <= BLOCK:
-        return function(*rows)
-    out = None
-    for first in range(0, count, BLOCK):
-        last = min(first + BLOCK, count)
-        found = function(*(each[first : last + ahead] for each in rows))
-        if out is None:
-            out = long_array(count, *found.shape[1:])
-        out[first:last] = found
-    assert out is not None
+        return found
+    out = long_array(count, *found.shape[1:])
+    out[:BLOCK] = found
+    for first in range(BLOCK, count, BLOCK):
+        out[first : first + BLOCK] = function(*(each[first : first + BLOCK] for each in rows))
     return out

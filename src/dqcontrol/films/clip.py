@@ -66,21 +66,18 @@ def write_clip(frames: Iterable[Pixels], path: Path, rate: float) -> None:
         return
     image = importlib.import_module("PIL.Image")
     pictures = [image.fromarray(frame) for frame in frames]
-    more: dict[str, Any] = (
-        {"quality": 75, "method": 4} if path.suffix.lower() == ".webp" else {"optimize": True}
-    )
-    pictures[0].save(
-        path, save_all=True, append_images=pictures[1:], duration=round(1000 / rate), loop=0, **more
-    )
+    is_webp = path.suffix.lower() == ".webp"
+    more: dict[str, Any] = {"quality": 75, "method": 4} if is_webp else {"optimize": True}
+    more["duration"] = round(1000 / rate)
+    pictures[0].save(path, save_all=True, append_images=pictures[1:], loop=0, **more)
 
 
 def _write_mp4(frames: Iterable[Pixels], path: Path, rate: float) -> None:
     """Write frames as H.264, which browsers and presentations play."""
     av = from_extra("av", "video", _MP4)
     with av.open(str(path), "w") as file:
-        stream = file.add_stream(
-            "libx264", rate=Fraction(rate).limit_denominator(1000), options={"crf": "20"}
-        )
+        whole = Fraction(rate).limit_denominator(1000)
+        stream = file.add_stream("libx264", rate=whole, options={"crf": "20"})
         every = iter(frames)
         first = next(every)
         stream.height, stream.width = first.shape[:2]
@@ -233,27 +230,14 @@ def render_whole(
     film = _film(robot, [(plant, record), *further], kept)
     if further or kept is not None or getattr(plant, "world", None) or not film.is_overlaid:
         times = _moments(record, _end(record, further))
-        look |= {
-            "azimuth": azimuth,
-            "elevation": elevation,
-            "further": further,
-            "labels": labels,
-            "kept": kept,
-        }
-        render_strip(robot, plant, record, path, times, **look)
+        look |= {"azimuth": azimuth, "elevation": elevation, "further": further, "labels": labels}
+        render_strip(robot, plant, record, path, times, kept=kept, **look)
         return
+    desired = desired_in_room(robot, record.q, record.desired[:, :8])
     hand, *hands = tip_paths(robot, record)
-    render_run(
-        robot,
-        record.q,
-        hand,
-        desired_in_room(robot, record.q, record.desired[:, :8]),
-        path,
-        further=hands,
-        azimuth=film.azimuth if azimuth is None else azimuth,
-        elevation=film.elevation if elevation is None else elevation,
-        **look,
-    )
+    look["azimuth"] = film.azimuth if azimuth is None else azimuth
+    look["elevation"] = film.elevation if elevation is None else elevation
+    render_run(robot, record.q, hand, desired, path, further=hands, **look)
 
 
 def render_strip(
@@ -387,18 +371,14 @@ def _film(robot: Robot, runs: Further, kept: Constraints | None) -> Film:
         kept = Constraints(world=world)
     around = None if kept is None else ConstraintView(kept, robot, period)
     if plant is not None and (picture := plant.picture(robot)) is not None:
-        return film_physics(
-            robot, picture, record, [_in_physics(robot, *each, World(bodies={})) for each in further]
-        )
+        others = [_in_physics(robot, *each, World(bodies={})) for each in further]
+        return film_physics(robot, picture, record, others)
     if isinstance(robot, SerialArm) or (isinstance(robot, TreeRobot) and not robot.bases):
         return film_arm(robot, record, [each for _, each in further], around)
     bodies = kept.world.bodies if kept is not None and kept.world is not None else {}
     around_base = World(bodies={name: body for name, body in bodies.items() if stands(body)})
-    return film_physics(
-        robot,
-        *_in_physics(robot, plant, record, around_base),
-        [_in_physics(robot, *each, around_base) for each in further],
-    )
+    first, *others = (_in_physics(robot, *each, around_base) for each in runs)
+    return film_physics(robot, *first, others)
 
 
 def _in_physics(

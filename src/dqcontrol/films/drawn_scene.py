@@ -70,12 +70,8 @@ def _add_path(scene: Any, points: Array, radius: float, colour: tuple[float, ...
         _connect(scene, points[i], points[i + 1], radius, colour)
 
 
-COLOURS = (
-    (0.13, 0.42, 0.85),
-    (0.93, 0.53, 0.10),
-    (0.20, 0.60, 0.30),
-    (0.60, 0.30, 0.70),
-)  # of further runs, in turn
+# of further runs, in turn
+COLOURS = (0.13, 0.42, 0.85), (0.93, 0.53, 0.10), (0.20, 0.60, 0.30), (0.60, 0.30, 0.70)
 
 
 def add_ghost(
@@ -129,9 +125,8 @@ class DrawnScene:
         for i, thing in enumerate(kept.things):
             if f"{thing.name}_displacement" in readings:
                 self._shifts[i] += readings[f"{thing.name}_displacement"]
-        self._free = [
-            (body.own_shapes, poses_of(name, body, record.time, readings)) for name, body in kept.free.items()
-        ]
+        bodies = kept.free.items()
+        self._free = [(body.own_shapes, poses_of(name, body, record.time, readings)) for name, body in bodies]
         self.moves: bool = bool(self._free) or bool(np.ptp(self._shifts, axis=1).any())
         drawn = [thing.shape for thing in kept.things] + [each for shapes, _ in self._free for each in shapes]
         self.most: int = 2 + sum(len(each.faces) if isinstance(each, Hull) else 1 for each in drawn)

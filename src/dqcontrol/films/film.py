@@ -2,34 +2,95 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dqcontrol.algebra import translation
+from dqcontrol.algebra import matrix_from_pose, translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
 from dqcontrol.figures.paths import desired_in_room, recorded_frames, tip_paths
+from dqcontrol.figures.robot_bodies import arm_meshes, chain_rows, smoothed
 from dqcontrol.films.drawn_scene import COLOURS, DrawnScene, add_actual, add_desired, add_ghost, add_mark
-from dqcontrol.films.link_meshes import LinkMesh, add_meshes, link_meshes, mesh_corners
 from dqcontrol.films.offscreen import offscreen, renderer
 from dqcontrol.loop.signals import Signal
 from dqcontrol.measures.held import apart_at_plans, plans_of_run
 from dqcontrol.plants.mobile.wheeled_base import WHEELS
-from dqcontrol.plants.mujoco.mujoco_model import compiled, skeleton, skeleton_positions
+from dqcontrol.plants.mujoco.mujoco_model import RODS, compiled, skeleton, skeleton_positions
 from dqcontrol.robots.files.description import drawn_reach
 from dqcontrol.robots.files.mjcf import import_mujoco
+from dqcontrol.robots.robot import base_coordinates
 
 if TYPE_CHECKING:
-    from dqcontrol.arrays import Array
     from dqcontrol.constraints.constraint_view import ConstraintView
     from dqcontrol.loop.record import Record
     from dqcontrol.plants.plant import PhysicsPicture
     from dqcontrol.robots.robot import Robot
+
+
+_FLAT = 1e-9  # m²; MuJoCo refuses meshes without area
+
+
+class LinkMesh(NamedTuple):
+    """A mesh that moves with row ``row`` of `Robot.frames`, −1 for one that stands still, and its colour 0 … 1."""
+
+    row: int
+    vertices: Array
+    faces: NDArray[np.int64]
+    colour: tuple[float, float, float, float]
+
+
+def link_meshes(robot: Robot) -> list[LinkMesh]:
+    """Return the meshes of a robot's files, as the browser view shows them; none without files or trimesh."""
+    if importlib.util.find_spec("trimesh") is None:
+        return []
+    return [
+        LinkMesh(row, *smoothed(mesh), (red / 255, green / 255, blue / 255, 1.0))
+        for _, meshes in arm_meshes(robot)
+        for row, mesh, (red, green, blue) in meshes
+        if mesh.area >= _FLAT and len(mesh.vertices) >= 4
+    ]
+
+
+def add_meshes(spec: Any, robot: Robot, meshes: list[LinkMesh]) -> None:
+    """Draw meshes on the bodies of an ``mjSpec`` of a robot, and hide the rods of the arms that they show."""
+    mujoco, bases = import_mujoco(), int(base_coordinates(robot).sum())
+    fixed = spec.body("base") if bases else spec.worldbody
+    for i, (row, vertices, faces, colour) in enumerate(meshes):
+        mesh = spec.add_mesh(name=f"mesh_{i + 1}", uservert=vertices.ravel(), userface=faces.ravel())
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # many are not closed
+        body = spec.body(f"link_{row - bases + 1}") if row >= bases else fixed
+        geom = body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh.name, rgba=colour, mass=0)
+        geom.contype = geom.conaffinity = 0
+    rows = {mesh.row for mesh in meshes}
+    for own in chain_rows(robot):
+        if rows.isdisjoint(own):
+            continue
+        shown = [spec.body(f"link_{row - bases + 1}") for row in own]
+        for geom in (geom for body in (*shown, *[fixed] * (own.start == bases)) for geom in body.geoms):
+            if geom.group == RODS:
+                geom.rgba = (*geom.rgba[:3], 0.0)  # which is not drawn
+
+
+def mesh_corners(robot: Robot, q: Array, meshes: list[LinkMesh]) -> Array:
+    """Return the corners of the meshes' boxes at configurations (N, n), rad or m, shape (M, 3), m."""
+    frames, points = robot.frames(q), [np.zeros((0, 3))]
+    for row in sorted({mesh.row for mesh in meshes}):
+        vertices = np.vstack([mesh.vertices for mesh in meshes if mesh.row == row])
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
+        if row < 0:
+            points.append(corners)
+            continue
+        places = matrix_from_pose(frames[..., row, :]).reshape(-1, 4, 4)
+        moved = places[:, None, :3, :3] @ corners[..., None]
+        points.append((moved[..., 0] + places[:, None, :3, 3]).reshape(-1, 3))
+    return np.vstack(points)
 
 
 @dataclass(frozen=True)
@@ -96,36 +157,21 @@ def add_scene_background(
         Width and height of the picture, pixels.
     """
     reach, floor = framing.reach, framing.floor
-    textures = mujoco.mjtTexture
-    sky = spec.add_texture(
-        name="sky", type=textures.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT
-    )
+    textures, made = mujoco.mjtTexture, mujoco.mjtBuiltin
+    sky = spec.add_texture(name="sky", type=textures.mjTEXTURE_SKYBOX, builtin=made.mjBUILTIN_GRADIENT)
     sky.rgb1, sky.rgb2, sky.width, sky.height = (0.97, 0.98, 1.0), (0.72, 0.79, 0.87), 512, 3072
-    tiles = spec.add_texture(
-        name="tiles", type=textures.mjTEXTURE_2D, builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER
-    )
+    tiles = spec.add_texture(name="tiles", type=textures.mjTEXTURE_2D, builtin=made.mjBUILTIN_CHECKER)
     tiles.rgb1, tiles.rgb2, tiles.width, tiles.height = (0.80, 0.82, 0.85), (0.70, 0.73, 0.77), 512, 512
     material = spec.add_material(name="floor", texrepeat=(8, 8), texuniform=False)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "tiles"
     side = 3.0 * reach
-    spec.worldbody.add_geom(
-        name="floor",
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        pos=[0, 0, floor],
-        size=[side, side, 0.1],
-        material="floor",
-        contype=0,
-        conaffinity=0,
-    )
+    untouched = {"contype": 0, "conaffinity": 0}
+    plane, post = mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_CYLINDER
+    size_of = {"pos": [0, 0, floor], "size": [side, side, 0.1]}
+    spec.worldbody.add_geom(name="floor", type=plane, material="floor", **size_of, **untouched)
     if floor < 0 and not framing.stands:
-        spec.worldbody.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-            fromto=[0, 0, floor, 0, 0, 0],
-            size=[0.06 * reach, 0, 0],
-            rgba=(0.25, 0.27, 0.30, 1.0),
-            contype=0,
-            conaffinity=0,
-        )
+        size_of = {"fromto": [0, 0, floor, 0, 0, 0], "size": [0.06 * reach, 0, 0]}
+        spec.worldbody.add_geom(type=post, rgba=(0.25, 0.27, 0.30, 1.0), **size_of, **untouched)
     if hasattr(mujoco, "mjtLightType"):
         directional = {"type": mujoco.mjtLightType.mjLIGHT_DIRECTIONAL}
     else:  # early MuJoCo 3.3
@@ -241,10 +287,9 @@ def frames(
     configurations = film.configurations(model)
     ghosts = [(mujoco.MjData(model), coordinates(model)) for coordinates in film.further]
     scene = mujoco.MjvScene(model, maxgeom=(2 + len(ghosts)) * model.ngeom + 100 + film.decorations)
-    options, nobody, camera = mujoco.MjvOption(), mujoco.MjvPerturb(), mujoco.MjvCamera()
+    options, nobody = mujoco.MjvOption(), mujoco.MjvPerturb()
     options.geomgroup[4] = 0
-    camera.lookat[:], camera.distance = framing.middle, framing.distance
-    camera.azimuth, camera.elevation = towards, film.elevation if elevation is None else elevation
+    camera = camera_at(framing, towards, film.elevation if elevation is None else elevation)
     everything, away = mujoco.mjtCatBit.mjCAT_ALL.value, _BEHIND * _direction(camera)
     with offscreen(width, height), renderer(model, width, height) as draw:
         for k, *others in samples:
@@ -258,6 +303,14 @@ def frames(
                 add_ghost(model, ghost, scene, _GHOST, COLOURS[i % len(COLOURS)], away)
             film.decorate(scene, int(k))
             yield draw(scene)
+
+
+def camera_at(framing: Framing, azimuth: float, elevation: float) -> Any:
+    """Return MuJoCo's camera where a framing and a direction of view, degrees, put it."""
+    camera = import_mujoco().MjvCamera()
+    camera.lookat[:], camera.distance = framing.middle, framing.distance
+    camera.azimuth, camera.elevation = azimuth, elevation
+    return camera
 
 
 def _direction(camera: Any) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.errors import ExistsError, FileFormatError, ShapeError
 from dqcontrol.figures.paths import path_plane
-from dqcontrol.figures.style import new_figure
+from dqcontrol.figures.style import first_of, new_figure
 from dqcontrol.loop.record import Record
 
 if TYPE_CHECKING:
@@ -69,8 +69,7 @@ def light_paintings(records: Mapping[str, Record], lit: Mapping[str, Lit | None]
     ShapeError
         As `light_painting`, or if there is no run.
     """
-    if not records:
-        raise ShapeError("records: expected at least one run, got none")
+    first_of(records)
     seen = {title: _seen(record, lit[title]) for title, record in records.items()}
     side = 1.25 * max(float((one.high - one.low).max()) for one in seen.values())
     across = min(len(seen), _ACROSS)

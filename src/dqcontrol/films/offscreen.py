@@ -57,9 +57,7 @@ def offscreen(width: int, height: int) -> Iterator[str]:
     chosen = os.environ.get("MUJOCO_GL", "").lower()
     if chosen and chosen not in BACKENDS:
         raise unknown_name("MUJOCO_GL", chosen, BACKENDS)
-    failures = []
-    context: Any = None
-    backend = ""
+    failures, context, backend = [], None, ""
     for backend in [chosen] if chosen else BACKENDS:
         platform = os.environ.get("PYOPENGL_PLATFORM")
         try:
@@ -81,15 +79,9 @@ def offscreen(width: int, height: int) -> Iterator[str]:
         context.free()
 
 
-def render(model: Any, scene: Any, width: int, height: int) -> NDArray[np.uint8]:
-    """Return the picture of a scene, shape (height, width, 3), inside of `offscreen`."""
-    with renderer(model, width, height) as draw:
-        return draw(scene)
-
-
 @contextlib.contextmanager
 def renderer(model: Any, width: int, height: int) -> Iterator[Callable[[Any], NDArray[np.uint8]]]:
-    """Give a function that draws scenes of a model one after the other, as `render` does, inside of `offscreen`."""
+    """Give a function that draws scenes of a model one after the other, (height, width, 3), inside of `offscreen`."""
     mujoco = import_mujoco()
     try:
         context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)

@@ -14,9 +14,14 @@ from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, as_array
 from dqcontrol.films.drawn_scene import add_actual, add_desired, add_ghost
-from dqcontrol.films.film import add_scene_background, framing_of_arm
-from dqcontrol.films.link_meshes import add_meshes, link_meshes
-from dqcontrol.films.offscreen import check_picture_file, offscreen, render
+from dqcontrol.films.film import (
+    add_meshes,
+    add_scene_background,
+    camera_at,
+    framing_of_arm,
+    link_meshes,
+)
+from dqcontrol.films.offscreen import check_picture_file, offscreen, renderer
 from dqcontrol.plants.mujoco.mujoco_model import compiled, skeleton, skeleton_positions
 from dqcontrol.robots.files.mjcf import import_mujoco
 
@@ -97,21 +102,11 @@ def render_run(
     actual, desired = [_positions("pose", pose)], _positions("desired_pose", desired_pose)
     actual += [_positions(f"further[{i}]", each) for i, each in enumerate(further)]
 
-    pixels = _picture(
-        robot,
-        rows,
-        actual,
-        desired,
-        ghosts,
-        _SUPERSAMPLING * width,
-        _SUPERSAMPLING * height,
-        azimuth,
-        elevation,
-    )
+    size = _SUPERSAMPLING * width, _SUPERSAMPLING * height
+    pixels = _picture(robot, rows, actual, desired, ghosts, size, (azimuth, elevation))
     blocks = pixels.reshape(height, _SUPERSAMPLING, width, _SUPERSAMPLING, 3)
-    importlib.import_module("matplotlib.image").imsave(
-        target, blocks.mean(axis=(1, 3)).round().astype(np.uint8)
-    )
+    shades = blocks.mean(axis=(1, 3)).round().astype(np.uint8)
+    importlib.import_module("matplotlib.image").imsave(target, shades)
 
 
 def _positions(field: str, value: ArrayLike) -> Array:
@@ -128,23 +123,21 @@ def _picture(
     actual: list[Array],
     desired: Array,
     ghosts: int,
-    width: int,
-    height: int,
-    azimuth: float,
-    elevation: float,
+    size: tuple[int, int],
+    view: tuple[float, float],
 ) -> NDArray[np.uint8]:
-    """Return the picture's pixels."""
+    """Return the picture's pixels, for its width and height and the azimuth and elevation of its view."""
     mujoco = import_mujoco()
     spec, meshes = skeleton(robot), link_meshes(robot)
     add_meshes(spec, robot, meshes)
     shown = rows[[k * (len(rows) - 1) // ghosts for k in range(ghosts)] + [-1]]
     framing = framing_of_arm(robot, shown, np.vstack([*actual, desired]), meshes)
     reach = framing.reach
-    add_scene_background(mujoco, spec, framing, azimuth, (width, height))
+    add_scene_background(mujoco, spec, framing, view[0], size)
     model = compiled(spec)
     data = mujoco.MjData(model)
     scene = mujoco.MjvScene(model, maxgeom=(1 + len(actual)) * _PIECES + (ghosts + 2) * (model.ngeom + 4))
-    options, nobody, camera = mujoco.MjvOption(), mujoco.MjvPerturb(), mujoco.MjvCamera()
+    options, nobody, camera = mujoco.MjvOption(), mujoco.MjvPerturb(), camera_at(framing, *view)
 
     def pose_arm(q: Array) -> None:
         data.qpos[:] = skeleton_positions(robot, q)
@@ -152,8 +145,6 @@ def _picture(
         mujoco.mj_camlight(model, data)
 
     pose_arm(rows[-1])
-    camera.lookat[:], camera.distance = framing.middle, framing.distance
-    camera.azimuth, camera.elevation = azimuth, elevation
     mujoco.mjv_updateScene(model, data, options, nobody, camera, mujoco.mjtCatBit.mjCAT_ALL.value, scene)
     for k in range(ghosts):
         pose_arm(rows[k * (len(rows) - 1) // ghosts])
@@ -161,5 +152,5 @@ def _picture(
     add_desired(scene, desired, reach, _PIECES)
     for each in actual:
         add_actual(scene, each, reach, _PIECES)
-    with offscreen(width, height):
-        return render(model, scene, width, height)
+    with offscreen(*size), renderer(model, *size) as draw:
+        return draw(scene)

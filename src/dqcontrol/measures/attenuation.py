@@ -178,14 +178,13 @@ def attenuation(
     _check_premises(law, robot, record, error)
     twist, pose = _sources(disturbance, record, seed, form)
     orientation = algebra.rotation(error) - [1, 0, 0, 0]
-    ratios = [
+    (turned, turned_sum), (moved, moved_sum) = (
         _ratios(seen, period, (twist[:-1, part], pose[:-1, part]), levels)  # the last is held no more
         for seen, part, levels in (
             (orientation, slice(0, 3), gammas.orientation),
             (algebra.translation(error), slice(3, 6), gammas.translation),
         )
-    ]
-    (turned, turned_sum), (moved, moved_sum) = ratios
+    )
     return Attenuation(
         law=str(type(law).__struct_config__.tag),
         form=form,
@@ -249,9 +248,8 @@ def _sources(disturbance: Disturbance, record: Record, seed: int, form: str) -> 
 def _ratios(error: Array, period: float, sources: tuple[Array, Array], gammas: Pair) -> tuple[float, float]:
     """Return the L2 norm of an error over the root sum of squares and over the sum of γ‖v‖; sums of held values."""
     norm = math.sqrt(period) * float(np.linalg.norm(error))
-    weighted = [
-        gamma * math.sqrt(period) * float(np.linalg.norm(v)) for gamma, v in zip(gammas, sources, strict=True)
-    ]
+    levels = zip(gammas, sources, strict=True)
+    weighted = [gamma * math.sqrt(period) * float(np.linalg.norm(v)) for gamma, v in levels]
     if math.hypot(*weighted) < _NOTHING:
         return math.nan, math.nan
     return norm / math.hypot(*weighted), norm / sum(weighted)
@@ -278,16 +276,12 @@ def attenuation_table(rows: Sequence[Attenuation]) -> Table:
     for row in rows:
         groups.setdefault((row.law, row.form, row.disturbance), []).append(row)
     body: list[list[Cell]] = []
+    ratios = ("orientation", "translation", "orientation_sum", "translation_sum")
     for labels, group in groups.items():
+        every = ((*(getattr(row, name) for name in ratios), math.degrees(row.largest_angle)) for row in group)
         largest = (
             max((value for value in values if not math.isnan(value)), default=None)
-            for values in (
-                [row.orientation for row in group],
-                [row.translation for row in group],
-                [row.orientation_sum for row in group],
-                [row.translation_sum for row in group],
-                [math.degrees(row.largest_angle) for row in group],
-            )
+            for values in zip(*every, strict=True)
         )
         body.append([*labels, len(group), *largest, "yes" if all(row.holds for row in group) else "no"])
     columns = [

@@ -118,16 +118,11 @@ def certificate(
     log = algebra.log_body(error)
     given = algebra.adjoint_twist(opposite, np.einsum("kij,kj->ki", jacobian, inputs))
     twist = np.vstack([np.zeros(6), given[:-1]])
-    desired, desired_rate = (
-        algebra.adjoint_twist(opposite, record.desired[:, part]) for part in (TWIST, TWIST_RATE)
-    )
+    desired = algebra.adjoint_twist(opposite, record.desired[:, TWIST])
+    desired_rate = algebra.adjoint_twist(opposite, record.desired[:, TWIST_RATE])
     error_twist = twist - desired
-    acceleration = (
-        -0.5 * law.stiffness * log
-        - law.damping * error_twist
-        + desired_rate
-        + algebra.cross_twist(desired, error_twist)
-    )
+    wanted = -0.5 * law.stiffness * log - law.damping * error_twist + desired_rate
+    acceleration = wanted + algebra.cross_twist(desired, error_twist)
     period = np.diff(record.time, append=2 * record.time[-1] - record.time[-2])[:, None]
     own = FilteredInverse(threshold=threshold, characteristic_length=1.0)
     asked = task_range(moved, record, twist + period * acceleration, own)

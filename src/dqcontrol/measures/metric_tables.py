@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK
 from dqcontrol.errors import unknown_name
 from dqcontrol.measures.metrics import Metrics
-from dqcontrol.measures.run_kernels import NUMBERS, REACHED, TaskNumbers, measure_kernel
+from dqcontrol.measures.run_numbers import NUMBERS, REACHED, TaskNumbers, measure_kernel
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots.chain_robot import ChainRobot
 from dqcontrol.robots.limits import Limits
@@ -101,10 +102,11 @@ def summary_table(metrics: Metrics, title: str = "") -> Table:
     >>> print(summary_table(run.metrics).markdown())  # doctest: +SKIP
     """
     flat = metrics.flat()
-    rows: list[list[Cell]] = []
-    for key, column in METRIC_COLUMNS.items():
-        if flat[key] not in (None, ""):
-            rows.append([column.title, column.show(flat[key]), column.unit])
+    rows: list[list[Cell]] = [
+        [column.title, column.show(flat[key]), column.unit]
+        for key, column in METRIC_COLUMNS.items()
+        if flat[key] not in (None, "")
+    ]
     for name, key, (title, unit) in _of_tasks(metrics):
         for part, part_title in _PARTS.items():
             shown = METRIC_COLUMNS[f"{key}.{part}"].show(flat[f"tasks.{name}.{key}.{part}"])
@@ -129,11 +131,7 @@ def metrics_tables(metrics: Metrics, unit: str = "rad or m") -> list[Table]:
 
     ``unit`` is that of what the inputs move: ``"rad"``, ``"m"``, or both.
     """
-    flat = metrics.flat()
-
-    def fitting(text: str) -> str:
-        return fitting_unit(text, unit)
-
+    flat, fitting = metrics.flat(), partial(fitting_unit, unit=unit)
     first = [Column("Signal"), Column("Unit")]
     deviations: list[list[Cell]] = [
         [title, shown, *(flat[f"{key}.{part}"] for part in _PARTS)]
@@ -143,7 +141,7 @@ def metrics_tables(metrics: Metrics, unit: str = "rad or m") -> list[Table]:
         [f"{title}, {_plain(name)}", shown, *(flat[f"tasks.{name}.{key}.{part}"] for part in _PARTS)]
         for name, key, (title, shown) in _of_tasks(metrics)
     ]
-    parts = {"mean": "mean", "rms": "RMS", "peak": "peak", "integral": "integral"}
+    parts = {**{part: _PARTS[part] for part in ("mean", "rms", "peak")}, "integral": "integral"}
     signals: list[list[Cell]] = [
         [title, fitting(shown), *(flat[f"{key}.{part}"] for part in parts), fitting(whole)]
         for key, (title, shown, whole) in _SIGNALS.items()
@@ -153,10 +151,9 @@ def metrics_tables(metrics: Metrics, unit: str = "rad or m") -> list[Table]:
         for key, column in METRIC_COLUMNS.items()
         if "." not in key and flat[key] not in (None, "")
     ]
+    columns, title = [*first, *map(Column, _PARTS.values())], "How far the hand was from its desired pose"
     return [
-        Table(
-            [*first, *map(Column, _PARTS.values())], deviations, "How far the hand was from its desired pose"
-        ),
+        Table(columns, deviations, title),
         Table([*first, *map(Column, parts.values()), Column("its unit")], signals, "Norms of signals"),
         Table([Column("Number"), Column("Value"), Column("Unit")], others, "Further numbers"),
     ]
@@ -284,21 +281,10 @@ class RunMeasure:
             How many samples the settled numbers leave out.
         """
         out = np.full(len(NUMBERS) + len(TaskNumbers._fields), math.nan)
+        time, skipped = np.ascontiguousarray(samples[:, TIME]), min(skipped, len(q) - 1)
+        ends = self._table, self._lower, self._upper, self._per_speed
         status = measure_kernel(
-            self._forward,
-            np.ascontiguousarray(samples[:, TIME]),
-            samples,
-            q,
-            command,
-            self._table,
-            self._lower,
-            self._upper,
-            self._per_speed,
-            min(skipped, len(q) - 1),
-            0,
-            0.0,
-            self._work,
-            out,
+            self._forward, time, samples, q, command, *ends, skipped, 0, 0.0, self._work, out
         )
         if status != OK:
             out[:] = math.nan

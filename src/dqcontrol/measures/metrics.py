@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,14 @@ from dqcontrol.files.plain_data import finite_or_none
 from dqcontrol.laws import Law
 from dqcontrol.loop.record import Record, error_norms, pose_errors, row_norms
 from dqcontrol.loop.signals import ACTUATORS, TASK
-from dqcontrol.measures.run_kernels import NUMBERS, SETTLED_FRACTION, STEP_SHARE
-from dqcontrol.measures.run_numbers import RunNumbers, check_fit, run_numbers
+from dqcontrol.measures.run_numbers import (
+    NUMBERS,
+    SETTLED_FRACTION,
+    STEP_SHARE,
+    RunNumbers,
+    check_fit,
+    run_numbers,
+)
 from dqcontrol.measures.task_range import outside_range
 from dqcontrol.measures.task_result import TaskResult, task_result
 from dqcontrol.plants.mujoco.world_model import FORCE
@@ -474,47 +480,31 @@ def _smoothed(record: Record, cutoff: float) -> Record:
 def _task_deviations(record: Record, start: int) -> dict[str, TaskDeviation]:
     """Return the deviations of further tasks, settled from a sample on, by their names."""
     signals = {name: signal for name, signal in record.readings.items() if name.startswith(TASK)}
-    if not signals:
-        return {}
-    times = _Times(record.time, np.diff(record.time))
     return {
         name.removeprefix(TASK): TaskDeviation(
-            _deviation(times, 1e3 * signal.values[:, 0], start),
-            _deviation(times, np.degrees(signal.values[:, 1]), start),
+            _deviation(record.time, 1e3 * signal.values[:, 0], start),
+            _deviation(record.time, np.degrees(signal.values[:, 1]), start),
         )
         for name, signal in signals.items()
     }
 
 
-class _Times(NamedTuple):
-    """Times of samples, shape (N,), and the intervals between them, shape (N − 1,), s."""
-
-    samples: Array
-    intervals: Array
-
-    def since(self, first: int) -> _Times:
-        """Return those from one sample on."""
-        return _Times(self.samples[first:], self.intervals[first:])
-
-
-def _continuous(times: _Times, value: Array) -> SignalNorms:
+def _continuous(time: Array, value: Array) -> SignalNorms:
     """Summarise samples joined linearly."""
-    duration, intervals = float(times.samples[-1] - times.samples[0]), times.intervals
+    duration, intervals = float(time[-1] - time[0]), np.diff(time)
     if duration == 0:
         return SignalNorms(0.0, math.nan, math.nan, float(value.max()))
     a, b = value[:-1], value[1:]
     integral = float((intervals * (b + a) / 2).sum())
-    square = float(
-        (intervals * (a * a + a * b + b * b)).sum() / 3
-    )  # exact for the straight lines between samples
+    # exact for the straight lines between samples
+    square = float((intervals * (a * a + a * b + b * b)).sum() / 3)
     return SignalNorms(integral, integral / duration, math.sqrt(square / duration), float(value.max()))
 
 
-def _deviation(times: _Times, value: Array, start: int) -> Deviation:
-    whole, settled = _continuous(times, value), _continuous(times.since(start), value[start:])
-    return Deviation(
-        whole.mean, whole.rms, whole.peak, float(value[-1]), settled.mean, settled.rms, settled.peak
-    )
+def _deviation(time: Array, value: Array, start: int) -> Deviation:
+    whole, settled = _continuous(time, value), _continuous(time[start:], value[start:])
+    of_settled = settled.mean, settled.rms, settled.peak
+    return Deviation(whole.mean, whole.rms, whole.peak, float(value[-1]), *of_settled)
 
 
 def _settling_band(record: Record, first: float, largest: float, tolerance: float | None) -> float:

@@ -245,9 +245,8 @@ class Repeats:
     def __init__(self, rows: Sequence[Row]) -> None:
         if not rows:
             raise ShapeError("rows: expected at least one run, got none")
-        self.parameters: list[str] = list(
-            dict.fromkeys(name for row in rows for name in row if name.startswith(_PARAMETER))
-        )
+        every = dict.fromkeys(name for row in rows for name in row)
+        self.parameters: list[str] = [name for name in every if name.startswith(_PARAMETER)]
         self.names: tuple[str, ...] = (*LABELS, *self.parameters)
         self.groups: dict[Group, list[Row]] = {}
         for row in rows:
@@ -261,10 +260,8 @@ class Repeats:
     @property
     def columns(self) -> list[Column]:
         """Headings of the labels that differ."""
-        return [
-            Column(self.names[i].removeprefix(_PARAMETER) if i >= len(LABELS) else self.names[i].capitalize())
-            for i in self._shown
-        ]
+        shown = [self.names[i] for i in self._shown]
+        return [Column(name.capitalize() if name in LABELS else name[len(_PARAMETER) :]) for name in shown]
 
     def label(self, group: Group, name: str) -> str | float:
         """Return one label of a group."""
@@ -280,9 +277,8 @@ class Repeats:
         for i in self._shown:
             if self.names[i] in names and group[i] != "":
                 value = group[i] if isinstance(group[i], str) else f"{group[i]:g}"
-                texts.append(
-                    f"{self.names[i].removeprefix(_PARAMETER)} {value}" if i >= len(LABELS) else value
-                )
+                is_label = i < len(LABELS)
+                texts.append(value if is_label else f"{self.names[i].removeprefix(_PARAMETER)} {value}")
         return " · ".join(texts)
 
     def caption(self, title: str) -> str:

@@ -18,13 +18,7 @@ from dqcontrol.plants.linear_model import LinearModel, smooth_slopes
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE
 
 Verdict = Literal[
-    "good",
-    "stable",
-    "oscillatory",
-    "unstable",
-    "unstable for large errors",
-    "drifts",
-    "cannot be decided",
+    "good", "stable", "oscillatory", "unstable", "unstable for large errors", "drifts", "cannot be decided"
 ]
 
 MOST_STATES = 200  # of a model: eigenvalues of more take too long
@@ -158,16 +152,11 @@ def gain_limits(
         gain = product / period
         return with_integral(model, integral_share * gain, period).poles(gain * direction)
 
-    stable = first_failure(lambda product: is_stable(poles(product)))
+    stable = first_failure(lambda product: spectral_radius(poles(product)) < 1 - _ROUNDING)
     monotone = first_failure(lambda product: _least_damping(poles(product)) > 1 - _REAL)
     damped = first_failure(lambda product: _least_damping(poles(product)) >= GOOD_DAMPING)
     large = large_error_limit(model, period) if accelerations_limited else math.inf
     return GainLimits(stable, min(monotone, stable), min(damped, stable / GOOD_MARGIN, large), large)
-
-
-def is_stable(poles: NDArray[np.complex128]) -> bool:
-    """Return whether all poles lie inside the unit circle."""
-    return spectral_radius(poles) < 1 - _ROUNDING
 
 
 def stability_limit(
@@ -194,10 +183,8 @@ def stability_limit(
         inside = np.linspace(below, above, _AT_ONCE // 2 + 2)[1:-1]
         failed = np.flatnonzero(~stable(inside))
         first = int(failed[0]) if len(failed) else len(inside)
-        below, above = (
-            float(inside[first - 1]) if first else below,
-            float(inside[first]) if first < len(inside) else above,
-        )
+        ends = [below, *inside.tolist(), above]
+        below, above = ends[first], ends[first + 1]
     return below
 
 
@@ -544,16 +531,10 @@ class NumericLoop:
         """Return the poles of the loop with its command multiplied by a factor, without what it leaves free."""
         law, m = self.law, len(self.law.feedthrough)
         joints = np.eye(m // self.model.inputs.shape[1])  # one stands for all, or all are there
-        transition, inputs = (
-            np.kron(self.model.transition, joints),
-            factor * np.kron(self.model.inputs, joints),
-        )
-        closed = np.block(
-            [
-                [transition, inputs @ law.outputs],
-                [np.zeros((len(law.transition), len(transition))), law.transition],
-            ]
-        )
+        transition = np.kron(self.model.transition, joints)
+        inputs = factor * np.kron(self.model.inputs, joints)
+        rest = np.zeros((len(law.transition), len(transition)))
+        closed = np.block([[transition, inputs @ law.outputs], [rest, law.transition]])
         closed[:, :m] += np.vstack([inputs @ law.feedthrough, law.inputs])
         poles = np.linalg.eigvals(closed)
         return poles[np.abs(poles - 1) > _MARGINAL].astype(np.complex128)

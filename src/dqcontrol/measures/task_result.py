@@ -26,11 +26,7 @@ Outcome = Literal["reached", "not reached", "followed", "not followed", "kept", 
 POSITION, ORIENTATION = 1e-3, 1e-2  # m, rad: nearer than that is there, for inverse kinematics too
 SETTLED = 0.02  # of what was asked: the settling criterion
 FOLLOWED = 0.1  # of what was asked: a sensitivity of −20 dB
-_MISSED: dict[Outcome, Outcome] = {
-    "reached": "not reached",
-    "followed": "not followed",
-    "kept": "not kept",
-}
+_MISSED: dict[Outcome, Outcome] = {"reached": "not reached", "followed": "not followed", "kept": "not kept"}
 _LOST = 0.5  # of what is left of an error at rest: from there on it is a singularity that is in the way
 
 
@@ -264,11 +260,9 @@ def _judged(record: Record, asked: _Asked, distance: float, orientation: float, 
 
 def _axis_error(record: Record, law: PartialProportional) -> Array:
     """Return the angle between the axis of a law and where it is to be, shape (N,), rad."""
-    direction = np.asarray(law.axis, dtype=np.float64)
-    direction = direction / np.linalg.norm(direction)
-    is_, wanted = (
-        algebra.matrix_from_pose(x)[..., :3, :3] @ direction for x in (record.pose, record.desired[:, POSE])
-    )
+    direction = np.array(law.axis) / np.linalg.norm(law.axis)
+    poses = record.pose, record.desired[:, POSE]
+    is_, wanted = (algebra.matrix_from_pose(each)[..., :3, :3] @ direction for each in poses)
     return np.arctan2(row_norms(np.cross(is_, wanted)), np.einsum("ij,ij->i", is_, wanted))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import platform
 import shlex
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from datetime import datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -47,14 +47,10 @@ def command(name: str, *arguments: str, **options: Any) -> str:
     "dqcontrol run spec.yaml --real-time --out 'my results'"
     """
     words = ["dqcontrol", name, *arguments]
-    given = [
-        (key, each)
-        for key, value in options.items()
-        for each in (value if isinstance(value, tuple) else [value])
-    ]
-    for key, value in given:
-        if value is not None and value is not False:
-            words += [f"--{key.replace('_', '-')}", *([] if value is True else [str(value)])]
+    for key, given in options.items():
+        for value in given if isinstance(given, tuple) else [given]:
+            if value is not None and value is not False:
+                words += [f"--{key.replace('_', '-')}", *([] if value is True else [str(value)])]
     return shlex.join(words)
 
 
@@ -77,27 +73,19 @@ def origins(data: dict[str, Any]) -> Table:
     data
         The spec's keys; empty for results without one.
     """
-    rows = [*_seeds(data), ["dqcontrol", f"{version('dqcontrol')}, sources {sources()}"]]
-    rows += [["Python", platform.python_version()], *_versions()]
-    rows.append(["machine", f"{platform.system()} {platform.machine()}"])
-    return Table([Column("what"), Column("value")], rows)
-
-
-def _seeds(data: dict[str, Any]) -> Iterable[list[str]]:
-    if not {"robot", "robots"} & data.keys():
-        return
-    first, repeats = data.get("seed", 0), data.get("repeats", 1)
-    yield (
-        ["seed", str(first)] if repeats == 1 else ["seeds", f"{first} … {first + repeats - 1}, one a repeat"]
-    )
-    if "sweep" in data:
-        yield ["seed of the points", str(data["sweep"].get("seed", 0))]
-
-
-def _versions() -> Iterable[list[str]]:
+    rows = []
+    if {"robot", "robots"} & data.keys():
+        first, repeats = data.get("seed", 0), data.get("repeats", 1)
+        last = f"{first} … {first + repeats - 1}, one a repeat"
+        rows.append(["seed", str(first)] if repeats == 1 else ["seeds", last])
+        rows += [["seed of the points", str(data["sweep"].get("seed", 0))]] if "sweep" in data else []
+    rows.append(["dqcontrol", f"{version('dqcontrol')}, sources {sources()}"])
+    rows.append(["Python", platform.python_version()])
     for name in _LIBRARIES:
         with suppress(PackageNotFoundError):
-            yield [name, version(name)]
+            rows.append([name, version(name)])
+    rows.append(["machine", f"{platform.system()} {platform.machine()}"])
+    return Table([Column("what"), Column("value")], rows)
 
 
 Fact = tuple[str, Cell]
@@ -153,10 +141,8 @@ def described(part: msgspec.Struct, where: str = "") -> str:
     for each in msgspec.structs.fields(part):
         value = getattr(part, each.name)
         default = each.default if each.default_factory is msgspec.NODEFAULT else each.default_factory()
-        if (each.required or value != default) and each.encode_name not in _UNSAID:
-            words.append(
-                f"{each.encode_name.replace('_', ' ')} {_value(value, f'{where}.{each.encode_name}')}"
-            )
+        if (each.required or value != default) and (name := each.encode_name) not in _UNSAID:
+            words.append(f"{name.replace('_', ' ')} {_value(value, f'{where}.{name}')}")
     kind = str(type(part).__struct_config__.tag)
     return f"{kind}: {', '.join(words)}" if words else kind
 

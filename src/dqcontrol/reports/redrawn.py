@@ -29,7 +29,7 @@ from dqcontrol.experiments.run_comparison import unit_of_way
 from dqcontrol.experiments.spec.spec import read_spec
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.reports.run_report import figures_of, write_run_report
-from dqcontrol.reports.study_report import figures_of_several, surroundings_of
+from dqcontrol.reports.study_reports import figures_of_several, surroundings_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

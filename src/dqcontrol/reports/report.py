@@ -128,11 +128,8 @@ def head(facts: Sequence[tuple[str, Cell]], picture: Figure | None, moving: str 
         f"<tr><th>{escape(name) if name != before else ''}</th>{_cell(cell, str(cell), '')}</tr>"
         for (name, cell), before in zip(facts, ["", *(name for name, _ in facts)], strict=False)
     )
-    drawn = (
-        f"<div>{_image(picture, 'The robot at its start, with the path of its end effector')}</div>"
-        if picture
-        else ""
-    )
+    words = "The robot at its start, with the path of its end effector"
+    drawn = f"<div>{_image(picture, words)}</div>" if picture else ""
     return f'{_replay(moving)}<div class="about">{drawn}<table>{rows}</table></div>'
 
 

@@ -7,13 +7,11 @@ import io
 from dqcontrol.figures.paths import path_3d
 from dqcontrol.loop.record import Record
 from dqcontrol.reports.run_report import write_run_report as write_run
-from dqcontrol.reports.search_reports import (
+from dqcontrol.reports.study_reports import (
     write_learning_report as write_learning,
-    write_tuning_report as write_tuning,
-)
-from dqcontrol.reports.study_report import (
     write_study_report as write_study,
     write_sweep_report as write_sweep,
+    write_tuning_report as write_tuning,
 )
 
 __all__ = ["path_picture", "write_learning", "write_run", "write_study", "write_sweep", "write_tuning"]

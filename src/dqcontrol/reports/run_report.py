@@ -29,6 +29,7 @@ from dqcontrol.measures.task_result import TaskResult
 from dqcontrol.plants.mujoco.gripper import GRIP_FORCE
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.reports.about import RERUN_FOLDER, about_run, command, evaluation_command, origins
+from dqcontrol.reports.report import write_report
 from dqcontrol.supervisor import list_interventions
 from dqcontrol.supervisor.interventions import INTERVENTIONS
 from dqcontrol.tables.tables import Cell, Column, Table, VerdictCell
@@ -86,14 +87,14 @@ def interventions_tables(record: Record) -> list[Table]:
     return [table] if found else []
 
 
+def _either(good: bool, words: str, otherwise: str) -> VerdictCell:
+    return VerdictCell(words if good else otherwise, good)
+
+
 def _end(run: Run) -> Iterator[Row]:
     failure = run.verdict.failure
     words = "failed" if failure == "ended" else "fell short" if failure else "succeeded"
-    yield [
-        "End",
-        VerdictCell(words, not failure),
-        f"{run.record.stopped}; {run.record.duration:.4g} s",
-    ]
+    yield ["End", VerdictCell(words, not failure), f"{run.record.stopped}; {run.record.duration:.4g} s"]
 
 
 def _task(task: TaskResult, *, gave_way: bool) -> Iterator[Row]:
@@ -101,15 +102,11 @@ def _task(task: TaskResult, *, gave_way: bool) -> Iterator[Row]:
     if task.error:
         allowed = [f"{1e3 * task.position_tolerance:.3g} mm"] * math.isfinite(task.position)
         allowed += [f"{math.degrees(task.orientation_tolerance):.2g}°"] * math.isfinite(task.orientation)
-        words = (
-            f"{task.error}; counts as {'reached' if task.rests else 'followed'} up to {', '.join(allowed)}"
-        )
-        left = VerdictCell("gave way to constraints", None)
-        yield [
-            "Task",
-            left if gave_way and not task.succeeded else VerdictCell(task.outcome, task.succeeded),
-            words,
-        ]
+        good = "reached" if task.rests else "followed"
+        verdict = VerdictCell(task.outcome, task.succeeded)
+        if gave_way and not task.succeeded:
+            verdict = VerdictCell("gave way to constraints", None)
+        yield ["Task", verdict, f"{task.error}; counts as {good} up to {', '.join(allowed)}"]
 
 
 def _joint_limits(run: Run) -> Iterator[Row]:
@@ -117,11 +114,7 @@ def _joint_limits(run: Run) -> Iterator[Row]:
     if joint:
         unit = "rad" if run.robot.joint_types[run.record.joint_names.index(joint)] == "revolute" else "m"
         where = f"{joint}: {abs(margin):.3g} {unit} {'left' if margin >= 0 else 'beyond'}"
-        yield [
-            "Joint limits",
-            VerdictCell(*(("kept", True) if margin >= -UNSEEN else ("exceeded", False))),
-            where,
-        ]
+        yield ["Joint limits", _either(margin >= -UNSEEN, "kept", "exceeded"), where]
 
 
 def _velocity_limits(run: Run) -> Iterator[Row]:
@@ -135,7 +128,7 @@ def _velocity_limits(run: Run) -> Iterator[Row]:
     words = f"{run.record.input_names[joint]}: commands up to {100 * shares.max():.3g} % of its limit"
     if at_limits := float(np.mean(shares[:-1].max(axis=1) >= 1 - _ROUND_OFF)):
         words += f", there or beyond in {100 * at_limits:.2g} % of the samples"
-    yield ["Velocity limits", VerdictCell("kept" if kept else "exceeded", kept), words]
+    yield ["Velocity limits", _either(kept, "kept", "exceeded"), words]
 
 
 def _kept(record: Record) -> Iterator[Row]:
@@ -154,8 +147,7 @@ def _kept(record: Record) -> Iterator[Row]:
         words = f"{room.parts[i]}: least room of the angle {math.degrees(near):.3g}°"
     if crossed:
         words += f"; crossed: {', '.join(crossed)}"
-    verdict = VerdictCell("crossed", False) if crossed else VerdictCell("no constraint crossed", True)
-    yield ["Constraints", verdict, words]
+    yield ["Constraints", _either(not crossed, "no constraint crossed", "crossed"), words]
     slack = record.readings[SLACK]
     if gave := [slack.parts[k] for k in np.flatnonzero((slack.values > 0).any(axis=0))]:
         yield ["Rows that gave way", VerdictCell("some", None), ", ".join(gave)]
@@ -181,7 +173,7 @@ def _held_box(record: Record) -> Iterator[Row]:
     closed = int(np.argmax((internal > 0) & (record.time >= _CLOSING)))
     least = float(internal[closed:].min())
     words = f"internal force {least:.3g} N at least, after {record.time[closed]:.2g} s"
-    yield ["Box", VerdictCell(*(("held", True) if least > 0 else ("let go", False))), words]
+    yield ["Box", _either(least > 0, "held", "let go"), words]
 
 
 def _interventions(record: Record) -> Iterator[Row]:
@@ -192,11 +184,8 @@ def _interventions(record: Record) -> Iterator[Row]:
         yield ["Supervisor", VerdictCell("never intervened", True), ""]
         return
     times = "once" if len(found) == 1 else f"{len(found)} times"
-    yield [
-        "Supervisor",
-        VerdictCell("intervened", None),
-        f"{times}, first at {found[0][0]:.3f} s: {found[0][2]}",
-    ]
+    words = f"{times}, first at {found[0][0]:.3f} s: {found[0][2]}"
+    yield ["Supervisor", VerdictCell("intervened", None), words]
 
 
 def _range(run: Run) -> Iterator[Row]:
@@ -205,21 +194,19 @@ def _range(run: Run) -> Iterator[Row]:
     last = float(TaskRange.recorded(run.record).share[-1])
     stuck = last > _STUCK and not run.task.succeeded
     words = f"{100 * last:.2g} % of the twist asked for at the end lies outside the range of J"
-    yield ["Range of J", VerdictCell("stuck" if stuck else "not stuck", not stuck), words]
+    yield ["Range of J", _either(not stuck, "not stuck", "stuck"), words]
 
 
 def _periods(timing: Timing | None) -> Iterator[Row]:
     if timing is not None:
-        kept = not timing.missed
         words = f"{timing.missed} of {len(timing.begin)} missed, {timing.overruns} began late"
-        yield ["Control periods", VerdictCell("kept" if kept else "missed", kept), words]
+        yield ["Control periods", _either(not timing.missed, "kept", "missed"), words]
 
 
 def _lyapunov(certificate: Certificate) -> Row:
     rise = certificate.largest_rise
-    falls = rise < _RISE
     words = f"largest rise {rise:.2g} of its first value"
-    return ["Lyapunov function V", VerdictCell("falls" if falls else "rises", falls), words]
+    return ["Lyapunov function V", _either(rise < _RISE, "falls", "rises"), words]
 
 
 def _loop_gains(found: LoopCheck) -> Row:
@@ -243,7 +230,18 @@ def figures_of(run: Run) -> dict[str, Figure]:
     --------
     >>> figures_of(dqc.run("examples/circle.yaml"))["errors"].savefig("errors.pdf")  # doctest: +SKIP
     """
-    return _figures(run, Certificate.recorded(run.record))
+    from dqcontrol.figures import run_figures
+
+    draw = run_figures(
+        run.record,
+        run.robot.limits,
+        **units_of(run.robot),
+        robot=run.robot,
+        timing=run.timing,
+        certificate=Certificate.recorded(run.record),
+        constraints=run.surroundings,
+    )
+    return {name: each() for name, each in draw.items()}
 
 
 def write_run_report(
@@ -261,17 +259,16 @@ def write_run_report(
     ``replayed`` lets the run move on the page, where viser is installed and 3 MB suffice.
     """
     from dqcontrol.figures import robot_picture, timing_table
-    from dqcontrol.reports import write_report
 
     data: dict[str, Any] = parse_yaml("spec", run.spec)
     certificate, stopped = Certificate.recorded(run.record), run.record.stopped
-    drawn = _figures(run, certificate) if figures else {}
     tables = [*metrics_tables(run.metrics, unit_of_way([run.robot])), *interventions_tables(run.record)]
     if run.timing and len(run.timing.begin) > 1:
         tables.append(timing_table(run.timing))
     write_report(
         folder,
-        _title(run, data, alone=outside == PARENT),
+        # Of one of several runs the name says also which it is.
+        data.get("name", run.label) + ("" if outside == PARENT else f": {run.label}"),
         facts=f"{run.label} · {run.record.duration:.4g} s · {len(run.record)} samples · ended: {stopped}",
         about=about_run(run, folder if (folder / "record.mcap").is_file() else recorded or folder),
         picture=robot_picture(run.robot, run.record) if figures else None,
@@ -280,7 +277,7 @@ def write_run_report(
         command=_command(run, data, outside),
         verdicts=[run_verdicts(run, certificate)],
         tables=tables,
-        figures=drawn,
+        figures=figures_of(run) if figures else {},
         later="" if figures else command("report", "."),
         spec=run.spec,
         origins=origins(data),
@@ -294,28 +291,6 @@ def _moving(run: Run) -> str:
         if len(page.encode()) <= _MOST_BYTES:
             return page
     return ""
-
-
-def _title(run: Run, data: dict[str, Any], *, alone: bool) -> str:
-    """Return the name of what was run; of one of several runs also which it is."""
-    name = data.get("name", run.label)
-    return name if alone else f"{name}: {run.label}"
-
-
-def _figures(run: Run, certificate: Certificate | None) -> dict[str, Figure]:
-    from dqcontrol.figures import run_figures
-
-    units = units_of(run.robot)
-    draw = run_figures(
-        run.record,
-        run.robot.limits,
-        **units,
-        robot=run.robot,
-        timing=run.timing,
-        certificate=certificate,
-        constraints=run.surroundings,
-    )
-    return {name: each() for name, each in draw.items()}
 
 
 def _command(run: Run, data: dict[str, Any], outside: str) -> str:

@@ -91,9 +91,8 @@ def _shortened(text: str, width: int) -> str:
 def _listed(table: Table, width: int) -> str:
     """Return each row as its first cell with the others below."""
     lines = [table.title] * bool(table.title)
-    wrap = textwrap.TextWrapper(
-        max(width, 2 * _INDENT), initial_indent=" " * _INDENT, subsequent_indent=" " * _INDENT
-    )
+    indent = " " * _INDENT
+    wrap = textwrap.TextWrapper(max(width, 2 * _INDENT), initial_indent=indent, subsequent_indent=indent)
     titles = [f"{column.heading}: " if i > 1 else "" for i, column in enumerate(table.columns)]
     for row, cells in zip(table.rows, table.texts(), strict=True):
         said = [f"{title}{cell}" for title, value, cell in zip(titles, row, cells, strict=True) if value]

@@ -352,17 +352,14 @@ class Table:
         widths = [max(3, *(len(row[i]) for row in (headings, *rows))) for i in range(len(headings))]
         numeric = self.numeric()
 
+        signs = [">" if right else "<" for right in numeric]
+
         def line(cells: Sequence[str]) -> str:
-            padded = (
-                c.rjust(w) if right else c.ljust(w)
-                for c, w, right in zip(cells, widths, numeric, strict=True)
-            )
+            padded = (f"{c:{sign}{w}}" for c, w, sign in zip(cells, widths, signs, strict=True))
             return f"| {' | '.join(padded)} |"
 
-        rule = "".join(
-            f"|{'-' * (w + 1)}:" if right else f"|:{'-' * (w + 1)}"
-            for w, right in zip(widths, numeric, strict=True)
-        )
+        dashes = ["-" * (w + 1) for w in widths]
+        rule = "".join(f"|{d}:" if right else f"|:{d}" for d, right in zip(dashes, numeric, strict=True))
         caption = [f"**{_one_line(self.title)}**", ""] if self.title else []
         return "\n".join([*caption, line(headings), rule + "|", *map(line, rows)]) + "\n"
 
@@ -381,10 +378,8 @@ class Table:
 
     def _with_spread(self, values: Sequence[Cell], spreads: Sequence[Cell]) -> list[Cell]:
         """Return a row of raw values, each followed by its spread in the columns that have one."""
-        cells: list[Cell] = []
-        for value, spread, two in zip(values, spreads, self.spread(), strict=True):
-            cells += [value, spread] if two else [value]
-        return cells
+        every = zip(values, spreads, self.spread(), strict=True)
+        return [cell for value, spread, two in every for cell in ((value, spread) if two else (value,))]
 
     def latex(self) -> str:
         r"""Return it as a ``tabular`` for the package booktabs, in a ``table`` if it has a title."""
@@ -400,9 +395,8 @@ class Table:
         lines = [rf"\begin{{tabular}}{{{alignment}}}", r"\toprule", _latex_row(headings), r"\midrule"]
         for row in self.rows:
             columns = zip(self.columns, row, numeric, spread, strict=True)
-            lines.append(
-                _latex_row([_latex_cell(column.parts(cell), *kind) for column, cell, *kind in columns])
-            )
+            cells = [_latex_cell(column.parts(cell), *kind) for column, cell, *kind in columns]
+            lines.append(_latex_row(cells))
         lines += [r"\bottomrule", r"\end{tabular}"]
         if self.title:
             caption = rf"\caption{{{latex(self.title)}}}"

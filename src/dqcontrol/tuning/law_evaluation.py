@@ -16,7 +16,7 @@ from dqcontrol.controller import Controller
 from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.experiments.contacts import contacts_of
 from dqcontrol.experiments.feasibility import path_demand
-from dqcontrol.experiments.outcome import judge_outcome
+from dqcontrol.experiments.outcome import judge
 from dqcontrol.experiments.prepared_experiment import PreparedRobot, prepare_spec
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.laws import Law
@@ -211,7 +211,7 @@ class LawEvaluation:
         )
         world = spec.surroundings
         through = [each.words for each in contacts_of(robot, law.constraints, plant, world).of_run(record)]
-        judged = judge_outcome(spec.outcome, record, robot, world, spec.period, through)
+        judged = [judge(each, record, robot, world, spec.period, through) for each in spec.outcome]
         return sum(not each.holds for each in judged)
 
 

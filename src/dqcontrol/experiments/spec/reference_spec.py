@@ -6,7 +6,7 @@ import dataclasses
 import inspect
 import math
 import types
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from itertools import pairwise
@@ -144,16 +144,13 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
         Error
             If the values do not fit together or a file cannot be read.
         """
-        timings = [
-            name for name in ("ramp", "corner_stops", "jerk_limits") if getattr(self, name) is not None
-        ]
+        timings = [key for key in ("ramp", "corner_stops", "jerk_limits") if getattr(self, key) is not None]
         if len(timings) > 1:
             raise ValueRangeError(f"{where}: give only one of {', '.join(timings)}")
         start = self._start(hand, where)
+        given = self._given("position"), self._given("orientation")
         with _within(f"{where}."):
-            reference = self._shape(
-                SpecStart(start, folder, where, self._given("position"), self._given("orientation"))
-            )
+            reference = self._shape(SpecStart(start, folder, where, *given))
         if self.repeat > 1:
             if (corners := self.repeat * len(reference.corners)) > _MOST_CORNERS:
                 raise ValueRangeError(
@@ -174,9 +171,8 @@ class ReferenceSpec(Part, frozen=True, kw_only=True, tag_field="kind"):
             by = self.transform
             turn = rotation_from(f"{where}.transform", by.quaternion, by.rpy)
             position = as_array(f"{where}.transform.position", by.position, (3,))
-            reference = shapes.Transformed(
-                reference, algebra.pose(_NO_TURN if turn is None else turn, position)
-            )
+            moved = algebra.pose(_NO_TURN if turn is None else turn, position)
+            reference = shapes.Transformed(reference, moved)
         if self.preview is not None:
             reference = shapes.Previewed(reference, **msgspec.structs.asdict(self.preview))
         if self.touch is not None:
@@ -290,12 +286,8 @@ class SequenceSpec(ReferenceSpec, frozen=True, kw_only=True, tag="sequence"):
         if kept is None:
             raise ValueRangeError("plan-to: is the reference of a law, and no further task's")
         turn = StepsInTurn(robot, kept, world, start)
-        numbers = [
-            0,
-            *(i for i, each in enumerate(self.references) if each.plans_around and i),
-            len(self.references),
-        ]
-        for begin, end in pairwise(numbers):
+        plans = [i for i, each in enumerate(self.references) if each.plans_around and i]
+        for begin, end in pairwise([0, *plans, len(self.references)]):
             makes = [
                 partial(_planned_step, each, reference.folder, f"{reference.place}[{i}]")
                 for i, each in enumerate(self.references[begin:end], begin)
@@ -439,57 +431,38 @@ def _written(shape: type[shapes.Reference]) -> type[ReferenceSpec]:
     """Return the YAML form of a shape: the parameters of `Reference.from_spec`, beside what all references have."""
     makes = shape.from_spec.__func__
     is_constructor = makes is shapes.Reference.from_spec.__func__
-    fields = _fields_of_constructor(shape) if is_constructor else _fields_of_function(makes)
-    names = [name for name, *_ in fields]
-    said = ((shape if is_constructor else makes).__doc__ or "").partition("    Examples\n")[0]
+    made_by: Any = shape if is_constructor else makes
+    said, hints = (
+        (made_by.__doc__ or "").partition("    Examples\n")[0],
+        get_type_hints(made_by, include_extras=True),
+    )
+    # Of a constructor all parameters but the start, which all references have.
+    fields = [
+        each
+        for each in inspect.signature(made_by).parameters.values()
+        if (each.name != "start" if is_constructor else each.kind is each.KEYWORD_ONLY)
+    ]
+    names = [each.name for each in fields]
 
     def _shape(self: ReferenceSpec, start: SpecStart) -> shapes.Reference:
         return shape.from_spec(start, **{name: getattr(self, name) for name in names})
 
-    def of_robot(
-        self: Any,
-        reference: shapes.Reference,
-        robot: Robot,
-        start: Array,
-        world: World | None,
-        kept: PreparedConstraints | None = None,
-    ) -> shapes.Reference:
-        given = {name: getattr(self, name) for name in names}
-        return shape.of_robot(reference, robot, start, world, kept, **given)
+    def of_robot(self: Any, *given: Any) -> shapes.Reference:
+        return shape.of_robot(*given, **{name: getattr(self, name) for name in names})
 
     contents = {
         "__doc__": said,
         "__module__": __name__,
-        "__annotations__": {name: kind for name, kind, *_ in fields},
+        "__annotations__": {name: _form(hints[name]) for name in names},
         "_shape": _shape,
         "of_robot": of_robot,
         "plans_around": shape.plans_around,
-        **{name: default for name, _, *rest in fields for default in rest},
+        **{each.name: each.default for each in fields if each.default is not each.empty},
     }
     options = {"frozen": True, "kw_only": True, "forbid_unknown_fields": True, "tag": shape.kind}
     return types.new_class(
         f"{shape.__name__}Spec", (ReferenceSpec,), options, lambda body: body.update(contents)
     )
-
-
-def _fields_of_constructor(shape: type[shapes.Reference]) -> list[tuple[Any, ...]]:
-    """Return names, types and defaults of a dataclass, but ``start``, which all references have."""
-    hints = get_type_hints(shape, include_extras=True)
-    return [
-        (each.name, _form(hints[each.name]), *([] if each.default is dataclasses.MISSING else [each.default]))
-        for each in dataclasses.fields(shape)  # type: ignore[arg-type]
-        if each.init and each.name != "start"
-    ]
-
-
-def _fields_of_function(makes: Callable[..., Any]) -> list[tuple[Any, ...]]:
-    """Return names, types and defaults of a function's keyword-only parameters."""
-    hints = get_type_hints(makes, include_extras=True)
-    return [
-        (name, _form(hints[name]), *([] if each.default is each.empty else [each.default]))
-        for name, each in inspect.signature(makes).parameters.items()
-        if each.kind is each.KEYWORD_ONLY
-    ]
 
 
 def _form(hint: Any) -> Any:

@@ -29,7 +29,7 @@ from dqcontrol.errors import (
     as_array,
     error_prefix,
 )
-from dqcontrol.experiments.outcome import Expectation, check_outcome
+from dqcontrol.experiments.outcome import Expectation
 from dqcontrol.experiments.spec.key_types import (
     kinds_below,
     kinds_of,
@@ -224,11 +224,10 @@ def start_configuration(
     if not isinstance(given, HandStart):
         return as_array(field, given, (robot.configuration_size,))
     best = chosen(given.postures(robot))
+    rounded = np.round(best.q, 9) + 0.0  # of rounding, nothing
     numbers = ", ".join(
         f"{value:.4g}" if kind == "prismatic" else f"{math.degrees(value):.4g}°"
-        for value, kind in zip(
-            np.round(best.q, 9) + 0.0, robot.joint_types, strict=True
-        )  # of rounding, nothing
+        for value, kind in zip(rounded, robot.joint_types, strict=True)
     )
     warnings.warn(f"{field}: [{numbers}], {best.room}", NoteWarning, stacklevel=2)
     return best.q
@@ -244,14 +243,7 @@ class StartedRobotSpec(RobotSpec, frozen=True, kw_only=True):
 
     def without_start(self) -> RobotSpec:
         """Return the robot alone."""
-        return RobotSpec(
-            source=self.source,
-            base_link=self.base_link,
-            tip_link=self.tip_link,
-            model=self.model,
-            tips=self.tips,
-            task=self.task,
-        )
+        return RobotSpec(**{name: getattr(self, name) for name in RobotSpec.__struct_fields__})
 
 
 class Spec(Part, frozen=True, kw_only=True, dict=True):
@@ -394,7 +386,9 @@ class Spec(Part, frozen=True, kw_only=True, dict=True):
             If one of it says nothing, or names a body that there is not.
         """
         found = self.outcome or []
-        check_outcome(found, self.surroundings)
+        for k, each in enumerate(found):
+            with error_prefix(f"outcome[{k}]"):
+                each.check(self.surroundings)
         return found
 
     @cached_property
@@ -419,14 +413,12 @@ class Spec(Part, frozen=True, kw_only=True, dict=True):
                 return plant
             return msgspec.structs.replace(plant, gripper=msgspec.structs.replace(gripper, schedule=events))
 
-        plants = {
-            "plant": self.plant if isinstance(self.plant, UnsetType) else scheduled(self.plant),
-            "plants": self.plants
-            if isinstance(self.plants, UnsetType)
-            else {label: scheduled(each) for label, each in self.plants.items()},
-        }
+        one = self.plant if isinstance(self.plant, UnsetType) else scheduled(self.plant)
+        several = self.plants
+        if not isinstance(several, UnsetType):
+            several = {label: scheduled(each) for label, each in several.items()}
         bodies = held_by_steps(self.world or {}, steps)
-        return msgspec.structs.replace(self, world=bodies or None, **plants)
+        return msgspec.structs.replace(self, world=bodies or None, plant=one, plants=several)
 
     def supervisor_of(self, plant: AnyPlant) -> Supervisor | None:
         """Return what stands before a plant, if anything."""
@@ -434,9 +426,8 @@ class Spec(Part, frozen=True, kw_only=True, dict=True):
             zones, world = self.supervisor.keep_out, self.surroundings
             if zones is None or world is None:
                 return self.supervisor
-            return msgspec.structs.replace(
-                self.supervisor, keep_out=msgspec.structs.replace(zones, world=world)
-            )
+            zones = msgspec.structs.replace(zones, world=world)
+            return msgspec.structs.replace(self.supervisor, keep_out=zones)
         if plant.is_robot and self.supervisor is False:
             raise ValueRangeError("supervisor: a robot always has one; got false")
         wanted = plant.is_supervised if self.supervisor is None else self.supervisor
@@ -585,7 +576,14 @@ def in_numbers(where: str, data: dict[str, Any], folder: Path) -> dict[str, Any]
     if "world" in data:
         data["world"] = said_world(data["world"], folder)
     admit(where, data, folder)
-    return _with_numbers(where, data)
+    data = numbers_for_quantities(where, data, list(kinds_of(Spec)))
+    changed = [(f"grids.{law}", keys) for law, keys in _items(data.get("grids"))]
+    for name, laws in _items(data.get("parameter_sets")):
+        changed += [(f"parameter_sets.{name}.{law}", keys) for law, keys in _items(laws)]
+    for field, keys in changed:
+        for key, value in _items(keys):
+            keys[key] = quantities_at(where, f"law.{key}", value, f"{field}.{key}")
+    return data
 
 
 def part_of_spec(where: str, text: str, key: str) -> Any:
@@ -624,21 +622,6 @@ def readable_again(key: str, value: Any) -> Any:
     return quantities_for_numbers(value, kinds_below(list(kinds_of(Spec)), key), key)
 
 
-def _with_numbers(where: str, data: dict[str, Any]) -> dict[str, Any]:
-    """Return a spec's plain data with numbers in SI units for texts like ``60 mm``, also in sets and grids."""
-    data = numbers_for_quantities(where, data, list(kinds_of(Spec)))
-    sets = {
-        f"{name}.{law}": keys
-        for name, laws in _items(data.get("parameter_sets"))
-        for law, keys in _items(laws)
-    }
-    for field, keys in [*sets.items(), *_items(data.get("grids"))]:
-        for key, value in _items(keys):
-            place = f"parameter_sets.{field}.{key}" if field in sets else f"grids.{field}.{key}"
-            keys[key] = quantities_at(where, f"law.{key}", value, place)
-    return data
-
-
 def _items(mapping: Any) -> list[tuple[str, Any]]:
     """Return the entries of what should be a mapping; `convert` refuses what is none."""
     return list(mapping.items()) if isinstance(mapping, dict) else []
@@ -649,17 +632,13 @@ def _without_objects(source: dict[str, Any]) -> dict[str, Any]:
     out = dict(source)
     if isinstance(out.get("robot"), Robot):
         out["robot"] = _robot_data(out["robot"])
-    if isinstance(out.get("robots"), dict):
-        out["robots"] = {label: _started_robot(each) for label, each in out["robots"].items()}
+    for label, given in _items(out.get("robots")):
+        if isinstance(given, dict) and isinstance(given.get("source"), Robot):
+            rest = {key: value for key, value in given.items() if key != "source"}
+            out["robots"] = out["robots"] | {label: rest | _robot_data(given["source"])}
     if isinstance(out.get("reference"), Reference):
         out["reference"] = reference_data(out["reference"])
     return out
-
-
-def _started_robot(given: Any) -> Any:
-    if not isinstance(given, dict) or not isinstance(given.get("source"), Robot):
-        return given
-    return {**{key: value for key, value in given.items() if key != "source"}, **_robot_data(given["source"])}
 
 
 def _robot_data(robot: Robot) -> dict[str, Any]:

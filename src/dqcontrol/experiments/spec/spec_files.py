@@ -21,6 +21,9 @@ from dqcontrol.plants import Plant
 from dqcontrol.robots.files.urdf_xml import XACRO, CheckedXml
 
 INPUTS = "inputs"  # folder of the copies, in one of results
+_ROBOTS = ("robot", "robot.source", "robots.*.source", "evaluation.robot.source")
+_MAPS = ("world.*.map", "world.*.mesh", "world.*.parts.*.map", "world.*.parts.*.mesh")
+_TOOLS = [f"{part}contact.sensor.tool" for part in ("", "law.", "laws.*.")]
 
 
 def complete_plants(data: dict[str, Any], folder: Path) -> None:
@@ -33,9 +36,9 @@ def complete_plants(data: dict[str, Any], folder: Path) -> None:
         else:
             for key in _file_keys(part, kind):
                 part[key] = str((folder / part[key]).resolve())
-    for part, key in _maps(data):
+    for part, key in _at(data, *_MAPS):
         part[key] = str((folder / part[key]).resolve())
-    for part, key in _tools(data):
+    for part, key in _at(data, *_TOOLS, "supervisor.payload"):
         part[key] = msgspec.to_builtins(load_tool(folder / part[key]))
 
 
@@ -43,7 +46,7 @@ def locate_files(data: dict[str, Any], folder: Path) -> None:
     """Make the names of files of robots and references absolute."""
     for part in _references_of(data):
         part["file"] = str((folder / part["file"]).resolve())
-    for part, key in _robots(data):
+    for part, key in _at(data, *_ROBOTS):
         if (folder / part[key]).is_file():
             path = str((folder / part[key]).resolve())
             part[key] = {"source": path} if key == "robot" else path
@@ -94,61 +97,37 @@ def _copy_name(path: Path) -> str:
 
 def _named(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
     """Yield each mapping that names a file, with the key that does."""
-    yield from _robots(data)
+    yield from _at(data, *_ROBOTS, *_MAPS)
     yield from ((part, "file") for part in _references_of(data))
-    yield from _maps(data)
     yield from ((part, key) for part, kind in _plants_and_laws(data) for key in _file_keys(part, kind))
     yield from (
         (part, "function") for part in places(data) if part["function"].rpartition(":")[0].endswith(".py")
     )
 
 
-def _robots(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
-    several, evaluated = data.get("robots"), data.get("evaluation")
-    if isinstance(data.get("robot"), str):
-        yield data, "robot"
-    inner = [data.get("robot"), *(several.values() if isinstance(several, dict) else ())]
-    inner.append(evaluated.get("robot") if isinstance(evaluated, dict) else None)
-    for robot in inner:
-        if isinstance(robot, dict) and isinstance(robot.get("source"), str):
-            yield robot, "source"
+def _at(data: dict[str, Any], *paths: str) -> Iterator[tuple[dict[str, Any], str]]:
+    """Yield the mappings that have a text at these paths, each with its key; ``*`` stands for all entries."""
+    for path in paths:
+        *names, key = path.split(".")
+        parts: list[Any] = [data]
+        for name in names:
+            parts = [each for part in parts for each in _entries(part, name)]
+        yield from (
+            (part, key) for part in parts if isinstance(part, dict) and isinstance(part.get(key), str)
+        )
 
 
-def _maps(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
-    """Yield what names maps and meshes: bodies of the world."""
-    for body in _within(data, "world").values():
-        parts = body.get("parts") if isinstance(body, dict) else None
-        for each in (body, *(parts if isinstance(parts, list) else ())):
-            for key in ("map", "mesh"):
-                if isinstance(each, dict) and isinstance(each.get(key), str):
-                    yield each, key
-
-
-def _tools(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
-    """Yield what names files of tools on force sensors."""
-    for part in (data, *_tables(data, "law")):
-        yield from _named_key(_within(part, "contact", "sensor"), "tool")
-    yield from _named_key(_within(data, "supervisor"), "payload")
-
-
-def _named_key(part: dict[str, Any], key: str) -> Iterator[tuple[dict[str, Any], str]]:
-    if isinstance(part.get(key), str):
-        yield part, key
-
-
-def _within(data: dict[str, Any], *keys: str) -> dict[str, Any]:
-    """Return the mapping below these keys, an empty one where a spec has another thing or none."""
-    found: Any = data
-    for key in keys:
-        found = found.get(key) if isinstance(found, dict) else None
-    return found if isinstance(found, dict) else {}
+def _entries(part: Any, name: str) -> list[Any]:
+    """Return what a part of a spec has under a name, or all that it has; nothing where it is another thing."""
+    if isinstance(part, dict):
+        return list(part.values()) if name == "*" else [part[name]] if name in part else []
+    return part if isinstance(part, list) and name == "*" else []
 
 
 def _references_of(data: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield the references of a spec, those of its further tasks among them, that name files."""
-    tasks = data.get("tasks")
     yield from _references(data.get("reference"))
-    for task in tasks if isinstance(tasks, list) else ():
+    for task in _entries(data.get("tasks"), "*"):
         yield from _references(task.get("reference") if isinstance(task, dict) else None)
 
 
@@ -158,28 +137,20 @@ def _references(reference: Any) -> Iterator[dict[str, Any]]:
         return
     if isinstance(reference.get("file"), str):
         yield reference
-    parts = reference.get("references")
-    for part in (reference.get("reference"), *(parts if isinstance(parts, list) else ())):
+    for part in (reference.get("reference"), *_entries(reference.get("references"), "*")):
         yield from _references(part)
 
 
 def _plants_and_laws(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], type[Law | Plant]]]:
     """Yield what a spec says of plants and laws of known kinds, each with the class of its kind."""
     for key in ("plant", "law"):
-        for part in _tables(data, key):
-            if kind := _kinds(key).get(str(part.get("kind"))):
-                yield part, kind
+        for part, kind in _at(data, f"{key}.kind", f"{key}s.*.kind"):
+            if found := _kinds(key).get(part[kind]):
+                yield part, found
 
 
 def _file_keys(part: dict[str, Any], kind: type[Law | Plant]) -> list[str]:
     return [key for key in kind.file_keys if isinstance(part.get(key), str)]
-
-
-def _tables(data: dict[str, Any], key: str) -> Iterator[dict[str, Any]]:
-    """Yield what a spec says under ``law`` and ``laws``, or ``plant`` and ``plants``."""
-    several = data.get(f"{key}s")
-    parts = [data.get(key), *(several.values() if isinstance(several, dict) else ())]
-    yield from (part for part in parts if isinstance(part, dict))
 
 
 @cache
@@ -194,8 +165,6 @@ def _parts(robot: Path) -> Iterator[Path]:
         return
     with suppress(Error):
         data = parse_yaml(robot, read_text(robot))
-        parts = data.get("parts") if isinstance(data, dict) else None
-        for part in parts if isinstance(parts, list) else ():
-            name = part.get("robot") if isinstance(part, dict) else None
-            if isinstance(name, str) and Path(name).name == name and (robot.parent / name).is_file():
-                yield robot.parent / name
+        for part, key in _at(data, "parts.*.robot"):
+            if Path(part[key]).name == part[key] and (robot.parent / part[key]).is_file():
+                yield robot.parent / part[key]

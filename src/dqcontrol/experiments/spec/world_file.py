@@ -50,20 +50,6 @@ def read_foreign(path: Path) -> dict[str, Any] | None:
     return None if reader is None else reader(path)
 
 
-def foreign_text(world: World, suffix: str) -> str:
-    """Return a world as a file of another program says it: ``.xml`` (MJCF), ``.urdf`` or ``.scene`` (MoveIt).
-
-    Raises
-    ------
-    Error
-        If the format has no word for a body.
-    """
-    writers: dict[str, Callable[[World], str]] = {".xml": _mjcf, ".urdf": _urdf, ".scene": _scene}
-    if suffix.lower() not in writers:
-        raise FileFormatError(f"a world is written as .yaml, {', '.join(writers)}, got '{suffix}'")
-    return writers[suffix.lower()](world)
-
-
 # MJCF and URDF, which MuJoCo reads
 
 
@@ -98,15 +84,7 @@ def _read_mujoco(path: Path) -> dict[str, Any]:
 def _body_of(mujoco: Any, model: Any, data: Any, root: int, geoms: list[int]) -> dict[str, Any]:
     """Return what a world says of the geoms of one rigid body; ``root`` is 0 of one that stands."""
     poses = [_geom_pose(mujoco, data, geom) for geom in geoms]
-    solids = [_solid_of(mujoco, model, geom) for geom in geoms]
-    found: dict[str, Any] = solids[0] | _place(poses[0])
-    back = algebra.conjugate(poses[0])
-    further = [
-        solid | _place(algebra.multiply(back, pose))
-        for solid, pose in zip(solids[1:], poses[1:], strict=True)
-    ]
-    if further:
-        found["parts"] = further
+    found = _placed([_solid_of(mujoco, model, geom) for geom in geoms], poses)
     if not root:
         return found
     if model.body_weldid[model.body_parentid[root]]:
@@ -271,28 +249,17 @@ def _scene_object(lines: Iterator[str]) -> dict[str, Any]:
     for _ in range(int(first[0])):
         kind = next(lines).strip()
         size = _numbers(next(lines))
-        match kind:
-            case "box":
-                solids.append({"box": size})
-            case "sphere":
-                solids.append({"sphere": size[0]})
-            case "cylinder":
-                solids.append({"cylinder": size})
-            case _:
-                raise ValueRangeError(f"has a {kind}; boxes, spheres and cylinders are read")
+        if kind not in ("box", "sphere", "cylinder"):
+            raise ValueRangeError(f"has a {kind}; boxes, spheres and cylinders are read")
+        solids.append({kind: size[0] if kind == "sphere" else size})
         poses.append(algebra.multiply(here, _pose_of(_numbers(next(lines)), _numbers(next(lines)))))
         next(lines)  # its colour
     if has_pose:
-        for _ in range(int(_numbers(next(lines))[0])):  # subframes: name and pose
-            for _ in range(3):
-                next(lines)
+        for _ in range(3 * int(_numbers(next(lines))[0])):  # subframes: name and pose
+            next(lines)
     if not solids:
         raise ValueRangeError("has no shape")
-    back = algebra.conjugate(poses[0])
-    parts = [
-        each | _place(algebra.multiply(back, pose)) for each, pose in zip(solids[1:], poses[1:], strict=True)
-    ]
-    return solids[0] | _place(poses[0]) | ({"parts": parts} if parts else {})
+    return _placed(solids, poses)
 
 
 def _scene(world: World) -> str:
@@ -317,11 +284,8 @@ def _primitive(shape: Shape) -> tuple[str, Array, Array]:
         along, middle = shape.end - shape.start, 0.5 * (shape.start + shape.end)
         length = float(np.linalg.norm(along))
         plane = Plane(along / length, 0.0)
-        return (
-            "cylinder",
-            np.array([shape.radius, length]),
-            algebra.pose(algebra.rotation_from_matrix(plane.axes), middle),
-        )
+        turn = algebra.rotation_from_matrix(plane.axes)
+        return "cylinder", np.array([shape.radius, length]), algebra.pose(turn, middle)
     kind = "mesh" if isinstance(shape, Hull) else type(shape).__name__.lower()
     raise ValueRangeError(f"this format has no {kind}")
 
@@ -334,6 +298,13 @@ def _pose_of(position: list[float], quaternion: list[float]) -> Array:
 def _pose_lines(pose: Array) -> list[str]:
     turn = algebra.rotation(pose)
     return [_text(algebra.translation(pose)), _text([*turn[1:], turn[0]])]
+
+
+def _placed(solids: list[dict[str, Any]], poses: list[Array]) -> dict[str, Any]:
+    """Return what a world says of solids that are one body."""
+    back, further = algebra.conjugate(poses[0]), zip(solids[1:], poses[1:], strict=True)
+    parts = [solid | _place(algebra.multiply(back, pose)) for solid, pose in further]
+    return solids[0] | _place(poses[0]) | ({"parts": parts} if parts else {})
 
 
 def _place(pose: Array) -> dict[str, list[float]]:
@@ -418,11 +389,20 @@ def _on_path(where: str, body: dict[str, Any], moves: dict[str, Any], folder: Pa
 
 
 def world_text(world: World, suffix: str) -> str:
-    """Return a world as a file of this suffix says it; see `foreign_text`."""
-    if suffix not in (".yaml", ".yml"):
-        return foreign_text(world, suffix)
-    plain = {name: _said(body) for name, body in world.bodies.items()}
-    return yaml_text(quantities_for_numbers(plain, list(kinds_of(Bodies))))
+    """Return a world as a file says it: YAML, ``.xml`` (MJCF), ``.urdf`` or ``.scene`` (MoveIt).
+
+    Raises
+    ------
+    Error
+        If the format has no word for a body.
+    """
+    writers: dict[str, Callable[[World], str]] = {".xml": _mjcf, ".urdf": _urdf, ".scene": _scene}
+    if suffix in (".yaml", ".yml"):
+        plain = {name: _said(body) for name, body in world.bodies.items()}
+        return yaml_text(quantities_for_numbers(plain, list(kinds_of(Bodies))))
+    if suffix.lower() not in writers:
+        raise FileFormatError(f"a world is written as .yaml, {', '.join(writers)}, got '{suffix}'")
+    return writers[suffix.lower()](world)
 
 
 def _said(part: msgspec.Struct) -> dict[str, Any]:
@@ -432,10 +412,7 @@ def _said(part: msgspec.Struct) -> dict[str, Any]:
         value = getattr(part, each.name)
         if value == each.default or (isinstance(value, list) and not value):
             continue
-        parts = (
-            [_said(one) for one in value]
-            if isinstance(value, list) and isinstance(value[0], Solid)
-            else value
-        )
-        out[each.encode_name] = _said(value) if isinstance(value, msgspec.Struct) else parts
+        if isinstance(value, list) and isinstance(value[0], Solid):
+            value = [_said(one) for one in value]
+        out[each.encode_name] = _said(value) if isinstance(value, msgspec.Struct) else value
     return msgspec.to_builtins(out)

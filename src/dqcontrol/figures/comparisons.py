@@ -1,8 +1,8 @@
-"""Figures of theory: Lyapunov function, range condition, the criteria of published comparisons."""
+"""Figures of several runs over time. Each function returns a matplotlib figure and shows or saves nothing."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
@@ -10,118 +10,164 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
+from dqcontrol.figures.plots import draw_errors, pose_panels, with_sign_of, without_jumps
 from dqcontrol.figures.style import (
     COLOURS,
     DESIRED,
     DOUBLE,
     ERROR,
     FLOOR,
+    LIMIT,
     at_least,
+    first_of,
     legend_below,
     line_style,
     line_widths,
     logarithmic,
     new_figure,
+    panel_grid,
     panels_across,
     styled,
 )
 from dqcontrol.loop.record import Record, row_norms
+from dqcontrol.robots.limits import Limits
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from dqcontrol.measures.lyapunov import Certificate
-    from dqcontrol.measures.task_range import TaskRange
-
-
-_DECADES_OF_V = 8  # of V below its peak that are shown, which are four of the error
-_FLOOR = 1e-16  # 1/s², where V is 0
-_STILL_RATE = 1e-6  # the least height of the other panels: a hundredth of what an encoder of 16 bits sees
-
-
-@styled
-def lyapunov(certificate: Certificate) -> Figure:
-    """Plot V with its parts, its rate beside −2 k_v |ξ̃|², and the share of the twist asked for outside the range of J.
-
-    Examples
-    --------
-    >>> lyapunov(certificate(robot, run.record, law)).savefig("lyapunov.png")  # doctest: +SKIP
-    """
-    time = certificate.time
-    figure = new_figure(DOUBLE, 7.4)
-    panels = figure.subplots(5, 1, sharex=True)
-    for i, (label, values) in enumerate(
-        (
-            ("$V$", certificate.value),
-            (r"$|\tilde\xi|^2$", certificate.velocity_part),
-            (r"$\bar k\,|\log\tilde x|^2$", certificate.pose_part),
-        )
-    ):
-        panels[0].plot(time, np.maximum(values, _FLOOR), label=label, **line_style(i))
-    logarithmic(panels[0], _DECADES_OF_V)
-    panels[0].set_ylabel("$V$ [1/s²]")
-    panels[1].plot(time[:-1], certificate.rate, label=r"$\dot V$, differences", **line_style(3))
-    panels[1].plot(time, certificate.predicted_rate, label=r"$-2k_v|\tilde\xi|^2$", **line_style(4))
-    panels[1].set_ylabel(r"$\dot V$ [1/s³]")
-    panels[2].plot(time, certificate.matrosov, **line_style(5))
-    panels[2].set_ylabel("$W_2$ [1/s]")
-    panels[3].plot(time, certificate.outside_range, label="twist outside range of J", **line_style(6))
-    panels[3].set_ylabel("twist\n[m/s, rad/s]")
-    panels[4].plot(
-        time, certificate.smallest_singular_value, label=r"smallest $\sigma$ of J", **line_style(7)
-    )
-    panels[4].set_ylabel("$\\sigma$ [m, rad]")
-    for axes in panels[1:]:
-        at_least(axes, _STILL_RATE)
-    panels[-1].set_xlabel("time [s]")
-    artists = [artist for axes in panels[1:] for artist in axes.get_legend_handles_labels()[0]]
-    legend_below(figure, panels[0], artists)
-    return figure
-
-
-_DECADES = 6  # of the error below its peak that are shown
-_STILL_SHARE = 1e-6  # m/s, rad/s, m and rad: the least height of the other panels
-
-
-@styled
-def range_condition(found: TaskRange, error: np.ndarray) -> Figure:
-    """Plot the twist asked for with its part outside the range of J, singular values, and the run's error.
-
-    Parameters
-    ----------
-    found
-        From `dqcontrol.measures.task_range`.
-    error
-        The record's, shape (N,).
-
-    Examples
-    --------
-    >>> range_condition(task_range(robot, record), record.error).savefig("range.png")  # doctest: +SKIP
-    """
-    figure = new_figure(DOUBLE, 5.2)
-    panels = figure.subplots(3, 1, sharex=True)
-    time = found.time
-    panels[0].plot(time, np.maximum(error, FLOOR), **line_style(0))
-    logarithmic(panels[0], _DECADES)
-    panels[0].set_ylabel(ERROR)
-    panels[1].plot(time, found.asked, label="twist asked for", **line_style(1))
-    panels[1].plot(time, found.outside, label="outside the range of J", **line_style(2))
-    panels[1].set_ylabel("twist [m/s, rad/s]")
-    panels[2].plot(time, found.smallest_singular_value, **line_style(3))
-    panels[2].set_ylabel("smallest\nsingular value [m, rad]")
-    for axes in panels[1:]:
-        at_least(axes, _STILL_SHARE)
-    panels[-1].set_xlabel("time [s]")
-    artists = [artist for axes in panels[1:] for artist in axes.get_legend_handles_labels()[0]]
-    legend_below(figure, panels[0], artists)
-    return figure
-
 
 _DECADES_OF_CRITERIA = 5  # of the criteria below their peak that are shown
-
 _MOST = 8  # runs; more can hardly be told apart
 _MOST_COLUMNS = 4
 _LETTERS = 100  # of a line of notes across two columns
+
+
+@styled
+def compare_poses(records: Mapping[str, Record]) -> Figure:
+    """Plot the eight coefficients of several runs' poses over the longest run's desired one. [S17 Fig. 5.2]
+
+    Signs follow the desired pose, which itself does not jump, so that x and −x, which are one pose, look it.
+
+    Raises
+    ------
+    ShapeError
+        If there is no run.
+    """
+    first_of(records)
+    longest = max(records.values(), key=len)
+    desired = without_jumps(longest.desired_pose)
+    figure, panels = pose_panels()
+    for n, (label, record) in enumerate(records.items()):
+        pose = _towards(record.pose, without_jumps(record.desired_pose), desired)
+        for i, axes in enumerate(panels):
+            axes.plot(record.time, pose[:, i], label=label, **line_style(n))
+    for i, axes in enumerate(panels):
+        axes.plot(longest.time, desired[:, i], color=DESIRED, ls=":", lw=1.2, label="desired")
+        at_least(axes, 1e-3)
+    legend_below(figure, panels[0])
+    return figure
+
+
+@styled
+def compare_joints(
+    records: Mapping[str, Record],
+    limits: Limits,
+    joints: Sequence[int],
+    span: tuple[float, float] | None = None,
+) -> Figure:
+    """Plot some joints of several runs, each in a panel of its own, with their limits. [S17 Figs 5.10, 5.13]
+
+    Parameters
+    ----------
+    records
+        Runs by label.
+    limits
+        Of all configuration variables.
+    joints
+        Indices of the revolute ones that are shown.
+    span
+        A time from and to, s, that is shaded.
+
+    Raises
+    ------
+    ShapeError
+        If there is no run.
+    """
+    names = first_of(records).joint_names
+    figure, panels = _titled_panels([names[i] for i in joints], 1.5)
+    for axes, i in zip(panels, joints, strict=True):
+        for n, (label, record) in enumerate(records.items()):
+            axes.plot(record.time, np.degrees(record.q[:, i]), label=label, **line_style(n))
+        for bound in (limits.lower[i], limits.upper[i]):
+            if np.isfinite(bound):
+                axes.axhline(np.degrees(bound), color=LIMIT, lw=1.1)
+        if span is not None:
+            axes.axvspan(*span, color="#dddddd", lw=0, zorder=0)
+        axes.set_ylabel("angle [°]")
+    legend_below(figure, panels[0])
+    return figure
+
+
+@styled
+def compare_inputs(inputs: Mapping[str, tuple[Array, Array]], names: Sequence[str]) -> Figure:
+    """Plot the inputs of several runs, each input in a panel of its own. [S17 Fig. 5.7]
+
+    Parameters
+    ----------
+    inputs
+        By label the times (N,) and the inputs (N, m).
+    names
+        m titles with their units.
+
+    Raises
+    ------
+    ShapeError
+        If there is no run.
+    """
+    if not inputs:
+        raise ShapeError("inputs: expected at least one run, got none")
+    figure, panels = _titled_panels(names, 1.4)
+    for i, axes in enumerate(panels):
+        for n, (label, (time, values)) in enumerate(inputs.items()):
+            axes.step(time, values[:, i], where="post", label=label, **line_style(n))
+        at_least(axes, 1e-3)
+    legend_below(figure, panels[0])
+    return figure
+
+
+def _titled_panels(titles: Sequence[str], height: float) -> tuple[Figure, Any]:
+    """Return a figure and its panels over time, one for each title."""
+    figure, grid = panel_grid(len(titles), 2, height, 0.8, sharex=True)
+    panels = grid.T.ravel()
+    for axes, title in zip(panels, titles, strict=False):
+        axes.set_title(title, loc="left")
+        axes.tick_params(labelbottom=True)
+        axes.set_xlabel("time [s]")
+    for axes in panels[len(titles) :]:
+        axes.set_axis_off()
+    return figure, panels[: len(titles)]
+
+
+def _towards(poses: Array, own: Array, shown: Array) -> Array:
+    """Return poses with signs that do not jump, the last of them near its own desired pose as that is shown."""
+    smooth = without_jumps(poses)
+    sign = np.sign(smooth[-1, :4] @ own[-1, :4]) * np.sign(own[0, :4] @ shown[0, :4])
+    return smooth if sign == 0 else sign * smooth
+
+
+@styled
+def compare_errors(records: Mapping[str, Record]) -> Figure:
+    """Plot the errors of several runs by label, as `errors` does for one.
+
+    Raises `ShapeError` if there is no run.
+
+    Examples
+    --------
+    >>> compare_errors({"K": first.record, "LQR": second.record})  # doctest: +SKIP
+    """
+    figure = draw_errors(records)
+    legend_below(figure, figure.axes[0])
+    return figure
 
 
 @styled
@@ -152,8 +198,7 @@ def compare_criteria(records: Mapping[str, Record], unit: str = "rad or m", note
     """
     from matplotlib.lines import Line2D
 
-    if not records:
-        raise ShapeError("records: expected at least one run, got none")
+    first_of(records)
     chosen = dict(list(records.items())[:_MOST])
     across = max(2, panels_across(3))
     figure = new_figure(DOUBLE, 1.6 * 12 / across)
@@ -211,8 +256,7 @@ def criteria_side_by_side(records: Mapping[str, Record], unit: str = "rad or m")
     --------
     >>> criteria_side_by_side({"20 %": slow.record, "100 %": fast.record})  # doctest: +SKIP
     """
-    if not records:
-        raise ShapeError("records: expected at least one run, got none")
+    first_of(records)
     chosen = dict(list(records.items())[:_MOST_COLUMNS])
     figure = new_figure(DOUBLE, 1.15 * 7 + 0.6)
     grid = figure.subplots(7, len(chosen), sharex=True, sharey="row", squeeze=False)
@@ -276,8 +320,5 @@ def _criteria(record: Record) -> list[tuple[Array, Array, bool]]:
 
 def _quaternions(record: Record) -> tuple[Array, Array]:
     """Return the quaternions of end effector and desired pose, with signs that do not jump and agree in all runs."""
-    hand, desired = record.pose[:, :4], record.desired_pose[:, :4]
-    with np.errstate(invalid="ignore", over="ignore"):
-        flips = np.where((desired[1:] * desired[:-1]).sum(axis=1) < 0, -1.0, 1.0)
-        desired = desired * np.concatenate([[1.0], np.cumprod(flips)])[:, None]
-        return hand * np.where((hand * desired).sum(axis=1) < 0, -1.0, 1.0)[:, None], desired
+    desired = without_jumps(record.desired_pose[:, :4])
+    return with_sign_of(desired, record.pose[:, :4]), desired
