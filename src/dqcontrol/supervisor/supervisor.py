@@ -22,7 +22,6 @@ from dqcontrol.robots.tree_robot import TreeRobot
 from dqcontrol.robots.whole_body import Base
 from dqcontrol.supervisor import supervisor_layout as layout
 from dqcontrol.supervisor.prepared_supervisor import PreparedSupervisor
-from dqcontrol.supervisor.supervisor_layout import ZONE_COLUMNS
 from dqcontrol.world import Footprint, World, footprint
 
 
@@ -90,7 +89,7 @@ class KeepOutZones(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
 
     def rows(self) -> Array:
         """Return all as ``supervisor_step.clearance`` takes it, shape (N, 6)."""
-        found = [np.zeros((0, ZONE_COLUMNS))]
+        found = [np.zeros((0, layout.ZONE_COLUMNS))]
         for each in self.footprints.values():
             x, y, radius = each.discs.T
             found.append(np.column_stack([x, y, x, y, radius, np.ones(len(x))]))
@@ -127,11 +126,11 @@ def _edges(floor: FloorMap) -> Array:
     """Return the edges of all polygons as rows of zones."""
     found = []
     for corners in floor.polygons:
-        rows = np.zeros((len(corners), ZONE_COLUMNS))
+        rows = np.zeros((len(corners), layout.ZONE_COLUMNS))
         rows[:, :2], rows[:, 2:4] = corners, np.roll(corners, -1, axis=0)
         rows[-1, -1] = 1.0
         found.append(rows)
-    return np.vstack(found) if found else np.zeros((0, ZONE_COLUMNS))
+    return np.vstack(found) if found else np.zeros((0, layout.ZONE_COLUMNS))
 
 
 _LONGEST_WINDOW = 10_000  # samples
