@@ -19,7 +19,7 @@ from measure import Ratio
 
 from dqcontrol.experiments.run_study import run_study
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import EXPERIMENTS, PHYSICS, PLANTS, SERVO
-from dqcontrol_theses.pereira2016.published_specs import published_spec
+from dqcontrol_theses.pereira2016.pereira2016_catalogue import published_spec
 
 NAMES = {SERVO: ["lqr", "h-infinity", "circle", "spiral"], PHYSICS: ["spiral"]}
 

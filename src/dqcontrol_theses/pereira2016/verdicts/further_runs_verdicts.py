@@ -18,8 +18,7 @@ from dqcontrol_theses.judgement import (
     listed,
 )
 from dqcontrol_theses.pereira2016.own_periods import stretch
-from dqcontrol_theses.pereira2016.pereira2016_catalogue import EXACT, PHYSICS
-from dqcontrol_theses.pereira2016.published_specs import published_spec
+from dqcontrol_theses.pereira2016.pereira2016_catalogue import EXACT, PHYSICS, published_spec
 from dqcontrol_theses.pereira2016.verdicts.evidence import (
     LAWS,
     LQR,
