@@ -12,15 +12,7 @@ from dqcontrol.errors import ValueRangeError, unknown_name
 from dqcontrol.experiments import SPEC_FILE, Study, new_folder, write_table
 from dqcontrol.reports import origins
 from dqcontrol.tables import Table, VerdictCell
-from dqcontrol_theses.catalogue import (
-    SAMPLES,
-    Conditions,
-    Progress,
-    chosen_plant,
-    experiments,
-    names,
-    source,
-)
+from dqcontrol_theses.catalogue import SAMPLES, Conditions, Progress, chosen_plant, experiments, names, source
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

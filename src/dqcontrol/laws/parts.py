@@ -15,10 +15,7 @@ from dqcontrol.laws.hand_twist import (
     twist_at_end_effector as twist_at_end_effector,
     twist_work as twist_work,
 )
-from dqcontrol.laws.integral import (
-    integral_work as integral_work,
-    solve_with_integral as solve_with_integral,
-)
+from dqcontrol.laws.integral import integral_work as integral_work, solve_with_integral as solve_with_integral
 from dqcontrol.laws.inverses import inverse_parameters as inverse_parameters
 from dqcontrol.laws.linear_quadratic import moving_target as moving_target
 from dqcontrol.laws.pose_error import (
@@ -28,12 +25,6 @@ from dqcontrol.laws.pose_error import (
     short_sign as short_sign,
     solve_left_error as solve_left_error,
 )
-from dqcontrol.laws.pose_inverse import (
-    DAMPED_POSE as DAMPED_POSE,
-    solve_pose_rows as solve_pose_rows,
-)
+from dqcontrol.laws.pose_inverse import DAMPED_POSE as DAMPED_POSE, solve_pose_rows as solve_pose_rows
 from dqcontrol.laws.pose_law import pose_parameters as pose_parameters
-from dqcontrol.laws.riccati import (
-    at_times as at_times,
-    riccati_slope as riccati_slope,
-)
+from dqcontrol.laws.riccati import at_times as at_times, riccati_slope as riccati_slope

@@ -19,14 +19,7 @@ from dqcontrol.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import NoteWarning, PlanError, UnreachableGoalError, as_array
 from dqcontrol.geometry import FloorMap
-from dqcontrol.planning.base_path import (
-    MARK,
-    BasePath,
-    SteeredPaths,
-    floor_kept,
-    narrow_passes,
-    proved,
-)
+from dqcontrol.planning.base_path import MARK, BasePath, SteeredPaths, floor_kept, narrow_passes, proved
 from dqcontrol.planning.certified_edges import CertifiedEdges, driven_coordinates
 from dqcontrol.planning.constraint_timing import WayTiming, constraint_timing, is_braked
 from dqcontrol.planning.plan import EFFORT, as_goal, as_law_keeps, checked_start, plan

@@ -276,28 +276,15 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     def limits_alone(self) -> Supervisor:
         """Return what keeps position, velocity and acceleration limits and watches nothing, as a robot itself does."""
+        unwatched = ("tracking_error", "stale_after", "measured_tolerance", "overspeed", "frozen_after")
         return msgspec.structs.replace(
             self,
             ramp=0.0,
             slow_below=0.0,
             hold_below=0.0,
-            jerk=None,
-            workspace=None,
-            hand_speed=None,
-            hand_acceleration=None,
-            effort=None,
-            contact_force=None,
-            contact_torque=None,
-            payload=None,
-            contact_effort=None,
-            keep_out=None,
-            tracking_error=_NEVER,
-            stale_after=_NEVER,
-            measured_tolerance=_NEVER,
-            overspeed=_NEVER,
-            jump=_NEVER,
-            base_jump=_NEVER,
-            frozen_after=_NEVER,
+            **dict.fromkeys(("jerk", "workspace", "hand_speed", "hand_acceleration", "payload", "keep_out")),
+            **dict.fromkeys(("effort", "contact_force", "contact_torque", "contact_effort")),
+            **dict.fromkeys((*unwatched, "jump", "base_jump"), _NEVER),
         )
 
     def prepare(
@@ -324,8 +311,7 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
                 if getattr(self, field) is not None:
                     raise ValueRangeError(
                         f"supervisor.{field}: is of one end effector, and {robot.task.label} of {robot.name} has two; "
-                        "bound "
-                        "'effort' or 'contact_effort', or drive one end effector"
+                        "bound 'effort' or 'contact_effort', or drive one end effector"
                     )
         period, m = as_positive("period", period), robot.input_size
         velocity = robot.limits.velocity if self.velocity is None else _each("velocity", self.velocity, m)
@@ -334,12 +320,8 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
                 f"supervisor.velocity: {robot.name} has no limits of its own; give them here"
             )
         acceleration = _in_curves(robot, _each("acceleration", self.acceleration, m))
-        margin = self.position_margin
-        input_coordinates = robot.input_coordinates
-        lower, upper = (
-            robot.limits.lower[input_coordinates] + margin,
-            robot.limits.upper[input_coordinates] - margin,
-        )
+        margin, coordinates = self.position_margin, robot.input_coordinates
+        lower, upper = robot.limits.lower[coordinates] + margin, robot.limits.upper[coordinates] - margin
         if (lower > upper).any():
             raise ValueRangeError(
                 f"supervisor.position_margin: {margin:g} leaves "
@@ -360,8 +342,8 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             upper=upper,
             tracking=_each("tracking_error", self.tracking_error, m),
             effort=np.full(m, np.inf) if self.effort is None else _each("effort", self.effort, m),
-            coordinate=input_coordinates,
-            is_joint=~base_coordinates(robot)[input_coordinates],
+            coordinate=coordinates,
+            is_joint=~base_coordinates(robot)[coordinates],
             velocity=velocity,
             drives=robot.drives,
             rollers=robot.rollers,
@@ -430,11 +412,11 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     def _zones(self, robot: Robot, head: Array) -> Array:
         """Note the footprint; return the zones as rows."""
-        if self.keep_out is None:
+        zones = self.keep_out
+        if zones is None:
             return np.zeros((0, layout.ZONE_COLUMNS))
-        head[layout.FOOTPRINT] = self.keep_out.footprint_of(robot)
-        head[layout.KEEP_OUT_MARGIN] = self.keep_out.margin
-        return self.keep_out.rows()
+        head[layout.FOOTPRINT], head[layout.KEEP_OUT_MARGIN] = zones.footprint_of(robot), zones.margin
+        return zones.rows()
 
 
 def _or_infinite(bound: float | None) -> float:

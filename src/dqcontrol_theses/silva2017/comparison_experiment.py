@@ -39,12 +39,7 @@ from dqcontrol_theses.silva2017.inverses import (
     with_each_inverse,
 )
 from dqcontrol_theses.silva2017.pictures import ghosted_strip, if_drawable, told_inputs
-from dqcontrol_theses.silva2017.random_races import (
-    Races,
-    overshooting,
-    race_on_random_goals,
-    random_tables,
-)
+from dqcontrol_theses.silva2017.random_races import Races, overshooting, race_on_random_goals, random_tables
 from dqcontrol_theses.silva2017.specs import GOOD_ENOUGH, OURS, S17, printed, spec_data, verdicts
 
 CLASSIC, MATCHED = "classic", "classic, matched to S17's"

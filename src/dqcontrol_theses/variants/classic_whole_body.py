@@ -11,10 +11,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled import LAW, MemoryLayout, inline, kernel
 from dqcontrol.laws import DampedPoseInverse, FilteredInverse, Inverse, PoseLaw, parts
 from dqcontrol.robots import Robot
-from dqcontrol_theses.variants.sideways_drives import (
-    feasible_inputs,
-    twist_jacobian_with_sideways,
-)
+from dqcontrol_theses.variants.sideways_drives import feasible_inputs, twist_jacobian_with_sideways
 
 
 class WholeBodyParameters(NamedTuple):

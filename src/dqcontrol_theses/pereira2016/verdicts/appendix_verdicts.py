@@ -8,12 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from dqcontrol.measures import evaluate
-from dqcontrol_theses.judgement import (
-    ABOUT_THE_ROBOT,
-    Judgement,
-    by_cases,
-    listed,
-)
+from dqcontrol_theses.judgement import ABOUT_THE_ROBOT, Judgement, by_cases, listed
 from dqcontrol_theses.pereira2016.verdicts.circle_verdicts import NO_DIFFERENCE, ONE_CONTROLLER, span_of
 from dqcontrol_theses.pereira2016.verdicts.evidence import (
     PROPORTIONAL,

@@ -6,12 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dqcontrol_theses.judgement import (
-    ABOUT_THE_ROBOT,
-    Judgement,
-    by_cases,
-    listed,
-)
+from dqcontrol_theses.judgement import ABOUT_THE_ROBOT, Judgement, by_cases, listed
 from dqcontrol_theses.pereira2016.gain_x100 import SUFFIX
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import EXACT
 from dqcontrol_theses.pereira2016.published_numbers import published_cells
