@@ -30,12 +30,13 @@ class MemoryLayout(Generic[Fields]):
     Parameters
     ----------
     fields
-        A `typing.NamedTuple` whose fields are declared as ``float``, a number that is read at once, as
+        A `typing.NamedTuple` whose fields are declared as ``float`` or ``int``, a number that is read at once, as
         ``Annotated[Array, size]``, numbers in a row, or as ``Annotated[Array, rows, columns]``. What is written to is
         an array, also if it is one number. Sizes are whole numbers, or expressions in the names below; the last field
         may have ``...`` as size or number of rows, and is then what is left.
     sizes
-        Names of the sizes that are not known before.
+        Names of the sizes that are not known before, or of a tuple that has them as fields: ``"given.n"`` is a size if
+        ``"given"`` stands here.
     unchecked
         Kernels take the parts without a comparison with the array's size, which costs a dozen instructions for each.
         LLVM may then take sums over parts in another order: compare results when a layout gets it.
@@ -75,6 +76,11 @@ class MemoryLayout(Generic[Fields]):
         }
 
     @cached_property
+    def _whole(self) -> set[int]:
+        """Places of the fields that are whole numbers."""
+        return {k for k, hint in enumerate(get_type_hints(self.fields).values()) if hint is int}
+
+    @cached_property
     def _has_rest(self) -> bool:
         return any(_REST in shape for shape in self._shapes.values())
 
@@ -93,6 +99,8 @@ class MemoryLayout(Generic[Fields]):
         for place, shape in self._places(memory.shape[-1] if self._has_rest else 0, *sizes):
             part = memory[..., place] if lead else memory[place]
             parts.append(part.reshape(*lead, *shape) if len(shape) > 1 else part)
+        for k in () if lead else self._whole:
+            parts[k] = int(parts[k])
         return self.fields(*parts)
 
     def _parts_of(self, length: int, *sizes: int) -> list[tuple[int | slice, tuple[int, ...]]]:
@@ -119,7 +127,7 @@ class MemoryLayout(Generic[Fields]):
         """Return its size as an expression in these sizes, for a layout that has it as a part."""
         given = dict(zip(self.sizes, sizes, strict=True))
         whole = " + ".join(_product(shape) for shape in self._shapes.values())
-        return re.sub(r"[a-z_]\w*", lambda found: f"({given[found[0]]})", whole)
+        return re.sub(r"(?<![\w.])[a-z_]\w*", lambda found: f"({given[found[0]]})", whole)
 
     def place(self, name: str, *sizes: int) -> int:
         """Return where the numbers of a field begin."""
@@ -158,7 +166,7 @@ class MemoryLayout(Generic[Fields]):
                 _, *columns = shape
                 lines.append(f"    {_REST} = (memory.shape[0] - {place}) // {_product(tuple(columns))}")
             if not shape:
-                parts.append(f"memory[{place}]")
+                parts.append(f"int(memory[{place}])" if k in self._whole else f"memory[{place}]")
             else:
                 size = _product(shape)
                 row = (

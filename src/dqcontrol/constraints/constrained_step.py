@@ -172,7 +172,7 @@ def _collect_at(step, screws, report, g, count):
     """Find the distances that this period can matter to at a point of the way, as rows of the program."""
     kept, way, scene, placed, path = step.kept, step.way, step.scene, step.placed, step.path
     box, lines, settings = step.box, step.lines, step.settings
-    capacity = int(settings.capacity) - layout.MOST_CUTS
+    capacity = settings.capacity - layout.MOST_CUTS
     meets, share = way.meets[g, 0], way.meets[g, 1]
     before = 0.0 if g == 0 else way.meets[g - 1, 0] + settings.period * way.meets[g - 1, 1]
     is_way, stop = way.shares.shape[0] > 1, _longest_stop(step)
@@ -341,7 +341,7 @@ def _verify(step, originals, count, u, adds):
     """
     kept, way, scene, placed = step.kept, step.way, step.scene, step.placed
     lines, settings = step.lines, step.settings
-    period, last, capacity = settings.period, way.shares.shape[0] - 1, int(settings.capacity)
+    period, last, capacity = settings.period, way.shares.shape[0] - 1, settings.capacity
     worst, worst_ahead = 0.0, 0.0
     for g in range(last + 1):
         is_placed = False
@@ -413,7 +413,7 @@ def _verify_stop(step, originals, count, u, adds):
     """
     kept, scene, placed, path = step.kept, step.scene, step.placed, step.path
     lines, settings = step.lines, step.settings
-    period, capacity, worst, longest = settings.period, int(settings.capacity), 0.0, 0.0
+    period, capacity, worst, longest = settings.period, settings.capacity, 0.0, 0.0
     if step.way.shares.shape[0] > 1:
         return count, worst
     for j in range(u.shape[0]):
@@ -680,7 +680,7 @@ def _constrain(step, objective, work, metric, report, sent, count, u):
     """Replace a wish that does not keep everything by the nearest command that does."""
     kept, box, lines, settings = step.kept, step.box, step.lines, step.settings
     m, originals = u.shape[0], count
-    sets, most_rows = work.sets.view(np.intp), int(settings.capacity) + 2 * m + 4 * kept.drives.shape[0]
+    sets, most_rows = work.sets.view(np.intp), settings.capacity + 2 * m + 4 * kept.drives.shape[0]
     levels, chosen = sets[0:most_rows], sets[most_rows:]
     soft, is_violated, worst, stop = False, False, 0.0, 0.0
     can_brake = _longest_stop(step) > 0.0
@@ -869,24 +869,13 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
     """Replace a command by the nearest one that keeps the constraints; one that keeps them stays as it is."""
     n, m = q.shape[0], u.shape[0]
     settings = layout.head(parameters)
-    names, rows = int(settings.names), int(settings.rows)
-    given, work = layout.given_parts(parameters, settings, n, m), layout.work_parts(scratch, settings, n, m)
-    limits, way = layout.limits_of(given.limits, m), layout.way_of(given.way, n, m, int(settings.points))
-    kept, scene = (
-        layout.kept_of(given.kept, m, rows, int(settings.drives)),
-        layout.scene_parts(given, settings),
-    )
-    box, placed, path = (
-        layout.box_of(work.box, m),
-        layout.placed_parts(work, settings, m),
-        layout.path_of(work.path, n, m),
-    )
-    lines, objective = (
-        layout.lines_of(work.lines, m, int(settings.capacity), rows),
-        layout.objective_of(work.objective, m),
-    )
+    given, work = layout.parameters_of(parameters, n, m, settings), layout.work_of(scratch, n, m, settings)
+    limits, way = layout.limits_of(given.limits, m), layout.way_of(given.way, n, m, settings)
+    kept, scene = layout.kept_of(given.kept, m, settings), layout.scene_of(given.scene, settings)
+    box, placed = layout.box_of(work.box, m), layout.placed_of(work.placed, m, settings)
+    path, lines = layout.path_of(work.path, n, m), layout.lines_of(work.lines, m, settings)
+    objective, report = layout.objective_of(work.objective, m), layout.report_of(work.report, settings.names)
     memory = layout.memory_of(state[state.shape[0] - 7 - 2 * n - m :], n, m)
-    report = layout.report_of(work.report, names)
     check = 0.0
     for j in range(m):
         objective.wish[j] = u[j]
@@ -898,7 +887,7 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
     for i in range(6):
         for j in range(m):
             objective.jacobian[i, j] = twist_jacobian[i, j]
-    branches = settings.tree != 0.0
+    branches = settings.tree != 0
     if settings.integrates != 0.0:
         if memory.started[0] == 0.0:
             for i in range(n):
@@ -930,7 +919,7 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
             placed.first_screws[i, j] = placed.screws[i, j] if branches else objective.jacobian[i, j]
     if memory.escape[1] > 0.0:
         _go_aside(limits, way.coordinate, path.start, objective, work.solver, memory, settings, metric, u)
-    for i in range(names):
+    for i in range(settings.names):
         report.least[i], report.pressure[i], report.slack[i] = math.inf, 0.0, 0.0
     for i in range(report.numbers.shape[0]):
         report.numbers[i] = 0.0
@@ -962,10 +951,10 @@ VALUES = STATUS(READ2, READ2, READ, READ, READ, WRITE, WRITE2)
 def constraint_values(chain, q, times, samples, parameters, scratch, out):
     """Write the distances and angles of all rows at configurations and times."""
     settings = layout.head(parameters)
-    n, m = q.shape[1], int(settings.inputs)
-    given, work = layout.given_parts(parameters, settings, n, m), layout.work_parts(scratch, settings, n, m)
-    kept = layout.kept_of(given.kept, m, int(settings.rows), int(settings.drives))
-    scene, placed = layout.scene_parts(given, settings), layout.placed_parts(work, settings, m)
+    n, m = q.shape[1], settings.inputs
+    given, work = layout.parameters_of(parameters, n, m, settings), layout.work_of(scratch, n, m, settings)
+    kept, scene = layout.kept_of(given.kept, m, settings), layout.scene_of(given.scene, settings)
+    placed = layout.placed_of(work.placed, m, settings)
     for i in range(q.shape[0]):
         status = place_frames(chain, q[i], scene, placed)
         if status != OK:

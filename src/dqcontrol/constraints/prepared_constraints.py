@@ -592,34 +592,32 @@ class PreparedConstraints:
             lower, upper, velocity = np.full(m, -np.inf), np.full(m, np.inf), np.full(m, np.inf)
         drives, frames = len(robot.drives), self._frames
         capacity = min(len(rows) * len(self.way.shares), layout.MOST_ROWS) + layout.MOST_CUTS
-        counts = {
-            "frames": frames.count,
-            "screws": len(frames.screws),
-            "shapes": shapes,
-            "obstacles": obstacles,
-            "hull": self._hull,
-            "rows": len(rows),
-            "names": len(self.names),
-            "capacity": capacity,
+        head = layout.head.pack(
             **layout.solver_sizes(m, capacity, drives),
-        }
+            period=self.period,
+            inputs=m,
+            frames=frames.count,
+            screws=len(frames.screws),
+            tree=len(frames.tree),
+            shapes=shapes,
+            obstacles=obstacles,
+            hull=self._hull,
+            rows=len(rows),
+            names=len(self.names),
+            moving=(table.shape[1] - 1) // 6,
+            capacity=capacity,
+            drives=drives,
+            integrates=self.command_mode == "integrated",
+            points=len(self.way.shares),
+            late=self.way.late,
+            rate=self.rate,
+            recovery=given.recovery or _RECOVERY,
+            escape=0.0 if given.escape in (None, "plan") else given.escape,
+            angular=_ANGULAR,
+            free=_FREE,
+        )
         self.parameters: Array = layout.parameters_of.pack(
-            head=layout.head.pack(
-                **counts,
-                period=self.period,
-                inputs=m,
-                tree=len(frames.tree),
-                moving=(table.shape[1] - 1) // 6,
-                drives=drives,
-                integrates=self.command_mode == "integrated",
-                points=len(self.way.shares),
-                late=self.way.late,
-                rate=self.rate,
-                recovery=given.recovery or _RECOVERY,
-                escape=0.0 if given.escape in (None, "plan") else given.escape,
-                angular=_ANGULAR,
-                free=_FREE,
-            ),
+            head=head,
             limits=layout.limits_of.pack(
                 lower=lower, upper=upper, velocity=velocity, acceleration=self._acceleration
             ),
@@ -646,8 +644,7 @@ class PreparedConstraints:
             ),
         )
         self._after_obstacles: int = table.size
-        sizes = {"n": n, "m": m, **counts}
-        self.scratch: int = layout.work_of.size(*(sizes[name] for name in layout.work_of.sizes))
+        self.scratch: int = layout.work_of.size(n, m, layout.head(head))
         self.memory: int = layout.memory_of.size(n, m)
 
     def _motions(self) -> Array:

@@ -196,13 +196,12 @@ CERTIFY = STATUS(READ2, READ2, READ, READ, types.float64, WRITE, WRITE, WRITE2)
 def proof_of(chain, n, needs, parameters, own, scratch):
     """Return what a proof is handed, with all that stands around where it is at time 0."""
     settings = layout.head(parameters)
-    m, rows = int(settings.inputs), int(settings.rows)
-    given, memory = layout.given_parts(parameters, settings, n, m), layout.work_parts(scratch, settings, n, m)
-    kept = layout.kept_of(given.kept, m, rows, int(settings.drives))
-    way = layout.way_of(given.way, n, m, int(settings.points))
-    scene, placed = layout.scene_parts(given, settings), layout.placed_parts(memory, settings, m)
+    m = settings.inputs
+    given, memory = layout.parameters_of(parameters, n, m, settings), layout.work_of(scratch, n, m, settings)
+    kept, scene = layout.kept_of(given.kept, m, settings), layout.scene_of(given.scene, settings)
+    way, placed = layout.way_of(given.way, n, m, settings), layout.placed_of(memory.placed, m, settings)
     place_obstacles(scene, placed, 0.0, 0, 0.0, settings.period, settings.period)
-    return Proof(chain, kept, scene, placed, way.coordinate, needs, proof_work(own, n, rows))
+    return Proof(chain, kept, scene, placed, way.coordinate, needs, proof_work(own, n, settings.rows))
 
 
 @kernel(CERTIFY)
