@@ -18,6 +18,7 @@ from dqcontrol.compiled.intrinsics import as_matrix, as_row
 
 Fields = TypeVar("Fields", bound=tuple[Any, ...])
 
+_Size = int | tuple[Any, ...]  # a number, or a tuple whose fields sizes are
 _REST = "rest"  # in place of ``...``
 
 
@@ -93,7 +94,7 @@ class MemoryLayout(Generic[Fields]):
     def _ranks(self) -> list[int]:
         return [len(shape) for shape in self._shapes.values()]
 
-    def __call__(self, memory: Array, *sizes: int) -> Fields:
+    def __call__(self, memory: Array, *sizes: _Size) -> Fields:
         """Return the parts of an array by name; of rows of such arrays, columns, shape (…, size)."""
         lead, parts = memory.shape[:-1], []
         for place, shape in self._places(memory.shape[-1] if self._has_rest else 0, *sizes):
@@ -103,7 +104,7 @@ class MemoryLayout(Generic[Fields]):
             parts[k] = int(parts[k])
         return self.fields(*parts)
 
-    def _parts_of(self, length: int, *sizes: int) -> list[tuple[int | slice, tuple[int, ...]]]:
+    def _parts_of(self, length: int, *sizes: _Size) -> list[tuple[int | slice, tuple[int, ...]]]:
         """Return where each part of an array of this length is, and its shape."""
         *before, last = self._known_shapes(*sizes, 1)
         if self._has_rest:
@@ -116,10 +117,10 @@ class MemoryLayout(Generic[Fields]):
             place += size
         return found
 
-    def _size(self, *sizes: int) -> int:
+    def _size(self, *sizes: _Size) -> int:
         return sum(prod(shape) for shape in self._known_shapes(*sizes, 0))
 
-    def size(self, *sizes: int) -> int:
+    def size(self, *sizes: _Size) -> int:
         """Return how many numbers it has, without a field that is what is left."""
         return self._size_of(*sizes)
 
@@ -129,11 +130,11 @@ class MemoryLayout(Generic[Fields]):
         whole = " + ".join(_product(shape) for shape in self._shapes.values())
         return re.sub(r"(?<![\w.])[a-z_]\w*", lambda found: f"({given[found[0]]})", whole)
 
-    def place(self, name: str, *sizes: int) -> int:
+    def place(self, name: str, *sizes: _Size) -> int:
         """Return where the numbers of a field begin."""
         return self._place_of(name, *sizes)
 
-    def _place(self, name: str, *sizes: int) -> int:
+    def _place(self, name: str, *sizes: _Size) -> int:
         before = list(self._shapes).index(name)
         return sum(prod(shape) for shape in self._known_shapes(*sizes, 0)[:before])
 

@@ -21,7 +21,7 @@ from dqcontrol.robots.robot import Robot, base_coordinates
 from dqcontrol.robots.tree_robot import TreeRobot
 from dqcontrol.robots.whole_body import Base
 from dqcontrol.supervisor import supervisor_layout as layout
-from dqcontrol.supervisor.prepared_supervisor import PreparedSupervisor
+from dqcontrol.supervisor.prepared_supervisor import PreparedSupervisor, tree_of
 from dqcontrol.world import Footprint, World, footprint
 
 
@@ -332,9 +332,20 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         head[layout.FROM_MEASURED] = command_mode == "measured"
         self._fill_head(head, margin)
         points, zones = self._workspace(robot, head), self._zones(robot, head)
-        head[layout.COORDINATES], head[layout.INPUTS] = robot.configuration_size, m
-        head[layout.DRIVES], head[layout.ROLLERS] = len(robot.drives), len(robot.rollers)
-        head[layout.POINTS], head[layout.ZONES] = len(points), len(zones)
+        tree, (rows, columns) = tree_of(robot), robot.table.shape
+        head[layout.SIZES :] = layout.Sizes(
+            coordinates=robot.configuration_size,
+            inputs=m,
+            drives=len(robot.drives),
+            rollers=len(robot.rollers),
+            points=len(points),
+            zones=len(zones),
+            table_rows=rows,
+            table_columns=columns,
+            tree=len(tree),
+            frames=len(tree) - 1 if len(tree) else robot.configuration_size + 1,
+            hands=len(tree) - len(robot.joint_table) if isinstance(robot, TreeRobot) else 1,
+        )
         bounds = layout.bounds_layout.pack(
             head=head,
             acceleration=acceleration,

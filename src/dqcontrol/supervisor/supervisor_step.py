@@ -304,11 +304,8 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
 
     Effort and wrench are arrays of their own, as the robot's driver hands them over: to copy them takes longer.
     """
-    n, m, parts = (
-        int(memory[layout.COORDINATES]),
-        int(memory[layout.INPUTS]),
-        layout.taken_apart(memory, state),
-    )
+    sizes, parts = layout.sizes_of(memory[layout.SIZES : layout.HEAD]), layout.taken_apart(memory, state)
+    n, m = sizes.coordinates, sizes.inputs
     bounds, kept, scratch = parts.bounds, parts.memory, parts.scratch
     if (
         measured.shape[0] != n
@@ -369,7 +366,7 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
     done |= _keep_rims(bounds, kept, rates)
     if following:
         now |= done
-    if head[layout.ZONES] > 0.0:
+    if sizes.zones > 0:
         now |= keep_out(memory, state)
     if looks_at_hand:
         numbers[layout.STARTED] = 1.0
