@@ -18,8 +18,13 @@ import numpy as np
 from measure import Ratio
 
 from dqcontrol.experiments.study import run_study
-from dqcontrol_theses.pereira2016.pereira2016_catalogue import EXPERIMENTS, PHYSICS, PLANTS, SERVO
-from dqcontrol_theses.pereira2016.published_specs import published_spec
+from dqcontrol_theses.pereira2016.pereira2016_catalogue import (
+    EXPERIMENTS,
+    PHYSICS,
+    PLANTS,
+    SERVO,
+    published_spec,
+)
 
 NAMES = {SERVO: ["lqr", "h-infinity", "circle", "spiral"], PHYSICS: ["spiral"]}
 

@@ -11,8 +11,8 @@ from .printed import (
     Claim as Claim,
     PublishedCell as PublishedCell,
 )
-from .reproduce_one import (
+from .reproduced import (
+    Reproduced as Reproduced,
     is_finished as is_finished,
     reproduce as reproduce,
 )
-from .reproduced import Reproduced as Reproduced

@@ -16,7 +16,7 @@ One rule gives them all:
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from dqcontrol.tables import Cell, Column, Table, VerdictCell
@@ -153,6 +153,6 @@ def _place(claim: Claim) -> str:
     return f"{'Section' if '.' in claim.source else 'Chapter'} {claim.source}" if is_number else claim.source
 
 
-def listed(values: Sequence[float], form: str = ".3f") -> str:
+def listed(values: Iterable[float], form: str = ".3f") -> str:
     """Return numbers as text."""
     return ", ".join(format(value, form) for value in values)

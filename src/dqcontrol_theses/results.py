@@ -1,4 +1,4 @@
-"""Results of a reproduction, by the names of the published tables."""
+"""Results of a reproduction, by the names of the published tables, and beside their cells: published | ours | ratio."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol.experiments import PreparedExperiment
 from dqcontrol.loop import has_failed
+from dqcontrol.tables import Cell, Column, Ratio, Table
+from dqcontrol_theses.printed import PublishedCell
 
 METRICS = {  # of the published tables: Err., θ̇, Eff., L.Vel., L.Acc. [P16 5.2]
     "error": "error.integral",
@@ -18,6 +21,13 @@ METRICS = {  # of the published tables: Err., θ̇, Eff., L.Vel., L.Acc. [P16 5.
     "joint_step": "joint_step.integral",
     "hand_speed": "hand_speed.integral",
     "hand_acceleration": "hand_acceleration.integral",
+}
+NAMES = {
+    "error": "Err",
+    "control": "θ̇ [rad]",
+    "joint_step": "Eff [rad s]",
+    "hand_speed": "L.Vel [m]",
+    "hand_acceleration": "L.Acc [m/s]",
 }
 
 Row = Mapping[str, Any]
@@ -77,3 +87,101 @@ class Results:
         """Return the sample standard deviation; NaN for fewer than two repeats."""
         values = self.values(law, parameters, metric, experiment)
         return float(values.std(ddof=1)) if len(values) > 1 else math.nan
+
+
+def comparison_tables(
+    cells: Sequence[PublishedCell],
+    results: Results,
+    source: str,
+    *,
+    suffixes: Sequence[str] = ("",),
+    title: str = "",
+) -> list[Table]:
+    """Return one table for each published table and experiment.
+
+    Parameters
+    ----------
+    cells
+        The published ones.
+    results
+        Ours.
+    source
+        Its short name, as ``"P16"``; the captions begin with it.
+    suffixes
+        Appended to the law's label to find it in ours: the law as printed, and those that stand beside it.
+    title
+        Appended to the captions.
+    """
+    tables = []
+    groups: dict[tuple[str, str], list[PublishedCell]] = {}
+    for cell in cells:
+        groups.setdefault((cell.table, cell.experiment), []).append(cell)
+    for (name, experiment), group in groups.items():
+        rows = [
+            _row(cell, results, suffix)
+            for cell in group
+            for suffix in suffixes
+            if results.group(cell.law + suffix, cell.set, experiment)
+        ]
+        if rows:
+            caption = " · ".join(part for part in (f"{source} Table {name}", experiment, title) if part)
+            tables.append(Table.of(rows, caption))
+    return tables
+
+
+def command_table(
+    cells: Sequence[PublishedCell],
+    results: Results,
+    settings: Mapping[str, PreparedExperiment],
+    title: str = "",
+    *,
+    suffixes: Sequence[str] = ("",),
+) -> Table:
+    """Return the mean of T |u|, one row a law and set: on an arm that gives way at each sample, by how much it does.
+
+    Parameters
+    ----------
+    cells
+        The published ones; those of the control signal count.
+    results
+        Ours.
+    settings
+        The specs made ready, by the experiment's name in the published tables.
+    title
+        Appended to the caption.
+    suffixes
+        As for `comparison_tables`.
+    """
+    rows: list[list[tuple[Column, Cell]]] = []
+    for cell in cells:
+        if cell.metric == "control":
+            setting = settings[cell.experiment]
+            unit = setting.spec.period / (results.control_unit * setting.scene.samples[-1, -1])
+            for law in (cell.law + suffix for suffix in suffixes):
+                if results.group(law, cell.set, cell.experiment):
+                    ours = results.mean(law, cell.set, cell.metric, cell.experiment)
+                    rows.append(
+                        [
+                            (Column("Experiment"), cell.experiment),
+                            (Column("Law"), law),
+                            (Column("Set"), cell.set),
+                            (Column("Published", "rad", ".3f"), unit * cell.mean),
+                            (Column("Ours", "rad", ".3f"), unit * ours),
+                        ]
+                    )
+    return Table.of(rows, " · ".join(filter(None, ("Mean of T |u|", title))))
+
+
+def _row(cell: PublishedCell, results: Results, suffix: str) -> list[tuple[Column, Cell]]:
+    where = (cell.law + suffix, cell.set, cell.metric, cell.experiment)
+    ours = results.mean(*where)
+    return [
+        (Column("Law"), cell.law + suffix),
+        (Column("Set"), cell.set),
+        (Column("Metric"), NAMES.get(cell.metric, cell.metric)),
+        (Column("Published"), cell.mean),
+        (Column("±", "", ".2g"), cell.deviation),
+        (Column("Ours"), ours),
+        (Column("±", "", ".2g"), results.deviation(*where)),
+        (Column("Ratio", "", ".3g"), Ratio(ours / cell.mean)),
+    ]

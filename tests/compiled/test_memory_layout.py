@@ -86,3 +86,43 @@ def test_sizes_places_and_rows_of_layouts():
 def test_a_value_that_is_missing_or_unknown_is_named():
     with pytest.raises(TypeError, match="Inner: expected first, rest, got first, rests"):
         inner.pack(first=1.0, rests=[1.0])
+
+
+class Counts(NamedTuple):
+    rows: int
+    columns: int
+    share: float
+
+
+class Counted(NamedTuple):
+    head: Annotated[Array, 3]
+    table: Annotated[Array, "counts.rows", "counts.columns + n"]
+    packed: Annotated[Array, "2 * n"]
+
+
+counts_of, counted = MemoryLayout(Counts), MemoryLayout(Counted, "n", "counts")
+around = MemoryLayout(NamedTuple("Around", [("own", Annotated[Array, counted.sized("2", "kept")])]), "kept")
+
+
+def last_of_table(arrays, values):
+    """Write where the table ends, whose sizes the memory itself says."""
+    counts = counts_of(values[0:3])
+    own = counted(around(values, counts).own, 2, counts)
+    arrays.out[0] = own.table[counts.rows - 1, counts.columns + 1]
+    arrays.out[1] = counts.share * own.packed[3]
+    return OK
+
+
+def test_sizes_may_be_fields_of_a_tuple(monkeypatch):
+    monkeypatch.setattr(kernel_cache, "root", lambda: None)
+    monkeypatch.setattr(kernel_cache, "announce", lambda function: None)
+    memory = np.arange(22.0)
+    memory[:3] = 3.0, 3.0, 0.5
+    counts = counts_of(memory[:3])
+    assert counts == Counts(3, 3, 0.5)
+    assert [type(each) for each in counts[:2]] == [int, int]
+    assert counted.size(2, counts) == around.size(counts) == memory.size
+    for function in (last_of_table, Kernel(last_of_table, STATUS(given.type, WRITE))):
+        out = np.zeros(2)
+        assert function(given(values=np.zeros(1), out=out), memory) == OK
+        assert out.tolist() == [17.0, 10.5]

@@ -60,8 +60,7 @@ def programs_of_a_loop(rng, count, period=0.005):
         law = dqc.laws.Proportional(gain=3.0, constraints=given).prepare(arm, goal, period)
         assert law.constraints is not None
         scratch, state, q = law._parts.constraint_work, law.initial_state(HOME), HOME
-        settings = {**head(law.constraints.parameters)._asdict(), "n": n, "m": n}
-        work = work_of(scratch, *(int(settings[name]) for name in work_of.sizes))
+        work = work_of(scratch, n, n, head(law.constraints.parameters))
         box, objective = box_of(work.box, n), objective_of(work.objective, n)
         for i in range(300):
             scratch[:] = np.nan  # what is a number afterwards belongs to the programs of this step

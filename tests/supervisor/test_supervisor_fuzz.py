@@ -10,8 +10,8 @@ from dqcontrol.compiled.intrinsics import caller
 from dqcontrol.robots.kinematics import kinematics_kernels as kernels
 from dqcontrol.supervisor import Supervisor, WorkspaceBox, supervisor_layout as layout
 from dqcontrol.supervisor.interventions import IMPOSSIBLE, STOPS, stop_category
-from dqcontrol.supervisor.supervisor_layout import END, FINISH, GO, RESET, STOP
-from dqcontrol.supervisor.supervisor_step import SUPERVISOR, supervise
+from dqcontrol.supervisor.supervisor_layout import END, FINISH, GO, RESET, STOP, SUPERVISOR
+from dqcontrol.supervisor.supervisor_step import supervise
 
 SEED = 20261122
 HONEST, FROZEN, JUMPING, ANYTHING = range(4)  # what is measured

@@ -27,17 +27,14 @@ from dqcontrol_theses.pereira2016.operation_counts import (
     WHOLE,
     count,
 )
-from dqcontrol_theses.pereira2016.own_durations import late_laws, own_durations_table
-from dqcontrol_theses.pereira2016.own_periods import LateLaw, LateRun
-from dqcontrol_theses.pereira2016.pereira2016_catalogue import EXPERIMENTS, spec_path
+from dqcontrol_theses.pereira2016.own_periods import LateLaw, LateRun, late_laws, own_durations_table
+from dqcontrol_theses.pereira2016.pereira2016_catalogue import EXPERIMENTS, published_spec, spec_path
 from dqcontrol_theses.pereira2016.pereira2016_figures import study_figures
-from dqcontrol_theses.pereira2016.predictions import ComparedCell, distinct, predictions
-from dqcontrol_theses.pereira2016.published_specs import published_spec
+from dqcontrol_theses.pereira2016.tools.cells import ComparedCell, distinct, predictions
 from dqcontrol_theses.pereira2016.verdicts import Evidence
 from dqcontrol_theses.pereira2016.verdicts.evidence import JUDGES
-from dqcontrol_theses.printed_comparison import comparison_tables
 from dqcontrol_theses.reproduced import Reproduced
-from dqcontrol_theses.results import METRICS, Results
+from dqcontrol_theses.results import METRICS, Results, comparison_tables
 
 SPECS = sorted({name for each in EXPERIMENTS.values() for name in each.specs.values()})
 ON_THE_ARM = [name for name in SPECS if not name.startswith("iiwa") and name != "sampling-time"]

@@ -15,12 +15,17 @@ from dqcontrol_theses import pereira2016
 from dqcontrol_theses.pereira2016.calibration import calibrate
 from dqcontrol_theses.pereira2016.gain_x100 import with_gain_x100
 from dqcontrol_theses.pereira2016.own_periods import late_record, stretch
-from dqcontrol_theses.pereira2016.pereira2016_catalogue import EXPERIMENTS, PHYSICS, SERVO, drawings
+from dqcontrol_theses.pereira2016.pereira2016_catalogue import (
+    EXPERIMENTS,
+    PHYSICS,
+    SERVO,
+    drawing_specs,
+    drawings,
+    published_spec,
+)
 from dqcontrol_theses.pereira2016.pereira2016_figures import lamp_on
-from dqcontrol_theses.pereira2016.published_specs import drawing_specs, published_spec
 from dqcontrol_theses.pereira2016.verdicts import Evidence, judge
-from dqcontrol_theses.printed_comparison import command_table
-from dqcontrol_theses.results import Results
+from dqcontrol_theses.results import Results, command_table
 
 pytest.importorskip("mujoco")
 

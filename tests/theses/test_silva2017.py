@@ -14,8 +14,8 @@ from dqcontrol_theses.silva2017 import (
     comparison_experiment as comparison,
 )
 from dqcontrol_theses.silva2017.gains_experiment import damping_ratio
+from dqcontrol_theses.silva2017.goal_runs import RaceOutcome, matched_gain
 from dqcontrol_theses.silva2017.inverses import Compared, judge_inverses
-from dqcontrol_theses.silva2017.race import RaceOutcome, matched_gain
 from dqcontrol_theses.silva2017.specs import FOLDER, printed, setting_of
 
 ONE = Conditions(jobs=1)

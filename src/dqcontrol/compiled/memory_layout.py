@@ -18,6 +18,7 @@ from dqcontrol.compiled.intrinsics import as_matrix, as_row
 
 Fields = TypeVar("Fields", bound=tuple[Any, ...])
 
+_Size = int | tuple[Any, ...]  # a number, or a tuple whose fields sizes are
 _REST = "rest"  # in place of ``...``
 
 
@@ -30,12 +31,13 @@ class MemoryLayout(Generic[Fields]):
     Parameters
     ----------
     fields
-        A `typing.NamedTuple` whose fields are declared as ``float``, a number that is read at once, as
+        A `typing.NamedTuple` whose fields are declared as ``float`` or ``int``, a number that is read at once, as
         ``Annotated[Array, size]``, numbers in a row, or as ``Annotated[Array, rows, columns]``. What is written to is
         an array, also if it is one number. Sizes are whole numbers, or expressions in the names below; the last field
         may have ``...`` as size or number of rows, and is then what is left.
     sizes
-        Names of the sizes that are not known before.
+        Names of the sizes that are not known before, or of a tuple that has them as fields: ``"given.n"`` is a size if
+        ``"given"`` stands here.
     unchecked
         Kernels take the parts without a comparison with the array's size, which costs a dozen instructions for each.
         LLVM may then take sums over parts in another order: compare results when a layout gets it.
@@ -75,6 +77,11 @@ class MemoryLayout(Generic[Fields]):
         }
 
     @cached_property
+    def _whole(self) -> set[int]:
+        """Places of the fields that are whole numbers."""
+        return {k for k, hint in enumerate(get_type_hints(self.fields).values()) if hint is int}
+
+    @cached_property
     def _has_rest(self) -> bool:
         return any(_REST in shape for shape in self._shapes.values())
 
@@ -87,15 +94,17 @@ class MemoryLayout(Generic[Fields]):
     def _ranks(self) -> list[int]:
         return [len(shape) for shape in self._shapes.values()]
 
-    def __call__(self, memory: Array, *sizes: int) -> Fields:
+    def __call__(self, memory: Array, *sizes: _Size) -> Fields:
         """Return the parts of an array by name; of rows of such arrays, columns, shape (…, size)."""
         lead, parts = memory.shape[:-1], []
         for place, shape in self._places(memory.shape[-1] if self._has_rest else 0, *sizes):
             part = memory[..., place] if lead else memory[place]
             parts.append(part.reshape(*lead, *shape) if len(shape) > 1 else part)
+        for k in () if lead else self._whole:
+            parts[k] = int(parts[k])
         return self.fields(*parts)
 
-    def _parts_of(self, length: int, *sizes: int) -> list[tuple[int | slice, tuple[int, ...]]]:
+    def _parts_of(self, length: int, *sizes: _Size) -> list[tuple[int | slice, tuple[int, ...]]]:
         """Return where each part of an array of this length is, and its shape."""
         *before, last = self._known_shapes(*sizes, 1)
         if self._has_rest:
@@ -108,10 +117,10 @@ class MemoryLayout(Generic[Fields]):
             place += size
         return found
 
-    def _size(self, *sizes: int) -> int:
+    def _size(self, *sizes: _Size) -> int:
         return sum(prod(shape) for shape in self._known_shapes(*sizes, 0))
 
-    def size(self, *sizes: int) -> int:
+    def size(self, *sizes: _Size) -> int:
         """Return how many numbers it has, without a field that is what is left."""
         return self._size_of(*sizes)
 
@@ -119,13 +128,13 @@ class MemoryLayout(Generic[Fields]):
         """Return its size as an expression in these sizes, for a layout that has it as a part."""
         given = dict(zip(self.sizes, sizes, strict=True))
         whole = " + ".join(_product(shape) for shape in self._shapes.values())
-        return re.sub(r"[a-z_]\w*", lambda found: f"({given[found[0]]})", whole)
+        return re.sub(r"(?<![\w.])[a-z_]\w*", lambda found: f"({given[found[0]]})", whole)
 
-    def place(self, name: str, *sizes: int) -> int:
+    def place(self, name: str, *sizes: _Size) -> int:
         """Return where the numbers of a field begin."""
         return self._place_of(name, *sizes)
 
-    def _place(self, name: str, *sizes: int) -> int:
+    def _place(self, name: str, *sizes: _Size) -> int:
         before = list(self._shapes).index(name)
         return sum(prod(shape) for shape in self._known_shapes(*sizes, 0)[:before])
 
@@ -158,7 +167,7 @@ class MemoryLayout(Generic[Fields]):
                 _, *columns = shape
                 lines.append(f"    {_REST} = (memory.shape[0] - {place}) // {_product(tuple(columns))}")
             if not shape:
-                parts.append(f"memory[{place}]")
+                parts.append(f"int(memory[{place}])" if k in self._whole else f"memory[{place}]")
             else:
                 size = _product(shape)
                 row = (

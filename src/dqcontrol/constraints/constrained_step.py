@@ -42,46 +42,7 @@ from dqcontrol.compiled.compile import (
 )
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.compiled.law_signature import CONSTRAINT
-from dqcontrol.constraints.active_set import (
-    INDEFINITE,
-    SOLVED,
-    invert_factor,
-    solve_centered,
-    unpack_program,
-    unpack_scratch,
-)
-from dqcontrol.constraints.constraint_layout import (
-    APART,
-    AT_MOST,
-    INSIDE,
-    MOST_CUTS,
-    ROUNDS,
-    SIGHT,
-    Head,
-    InputBox,
-    KeptRows,
-    Lines,
-    Path,
-    Placed,
-    RobotScene,
-    Way,
-    box_of,
-    given_parts,
-    head,
-    kept_of,
-    limits_of,
-    lines_of,
-    memory_of,
-    objective_of,
-    path_of,
-    placed_parts,
-    report_of,
-    room_for_soft,
-    row_of,
-    scene_parts,
-    way_of,
-    work_parts,
-)
+from dqcontrol.constraints import active_set, constraint_layout as layout
 from dqcontrol.constraints.constraint_rows import (
     curvature,
     dip_between,
@@ -95,7 +56,6 @@ from dqcontrol.constraints.constraint_rows import (
     write_screws,
     write_tree_screws,
 )
-from dqcontrol.constraints.escape import go_to_posture, range_ends_pressed
 from dqcontrol.constraints.levels import solve_by_levels
 from dqcontrol.limits.braking import fastest_stoppable
 from dqcontrol.references.sample import TIME
@@ -120,6 +80,11 @@ _HELD_TIME, _ASIDE_TIME = 0.4, 1.0
 _POSTURE = 2.0  # s: for how long joints go to another posture at most
 _STUCK, _ASKED = 0.1, 1e-3  # share of the speed that the law asks for; m/s, less is no wish
 _TRIES = 8  # postures before it is a deadlock
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+_MIDDLE = 0.7  # share of a range that postures are in
+_RATE = 4.0  # 1/s, towards a posture
+_NEAR = 0.1  # rad or m, of a posture
+_AT_BOUND = 1e-6  # rad/s or m/s: of a solution, less is rounding
 
 
 class _Step(NamedTuple):
@@ -127,15 +92,15 @@ class _Step(NamedTuple):
 
     kinematics: int
     chain: Array
-    kept: KeptRows
-    way: Way
-    scene: RobotScene
-    placed: Placed
-    path: Path
-    box: InputBox
-    lines: Lines
+    kept: layout.KeptRows
+    way: layout.Way
+    scene: layout.RobotScene
+    placed: layout.Placed
+    path: layout.Path
+    box: layout.InputBox
+    lines: layout.Lines
     acceleration: Array
-    settings: Head
+    settings: layout.Head
     time: float
     sample: int
 
@@ -180,7 +145,7 @@ def _longest_stop(step):
 @inline
 def _speed_of_obstacle(scene, placed, row):
     """Return how fast the obstacle of a row moves, m/s."""
-    if row.kind == APART and row.b >= scene.bodies.shape[0]:
+    if row.kind == layout.APART and row.b >= scene.bodies.shape[0]:
         drift = placed.drift[int(row.b) - scene.bodies.shape[0]]
         return math.sqrt(drift[0] ** 2 + drift[1] ** 2 + drift[2] ** 2)
     return 0.0
@@ -207,17 +172,17 @@ def _collect_at(step, screws, report, g, count):
     """Find the distances that this period can matter to at a point of the way, as rows of the program."""
     kept, way, scene, placed, path = step.kept, step.way, step.scene, step.placed, step.path
     box, lines, settings = step.box, step.lines, step.settings
-    capacity = int(settings.capacity) - MOST_CUTS
+    capacity = settings.capacity - layout.MOST_CUTS
     meets, share = way.meets[g, 0], way.meets[g, 1]
     before = 0.0 if g == 0 else way.meets[g - 1, 0] + settings.period * way.meets[g - 1, 1]
     is_way, stop = way.shares.shape[0] > 1, _longest_stop(step)
     for i in range(kept.rows.shape[0]):
-        row = row_of(kept.rows[i])
+        row = layout.row_of(kept.rows[i])
         name = int(row.name)
         span = max(1.0 / settings.rate, stop) + settings.late
         reach = row.kept + (_fastest_change(kept.levers[i], box) + row.speed) * span
         reach += _speed_of_obstacle(scene, placed, row) * span
-        if row.kind == APART:
+        if row.kind == layout.APART:
             apart = farther_than(placed, row)
             if apart > reach and apart > report.least[name]:
                 continue
@@ -272,7 +237,7 @@ def _collect(step, report):
         count = _collect_at(step, screws, report, g, count)
     for i in range(count):
         owner, g = int(lines.owners[i]), int(lines.points[i])
-        row = row_of(kept.rows[owner])
+        row = layout.row_of(kept.rows[owner])
         least = lines.nearest[owner]
         give = max(settings.rate * (least - row.kept - lines.dips[owner]), -settings.recovery)
         lead = lines.value[i] - least - row.speed * way.meets[g, 0]
@@ -376,7 +341,7 @@ def _verify(step, originals, count, u, adds):
     """
     kept, way, scene, placed = step.kept, step.way, step.scene, step.placed
     lines, settings = step.lines, step.settings
-    period, last, capacity = settings.period, way.shares.shape[0] - 1, int(settings.capacity)
+    period, last, capacity = settings.period, way.shares.shape[0] - 1, settings.capacity
     worst, worst_ahead = 0.0, 0.0
     for g in range(last + 1):
         is_placed = False
@@ -384,9 +349,9 @@ def _verify(step, originals, count, u, adds):
             if int(lines.points[i]) != g:
                 continue
             owner = int(lines.owners[i])
-            row = row_of(kept.rows[owner])
+            row = layout.row_of(kept.rows[owner])
             spare = _line_change(lines.gradients, i, u) + lines.bounds[i]
-            if row.kind == APART and spare >= 0.5 * period * curvature(kept.levers[owner], u):
+            if row.kind == layout.APART and spare >= 0.5 * period * curvature(kept.levers[owner], u):
                 continue
             if not is_placed:
                 is_placed = True
@@ -397,7 +362,9 @@ def _verify(step, originals, count, u, adds):
             if adds and short > _SHORT:
                 write_line(scene, placed, row, placed.screws, lines.line)
                 count = _add_cut(way, lines, capacity, i, count, short / period, u)
-            if g == last and (row.kind == INSIDE or row.kind == AT_MOST or row.kind == SIGHT):
+            if g == last and (
+                row.kind == layout.INSIDE or row.kind == layout.AT_MOST or row.kind == layout.SIGHT
+            ):
                 ahead = look_ahead(scene, placed, row, value, u, 1.0 / settings.rate - period, lines.line)
                 short = min(row.kept, lines.required[i]) - ahead
                 worst_ahead = max(worst_ahead, short)
@@ -446,7 +413,7 @@ def _verify_stop(step, originals, count, u, adds):
     """
     kept, scene, placed, path = step.kept, step.scene, step.placed, step.path
     lines, settings = step.lines, step.settings
-    period, capacity, worst, longest = settings.period, int(settings.capacity), 0.0, 0.0
+    period, capacity, worst, longest = settings.period, settings.capacity, 0.0, 0.0
     if step.way.shares.shape[0] > 1:
         return count, worst
     for j in range(u.shape[0]):
@@ -463,7 +430,7 @@ def _verify_stop(step, originals, count, u, adds):
         _brake_for(step, u, steps)
         for i in range(originals):
             owner = int(lines.owners[i])
-            row = row_of(kept.rows[owner])
+            row = layout.row_of(kept.rows[owner])
             value, unforeseen = lines.value[i], row.speed * span
             nearest = value - span * _speed_of_obstacle(scene, placed, row)
             for j in range(u.shape[0]):
@@ -495,7 +462,7 @@ def _fill_program(kept, box, lines, objective, memory, count, soft, m):
     """Write rows (−∇d·u ≤ bound), limits of rims, and limits of acceleration as soft rows; return how many rows."""
     drives = kept.drives.shape[0]
     rows = count + 4 * drives + (2 * m if soft else 0)
-    program = unpack_program(memory, m, rows)
+    program = active_set.unpack_program(memory, m, rows)
     for i in range(m):
         for j in range(m):
             program.hessian[i, j] = objective.hessian[i, j]
@@ -533,18 +500,18 @@ def _solve(kept, box, lines, objective, work, chosen, count, u, soft):
     """Solve the program about the wish; return the status, and write how hard rows press."""
     m = u.shape[0]
     rows = _fill_program(kept, box, lines, objective, work.program, count, soft, m)
-    program = unpack_program(work.program, m, rows)
-    room = room_for_soft(m)
-    memory = unpack_scratch(work.solver, m, rows, room)
-    if not invert_factor(program.hessian, memory.inverse, m):
-        return INDEFINITE
+    program = active_set.unpack_program(work.program, m, rows)
+    room = layout.room_for_soft(m)
+    memory = active_set.unpack_scratch(work.solver, m, rows, room)
+    if not active_set.invert_factor(program.hessian, memory.inverse, m):
+        return active_set.INDEFINITE
     for j in range(m):
         memory.center[j] = objective.wish[j]
     chosen[0] = 0
-    status = solve_centered(program, memory, chosen[0 : room + 2], m, rows, _ITERATIONS, u)
+    status = active_set.solve_centered(program, memory, chosen[0 : room + 2], m, rows, _ITERATIONS, u)
     for i in range(count):
         lines.press[i] = 0.0
-    if status == SOLVED:
+    if status == active_set.SOLVED:
         for j in range(chosen[0]):
             if chosen[1 + j] < count:
                 lines.press[chosen[1 + j]] = memory.multipliers[j]
@@ -556,10 +523,10 @@ def _solve_levels(kept, box, low, high, lines, objective, work, chosen, levels, 
     """Violate the rows least, level by level; limits of rims and a box hold."""
     m = u.shape[0]
     rows = _fill_program(kept, box, lines, objective, work.program, count, False, m)
-    program = unpack_program(work.program, m, rows)
+    program = active_set.unpack_program(work.program, m, rows)
     most = 0
     for i in range(rows):
-        level = int(row_of(kept.rows[int(lines.owners[i])]).level) + 1 if i < count else 0
+        level = int(layout.row_of(kept.rows[int(lines.owners[i])]).level) + 1 if i < count else 0
         levels[i] = level
         most = max(most, level)
     for i in range(m):
@@ -641,7 +608,7 @@ def _keep_more(step, objective, work, chosen, originals, count, u, worst):
         added += more
         for i in range(count):
             lines.bounds[i] -= more
-        if _solve(step.kept, box, lines, objective, work, chosen, count, u, False) != SOLVED:
+        if _solve(step.kept, box, lines, objective, work, chosen, count, u, False) != active_set.SOLVED:
             break
         _clip(u, box.low, box.high)
         _, short, _ = _verify(step, originals, count, u, False)
@@ -663,7 +630,7 @@ def _let_shrink(step, originals, share):
     """Let distances come by so much of their room nearer in this period than before."""
     lines = step.lines
     for i in range(originals):
-        room = lines.value[i] - row_of(step.kept.rows[int(lines.owners[i])]).kept
+        room = lines.value[i] - layout.row_of(step.kept.rows[int(lines.owners[i])]).kept
         lines.required[i] -= share * max(room, 0.0)
 
 
@@ -713,25 +680,25 @@ def _constrain(step, objective, work, metric, report, sent, count, u):
     """Replace a wish that does not keep everything by the nearest command that does."""
     kept, box, lines, settings = step.kept, step.box, step.lines, step.settings
     m, originals = u.shape[0], count
-    sets, most_rows = work.sets.view(np.intp), int(settings.capacity) + 2 * m + 4 * kept.drives.shape[0]
+    sets, most_rows = work.sets.view(np.intp), settings.capacity + 2 * m + 4 * kept.drives.shape[0]
     levels, chosen = sets[0:most_rows], sets[most_rows:]
     soft, is_violated, worst, stop = False, False, 0.0, 0.0
     can_brake = _longest_stop(step) > 0.0
     _write_objective(objective, settings, metric, m)
-    for i in range(ROUNDS):
+    for i in range(layout.ROUNDS):
         report.numbers[1] = i + 1.0
         status = _solve(kept, box, lines, objective, work, chosen, count, u, soft)
-        if status != SOLVED and not soft and can_brake:
+        if status != active_set.SOLVED and not soft and can_brake:
             low, high = box.low, box.high
             _solve_levels(kept, box, low, high, lines, objective, work, chosen, levels, count, u)
             _clip(u, low, high)
             if _stay_stoppable(step, objective, sent, originals, u):
                 return count
             count = originals
-        if status != SOLVED and not soft:
+        if status != active_set.SOLVED and not soft:
             soft = True
             status = _solve(kept, box, lines, objective, work, chosen, count, u, soft)
-        if status != SOLVED:
+        if status != active_set.SOLVED:
             low, high = box.rough_low, box.rough_high
             _solve_levels(kept, box, low, high, lines, objective, work, chosen, levels, count, u)
             is_violated = True
@@ -758,9 +725,52 @@ def _constrain(step, objective, work, metric, report, sent, count, u):
 
 
 @shared
+def _range_ends_pressed(limits, box, wish, u):
+    """Return how many joints a command would move beyond their range, or too fast to stop at its end."""
+    count = 0
+    for j in range(u.shape[0]):
+        up, down = box.rough_high[j], box.rough_low[j]
+        if up < limits.velocity[j] and u[j] > up - _AT_BOUND and wish[j] > up:
+            count += 1
+        if down > -limits.velocity[j] and u[j] < down + _AT_BOUND and wish[j] < down:
+            count += 1
+    return count
+
+
+@inline
+def _place_in_range(number, j):
+    """Return where in its range joint j is in a posture, 0 to 1: the middle at first, then spread evenly."""
+    shift = 0.5 + number * (j + 1.0) * _GOLDEN
+    return 0.5 + _MIDDLE * (shift - math.floor(shift) - 0.5)
+
+
+@shared
+def _move_to_posture(limits, coordinate, config, number, u):
+    """Write speeds towards a posture, the fastest joint at its limit of velocity; return whether it is near.
+
+    Inputs without both limits rest. A hand that is held at the end of a joint's range, or in its turning, is not freed
+    by moving it aside: another posture of the arm is, one a try, spread over the ranges.
+    """
+    farthest, share = 0.0, 1.0
+    for j in range(u.shape[0]):
+        u[j] = 0.0
+        span = limits.upper[j] - limits.lower[j]
+        if span < math.inf:
+            place = limits.lower[j] + span * _place_in_range(number, j)
+            away = place - config[int(coordinate[j])]
+            farthest = max(farthest, abs(away))
+            u[j] = _RATE * away
+            if abs(u[j]) > limits.velocity[j]:
+                share = min(share, limits.velocity[j] / abs(u[j]))
+    for j in range(u.shape[0]):
+        u[j] *= share
+    return farthest < _NEAR
+
+
+@shared
 def _go_to_posture(limits, coordinate, start, objective, memory, settings, u):
     """Replace the wish by a motion of the joints to another posture, as fast as the hand may go."""
-    is_near = go_to_posture(limits, coordinate, start, memory.escape[2] - 1.0, u)
+    is_near = _move_to_posture(limits, coordinate, start, memory.escape[2] - 1.0, u)
     fast = _hand_speed(objective.hand, u, settings.angular)
     for j in range(u.shape[0]):
         if fast > settings.escape:
@@ -780,7 +790,7 @@ def _go_aside(limits, coordinate, start, objective, solver, memory, settings, me
         return
     inverse = as_matrix(solver[0 : m * m], m, m)
     _write_objective(objective, settings, metric, m)
-    if not invert_factor(objective.hessian, inverse, m):
+    if not active_set.invert_factor(objective.hessian, inverse, m):
         return
     for i in range(m):
         value = 0.0
@@ -815,7 +825,7 @@ def _watch_for_deadlock(limits, box, objective, memory, settings, report, u):
     size = math.sqrt(x * x + y * y + z * z)
     memory.escape[0] = 0.0
     memory.escape[2] += 1.0
-    if range_ends_pressed(limits, box, objective.wish, u) > 0 or size < 0.5 * asked:
+    if _range_ends_pressed(limits, box, objective.wish, u) > 0 or size < 0.5 * asked:
         memory.escape[1] = _POSTURE
         memory.aside[0] = memory.aside[1] = memory.aside[2] = 0.0
         return
@@ -837,7 +847,7 @@ def _watch_for_deadlock(limits, box, objective, memory, settings, report, u):
 def _report(limits, box, rows, lines, objective, report, settings, sent, originals, count, u):
     """Write which rows and ends of joints' ranges pressed, and which rows gave way."""
     for i in range(count):
-        name = int(row_of(rows[int(lines.owners[i])]).name)
+        name = int(layout.row_of(rows[int(lines.owners[i])]).name)
         if lines.press[i] > 0.0:
             report.numbers[0] += 1.0
             report.pressure[name] += lines.press[i]
@@ -845,7 +855,7 @@ def _report(limits, box, rows, lines, objective, report, settings, sent, origina
             slack = -_line_change(lines.gradients, i, u) - lines.bounds[i]
             if slack > _GAVE_WAY:
                 report.slack[name] = max(report.slack[name], slack)
-    report.numbers[0] += range_ends_pressed(limits, box, objective.wish, u)
+    report.numbers[0] += _range_ends_pressed(limits, box, objective.wish, u)
     for j in range(u.shape[0]):
         most = limits.acceleration[j] * settings.period
         if most < math.inf:
@@ -858,15 +868,14 @@ def _report(limits, box, rows, lines, objective, report, settings, sent, origina
 def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, state, parameters, scratch, u):
     """Replace a command by the nearest one that keeps the constraints; one that keeps them stays as it is."""
     n, m = q.shape[0], u.shape[0]
-    settings = head(parameters)
-    names, rows = int(settings.names), int(settings.rows)
-    given, work = given_parts(parameters, settings, n, m), work_parts(scratch, settings, n, m)
-    limits, way = limits_of(given.limits, m), way_of(given.way, n, m, int(settings.points))
-    kept, scene = kept_of(given.kept, m, rows, int(settings.drives)), scene_parts(given, settings)
-    box, placed, path = box_of(work.box, m), placed_parts(work, settings, m), path_of(work.path, n, m)
-    lines, objective = lines_of(work.lines, m, int(settings.capacity), rows), objective_of(work.objective, m)
-    memory = memory_of(state[state.shape[0] - 7 - 2 * n - m :], n, m)
-    report = report_of(work.report, names)
+    settings = layout.head(parameters)
+    given, work = layout.parameters_of(parameters, n, m, settings), layout.work_of(scratch, n, m, settings)
+    limits, way = layout.limits_of(given.limits, m), layout.way_of(given.way, n, m, settings)
+    kept, scene = layout.kept_of(given.kept, m, settings), layout.scene_of(given.scene, settings)
+    box, placed = layout.box_of(work.box, m), layout.placed_of(work.placed, m, settings)
+    path, lines = layout.path_of(work.path, n, m), layout.lines_of(work.lines, m, settings)
+    objective, report = layout.objective_of(work.objective, m), layout.report_of(work.report, settings.names)
+    memory = layout.memory_of(state[state.shape[0] - 7 - 2 * n - m :], n, m)
     check = 0.0
     for j in range(m):
         objective.wish[j] = u[j]
@@ -878,7 +887,7 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
     for i in range(6):
         for j in range(m):
             objective.jacobian[i, j] = twist_jacobian[i, j]
-    branches = settings.tree != 0.0
+    branches = settings.tree != 0
     if settings.integrates != 0.0:
         if memory.started[0] == 0.0:
             for i in range(n):
@@ -910,7 +919,7 @@ def keep_constraints(kinematics, chain, q, sample, k, twist_jacobian, metric, st
             placed.first_screws[i, j] = placed.screws[i, j] if branches else objective.jacobian[i, j]
     if memory.escape[1] > 0.0:
         _go_aside(limits, way.coordinate, path.start, objective, work.solver, memory, settings, metric, u)
-    for i in range(names):
+    for i in range(settings.names):
         report.least[i], report.pressure[i], report.slack[i] = math.inf, 0.0, 0.0
     for i in range(report.numbers.shape[0]):
         report.numbers[i] = 0.0
@@ -941,11 +950,11 @@ VALUES = STATUS(READ2, READ2, READ, READ, READ, WRITE, WRITE2)
 @kernel(VALUES)
 def constraint_values(chain, q, times, samples, parameters, scratch, out):
     """Write the distances and angles of all rows at configurations and times."""
-    settings = head(parameters)
-    n, m = q.shape[1], int(settings.inputs)
-    given, work = given_parts(parameters, settings, n, m), work_parts(scratch, settings, n, m)
-    kept = kept_of(given.kept, m, int(settings.rows), int(settings.drives))
-    scene, placed = scene_parts(given, settings), placed_parts(work, settings, m)
+    settings = layout.head(parameters)
+    n, m = q.shape[1], settings.inputs
+    given, work = layout.parameters_of(parameters, n, m, settings), layout.work_of(scratch, n, m, settings)
+    kept, scene = layout.kept_of(given.kept, m, settings), layout.scene_of(given.scene, settings)
+    placed = layout.placed_of(work.placed, m, settings)
     for i in range(q.shape[0]):
         status = place_frames(chain, q[i], scene, placed)
         if status != OK:
@@ -953,5 +962,5 @@ def constraint_values(chain, q, times, samples, parameters, scratch, out):
         place_bodies(scene, placed, times[i])
         place_obstacles(scene, placed, times[i], int(samples[i]), 0.0, settings.period, settings.period)
         for k in range(kept.rows.shape[0]):
-            out[i, k] = value_of(scene, placed, row_of(kept.rows[k]))
+            out[i, k] = value_of(scene, placed, layout.row_of(kept.rows[k]))
     return OK

@@ -53,24 +53,24 @@ class Head(NamedTuple):
     """
 
     period: float
-    inputs: float
-    frames: float
-    screws: float
-    tree: float
-    shapes: float
-    obstacles: float
-    hull: float
-    rows: float
-    names: float
-    moving: float
-    capacity: float
-    drives: float
-    program: float
-    solver: float
-    levels: float
-    sets: float
+    inputs: int
+    frames: int
+    screws: int
+    tree: int
+    shapes: int
+    obstacles: int
+    hull: int
+    rows: int
+    names: int
+    moving: int
+    capacity: int
+    drives: int
+    program: int
+    solver: int
+    levels: int
+    sets: int
     integrates: float
-    points: float
+    points: int
     late: float
     rate: float
     recovery: float
@@ -177,8 +177,8 @@ class Way(NamedTuple):
     """
 
     times: Annotated[Array, "n"]
-    shares: Annotated[Array, "points", "n"]
-    meets: Annotated[Array, "points", 2]
+    shares: Annotated[Array, "settings.points", "n"]
+    meets: Annotated[Array, "settings.points", 2]
     bent: Annotated[Array, "n"]
     coordinate: Annotated[Array, "m"]
 
@@ -198,10 +198,10 @@ class KeptRows(NamedTuple):
         Speed limit of each drive's rim.
     """
 
-    rows: Annotated[Array, "rows", ROW]
-    levers: Annotated[Array, "rows", "m"]
-    drives: Annotated[Array, "drives", DRIVE_COLUMNS]
-    rims: Annotated[Array, "drives"]
+    rows: Annotated[Array, "settings.rows", ROW]
+    levers: Annotated[Array, "settings.rows", "m"]
+    drives: Annotated[Array, "settings.drives", DRIVE_COLUMNS]
+    rims: Annotated[Array, "settings.drives"]
 
 
 class RobotScene(NamedTuple):
@@ -223,20 +223,18 @@ class RobotScene(NamedTuple):
         Shift and velocity (6) of each obstacle that moves by it, one row a sample.
     """
 
-    carriers: Annotated[Array, "frames + 1"]
-    screws: Annotated[Array, "screws", SCREW]
-    tree: Annotated[Array, "tree", COLUMNS]
-    bodies: Annotated[Array, "shapes", THERE + 1]
-    obstacles: Annotated[Array, "obstacles", f"hull + {OBSTACLE}"]
-    table: Annotated[Array, ..., "6 * moving + 1"]
+    carriers: Annotated[Array, "settings.frames + 1"]
+    screws: Annotated[Array, "settings.screws", SCREW]
+    tree: Annotated[Array, "settings.tree", COLUMNS]
+    bodies: Annotated[Array, "settings.shapes", THERE + 1]
+    obstacles: Annotated[Array, "settings.obstacles", f"settings.hull + {OBSTACLE}"]
+    table: Annotated[Array, ..., "6 * settings.moving + 1"]
 
 
 limits_of: MemoryLayout[InputLimits] = MemoryLayout(InputLimits, "m")
-way_of: MemoryLayout[Way] = MemoryLayout(Way, "n", "m", "points")
-kept_of: MemoryLayout[KeptRows] = MemoryLayout(KeptRows, "m", "rows", "drives")
-scene_of: MemoryLayout[RobotScene] = MemoryLayout(
-    RobotScene, "frames", "screws", "tree", "shapes", "obstacles", "hull", "moving"
-)
+way_of: MemoryLayout[Way] = MemoryLayout(Way, "n", "m", "settings")
+kept_of: MemoryLayout[KeptRows] = MemoryLayout(KeptRows, "m", "settings")
+scene_of: MemoryLayout[RobotScene] = MemoryLayout(RobotScene, "settings")
 
 
 class ConstraintParameters(NamedTuple):
@@ -252,8 +250,8 @@ class ConstraintParameters(NamedTuple):
 
     head: Annotated[Array, HEAD]
     limits: Annotated[Array, limits_of.sized("m")]
-    way: Annotated[Array, way_of.sized("n", "m", "points")]
-    kept: Annotated[Array, kept_of.sized("m", "rows", "drives")]
+    way: Annotated[Array, way_of.sized("n", "m", "settings")]
+    kept: Annotated[Array, kept_of.sized("m", "settings")]
     scene: Annotated[Array, ...]
 
 
@@ -337,12 +335,12 @@ class Placed(NamedTuple):
         Kinematics of the chain.
     """
 
-    frames: Annotated[Array, "8 * (frames + 1)"]
-    places: Annotated[Array, "frames + 1", 12]
-    screws: Annotated[Array, 6, "screws"]
-    first_screws: Annotated[Array, 6, "screws"]
-    world: Annotated[Array, "shapes + obstacles", f"hull + {OBSTACLE}"]
-    drift: Annotated[Array, "obstacles", 3]
+    frames: Annotated[Array, "8 * (settings.frames + 1)"]
+    places: Annotated[Array, "settings.frames + 1", 12]
+    screws: Annotated[Array, 6, "settings.screws"]
+    first_screws: Annotated[Array, 6, "settings.screws"]
+    world: Annotated[Array, "settings.shapes + settings.obstacles", f"settings.hull + {OBSTACLE}"]
+    drift: Annotated[Array, "settings.obstacles", 3]
     found: Annotated[Array, FOUND]
     buffer: Annotated[Array, "8 + 14 * m"]
 
@@ -385,16 +383,16 @@ class Lines(NamedTuple):
         How the inputs change one distance.
     """
 
-    gradients: Annotated[Array, "capacity", "m"]
-    bounds: Annotated[Array, "capacity"]
-    owners: Annotated[Array, "capacity"]
-    points: Annotated[Array, "capacity"]
-    required: Annotated[Array, "capacity"]
-    value: Annotated[Array, "capacity"]
-    press: Annotated[Array, "capacity"]
-    alone: Annotated[Array, "capacity"]
-    nearest: Annotated[Array, "rows"]
-    dips: Annotated[Array, "rows"]
+    gradients: Annotated[Array, "settings.capacity", "m"]
+    bounds: Annotated[Array, "settings.capacity"]
+    owners: Annotated[Array, "settings.capacity"]
+    points: Annotated[Array, "settings.capacity"]
+    required: Annotated[Array, "settings.capacity"]
+    value: Annotated[Array, "settings.capacity"]
+    press: Annotated[Array, "settings.capacity"]
+    alone: Annotated[Array, "settings.capacity"]
+    nearest: Annotated[Array, "settings.rows"]
+    dips: Annotated[Array, "settings.rows"]
     line: Annotated[Array, "m"]
 
 
@@ -419,9 +417,9 @@ class Objective(NamedTuple):
 
 
 box_of: MemoryLayout[InputBox] = MemoryLayout(InputBox, "m")
-placed_of: MemoryLayout[Placed] = MemoryLayout(Placed, "m", "frames", "screws", "shapes", "obstacles", "hull")
+placed_of: MemoryLayout[Placed] = MemoryLayout(Placed, "m", "settings")
 path_of: MemoryLayout[Path] = MemoryLayout(Path, "n", "m")
-lines_of: MemoryLayout[Lines] = MemoryLayout(Lines, "m", "capacity", "rows")
+lines_of: MemoryLayout[Lines] = MemoryLayout(Lines, "m", "settings")
 objective_of: MemoryLayout[Objective] = MemoryLayout(Objective, "m")
 
 
@@ -438,39 +436,21 @@ class ConstraintWork(NamedTuple):
         Memory of the solvers.
     """
 
-    report: Annotated[Array, report_of.sized("names")]
+    report: Annotated[Array, report_of.sized("settings.names")]
     box: Annotated[Array, box_of.sized("m")]
-    placed: Annotated[Array, placed_of.sized("m", "frames", "screws", "shapes", "obstacles", "hull")]
+    placed: Annotated[Array, placed_of.sized("m", "settings")]
     path: Annotated[Array, path_of.sized("n", "m")]
-    lines: Annotated[Array, lines_of.sized("m", "capacity", "rows")]
+    lines: Annotated[Array, lines_of.sized("m", "settings")]
     objective: Annotated[Array, objective_of.sized("m")]
-    program: Annotated[Array, "program"]
-    solver: Annotated[Array, "solver"]
-    levels: Annotated[Array, "levels"]
-    sets: Annotated[Array, "sets"]
+    program: Annotated[Array, "settings.program"]
+    solver: Annotated[Array, "settings.solver"]
+    levels: Annotated[Array, "settings.levels"]
+    sets: Annotated[Array, "settings.sets"]
 
 
-parameters_of: MemoryLayout[ConstraintParameters] = MemoryLayout(
-    ConstraintParameters, "n", "m", "rows", "drives", "points"
-)
+parameters_of: MemoryLayout[ConstraintParameters] = MemoryLayout(ConstraintParameters, "n", "m", "settings")
 memory_of: MemoryLayout[ConstraintMemory] = MemoryLayout(ConstraintMemory, "n", "m")
-work_of: MemoryLayout[ConstraintWork] = MemoryLayout(
-    ConstraintWork,
-    "n",
-    "m",
-    "frames",
-    "screws",
-    "shapes",
-    "obstacles",
-    "hull",
-    "rows",
-    "names",
-    "capacity",
-    "program",
-    "solver",
-    "levels",
-    "sets",
-)
+work_of: MemoryLayout[ConstraintWork] = MemoryLayout(ConstraintWork, "n", "m", "settings")
 
 
 def solver_sizes(m: int, capacity: int, drives: int) -> dict[str, int]:
@@ -488,98 +468,3 @@ def solver_sizes(m: int, capacity: int, drives: int) -> dict[str, int]:
 def room_for_soft(m: int) -> int:
     """Return how many constraints can be active: independent ones, and soft limits of acceleration."""
     return 3 * m + 2
-
-
-@inline
-def given_parts(parameters, settings, n, m):
-    """Return what is given by name."""
-    return parameters_of(parameters, n, m, int(settings.rows), int(settings.drives), int(settings.points))
-
-
-@inline
-def scene_parts(given, settings):
-    """Return the scene by name."""
-    return scene_of(
-        given.scene,
-        int(settings.frames),
-        int(settings.screws),
-        int(settings.tree),
-        int(settings.shapes),
-        int(settings.obstacles),
-        int(settings.hull),
-        int(settings.moving),
-    )
-
-
-@inline
-def work_parts(scratch, settings, n, m):
-    """Return the scratch by name."""
-    return work_of(
-        scratch,
-        n,
-        m,
-        int(settings.frames),
-        int(settings.screws),
-        int(settings.shapes),
-        int(settings.obstacles),
-        int(settings.hull),
-        int(settings.rows),
-        int(settings.names),
-        int(settings.capacity),
-        int(settings.program),
-        int(settings.solver),
-        int(settings.levels),
-        int(settings.sets),
-    )
-
-
-@inline
-def placed_parts(work, settings, m):
-    """Return by name where everything is."""
-    frames, screws = int(settings.frames), int(settings.screws)
-    sizes = int(settings.shapes), int(settings.obstacles), int(settings.hull)
-    return placed_of(work.placed, m, frames, screws, *sizes)
-
-
-__all__ = [
-    "APART",
-    "AT_LEAST",
-    "AT_MOST",
-    "BALL",
-    "BODY",
-    "BY_TABLE",
-    "FROM",
-    "HEAD",
-    "INSIDE",
-    "MOST_CUTS",
-    "MOST_ROWS",
-    "MOTION",
-    "NUMBERS",
-    "OBSTACLE",
-    "PLACE",
-    "ROUNDS",
-    "ROW",
-    "SCREW",
-    "SIGHT",
-    "STILL",
-    "STRAIGHT",
-    "THERE",
-    "UNTIL",
-    "VELOCITY",
-    "ConstraintMemory",
-    "ConstraintParameters",
-    "ConstraintWork",
-    "Head",
-    "InputBox",
-    "InputLimits",
-    "KeptRows",
-    "Lines",
-    "Objective",
-    "Path",
-    "Placed",
-    "Report",
-    "RobotScene",
-    "Row",
-    "Screw",
-    "Way",
-]

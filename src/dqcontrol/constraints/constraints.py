@@ -371,8 +371,7 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
         """The same without bodies that only measurements place, of which a recording alone says where they were."""
         if self.world is None:
             return self
-        bodies = self.world.bodies
-        kept = self.cleared
+        bodies, kept = self.world.bodies, self.cleared
         left = {name: clear for name, clear in kept.items() if bodies[name].watch is None}
         return self if len(left) == len(kept) else replace(self, clear_of=left)
 

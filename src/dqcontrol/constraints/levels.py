@@ -16,19 +16,7 @@ from numba import types
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ, STATUS, WRITE, inline, kernel, shared
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.constraints.active_set import (
-    INDEFINITE,
-    LIMIT,
-    SOLVED,
-    invert_factor,
-    program_size,
-    scratch_size,
-    solve_centered,
-    solve_recentered,
-    to_center,
-    unpack_program,
-    unpack_scratch,
-)
+from dqcontrol.constraints import active_set
 
 _RIDGE = 1e-7  # ρ² of least squares, relative to the largest row's square
 _ROUNDS = 30  # each leaves ρ²/(σ² + ρ²) of what moves: where that is a half, `_ROUNDING` of it after 30
@@ -77,7 +65,11 @@ def room_for_levels(n: int, m: int) -> int:
 def levels_size(n: int, m: int) -> int:
     """Return how many numbers the work memory of `solve_levels` has."""
     rows = m + 2 * n
-    return levels_work.size(n, m) + program_size(n, rows) + scratch_size(n, rows, room_for_levels(n, m))
+    return (
+        levels_work.size(n, m)
+        + active_set.program_size(n, rows)
+        + active_set.scratch_size(n, rows, room_for_levels(n, m))
+    )
 
 
 @inline
@@ -180,14 +172,14 @@ def _least_squares(program, memory, chosen, d, rows, limit, z):
         for k in range(d):
             memory.inverse[j, k] = 1.0 if j == k else 0.0
         memory.center[j] = 0.0
-    status, before = LIMIT, math.inf
+    status, before = active_set.LIMIT, math.inf
     for i in range(_ROUNDS):
         if i > 0:
-            status = solve_recentered(program, memory, chosen, d, rows, limit, z)
-        if status != SOLVED:
+            status = active_set.solve_recentered(program, memory, chosen, d, rows, limit, z)
+        if status != active_set.SOLVED:
             chosen[0] = 0
-            status = solve_centered(program, memory, chosen, d, rows, limit, z)
-        if status != SOLVED:
+            status = active_set.solve_centered(program, memory, chosen, d, rows, limit, z)
+        if status != active_set.SOLVED:
             for j in range(d):
                 z[j] = memory.center[j]
             return status
@@ -262,7 +254,7 @@ def solve_by_levels(flat, levels, count, n, m, limit, memory, u, chosen):
     then those of level 1 as far as level 0 loses nothing, and so on; what is left free minimises the objective.
     If a level cannot be solved, those after it go on from what it has reached, and the status is that of the first.
     """
-    given, work = unpack_program(flat, n, m), levels_work(memory, n, m)
+    given, work = active_set.unpack_program(flat, n, m), levels_work(memory, n, m)
     rows, room = m + 2 * n, chosen.shape[0] - 2
     size = n * n + 3 * n + n * rows + 3 * rows
     for i in range(n):
@@ -271,35 +263,35 @@ def solve_by_levels(flat, levels, count, n, m, limit, memory, u, chosen):
         work.base[i] = min(max(0.0, given.lower[i]), given.upper[i])
     for p in range(m):
         work.bounds[p], work.fixed[p] = given.bounds[p], 0.0
-    d, answer = n, SOLVED
+    d, answer = n, active_set.SOLVED
     for level in range(count):
-        program = unpack_program(work.rest[0:size], d, rows)
-        solver = unpack_scratch(work.rest[size:], d, rows, room)
+        program = active_set.unpack_program(work.rest[0:size], d, rows)
+        solver = active_set.unpack_scratch(work.rest[size:], d, rows, room)
         largest = _set_rows(given, work, program, levels, level, n, m, d)
         if largest > 0.0:
             for p in range(m):
                 if levels[p] == level:
                     program.softness[p] = _RIDGE * largest
             status = _least_squares(program, solver, chosen, d, rows, limit, u)
-            if answer == SOLVED:
+            if answer == active_set.SOLVED:
                 answer = status
             _move(given, work, u, n, d)
         d = _keep_level(given, work, levels, level, n, m, d)
         if d == 0:
             break
     if d > 0:
-        program = unpack_program(work.rest[0:size], d, rows)
-        solver = unpack_scratch(work.rest[size:], d, rows, room)
+        program = active_set.unpack_program(work.rest[0:size], d, rows)
+        solver = active_set.unpack_scratch(work.rest[size:], d, rows, room)
         _set_rows(given, work, program, levels, count, n, m, d)
         _set_objective(given, work, program, n, d)
-        if not invert_factor(program.hessian, solver.inverse, d):
-            return INDEFINITE
-        to_center(program, solver, d)
+        if not active_set.invert_factor(program.hessian, solver.inverse, d):
+            return active_set.INDEFINITE
+        active_set.to_center(program, solver, d)
         chosen[0] = 0
-        status = solve_centered(program, solver, chosen, d, rows, limit, u)
-        if status == SOLVED:
+        status = active_set.solve_centered(program, solver, chosen, d, rows, limit, u)
+        if status == active_set.SOLVED:
             _move(given, work, u, n, d)
-        elif answer == SOLVED:
+        elif answer == active_set.SOLVED:
             answer = status
     for k in range(n):
         u[k] = work.base[k]

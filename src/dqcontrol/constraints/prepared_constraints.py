@@ -10,44 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
+from dqcontrol.constraints import constraint_layout as layout
 from dqcontrol.constraints.constrained_step import constraint_values, keep_constraints
-from dqcontrol.constraints.constraint_layout import (
-    APART,
-    AT_LEAST,
-    AT_MOST,
-    BALL,
-    BODY,
-    BY_TABLE,
-    FROM,
-    INSIDE,
-    MOST_CUTS,
-    MOST_ROWS,
-    MOTION,
-    NUMBERS,
-    OBSTACLE,
-    PLACE,
-    SIGHT,
-    STRAIGHT,
-    THERE,
-    UNTIL,
-    VELOCITY,
-    Head,
-    InputLimits,
-    KeptRows,
-    RobotScene,
-    Row,
-    Way,
-    head,
-    kept_of,
-    limits_of,
-    memory_of,
-    parameters_of,
-    row_of,
-    scene_of,
-    solver_sizes,
-    way_of,
-    work_of,
-)
 from dqcontrol.constraints.constraints import HAND, Constraints, unit
 from dqcontrol.constraints.lag_path import WayToTargets, lag_path
 from dqcontrol.constraints.moving_frames import HandFrame, moving_frames
@@ -66,6 +30,7 @@ if TYPE_CHECKING:
 _FASTEST_RATE = 10.0  # 1/s
 _ANGULAR = 0.3**2  # l²: 1 rad/s of the hand counts as much as 0.3 m/s
 _FREE = 1e-4  # ρ², m²
+_RECOVERY = 0.1  # m/s or rad/s
 _NEAR = 0.1  # m: nearer than that to a camera no target's direction is expected to turn
 _THINNEST = 1e-3  # m between cores, of which nothing smaller is known
 _MOST_PAIRS = 20_000  # at half a microsecond each a period of 10 ms
@@ -80,7 +45,7 @@ _ALWAYS = (-math.inf, math.inf)  # s
 class _Line(NamedTuple):
     """A row before its levers and its place among names are known."""
 
-    row: Row
+    row: layout.Row
     label: str
     levers: Array
     curved: float  # share of (Σ lever u)² that an angle may curve beyond
@@ -141,15 +106,15 @@ class PreparedConstraints:
             )
         self.way: WayToTargets = lag_path(self.lag, robot.configuration_size, period)
         self._frames = moving_frames(robot)
-        self._velocity, self._acceleration = self._speeds()
+        self._velocity: Array = robot.limits.velocity
+        self._acceleration: Array = robot.acceleration_limits("constraints.acceleration", given.acceleration)
         self._bodies: list[LinkShape] = list(robot.shapes.shapes) if robot.shapes else []
         self._there: dict[int, tuple[float, float]] = {}  # when bodies are, by number; always if it has none
         self._first_obstacle: dict[str, int] = {}  # by name
         self._points: list[int] = []  # numbers of bodies that are balls about named frames
         self._obstacles: list[tuple[Array, Motion]] = []
-        self._watched: dict[
-            str, list[tuple[int, Shape]]
-        ] = {}  # numbers of obstacles, shapes seen from their body
+        # numbers of obstacles, shapes seen from their body
+        self._watched: dict[str, list[tuple[int, Shape]]] = {}
         self._lines: list[_Line] = []
         self._body_levers: dict[int, Array] = {}  # of bodies against what stands, by number
         self.names: tuple[str, ...] = given.names
@@ -166,16 +131,20 @@ class PreparedConstraints:
             )
         self.labels: tuple[str, ...] = tuple(each.label for each in self._lines)
         self.owners: NDArray[np.intp] = np.array([each.row.name for each in self._lines], dtype=np.intp)
-        self.is_angle: Array = np.array([each.row.kind > INSIDE for each in self._lines], dtype=bool)
+        self.is_angle: Array = np.array([each.row.kind > layout.INSIDE for each in self._lines], dtype=bool)
         self.asked: Array = np.array([float(each.row.kept) for each in self._lines])
         self.levers: Array = np.array([each.levers for each in self._lines]).reshape(-1, robot.input_size)
         self.allowances: Array = self._allowances()
-        self._pack(command_mode)
+        self._pack()
+
+    def of(self, given: Constraints) -> PreparedConstraints:
+        """Return other constraints made ready for the same robot, period and lag."""
+        return PreparedConstraints(given, self.robot, self.period, self.command_mode, self.lag)
 
     @property
     def report(self) -> int:
         """How many numbers a report has."""
-        return NUMBERS + 3 * len(self.names)
+        return layout.NUMBERS + 3 * len(self.names)
 
     def values(self, q: ArrayLike, times: ArrayLike) -> Array:
         """Return the distances and angles of all rows.
@@ -221,13 +190,11 @@ class PreparedConstraints:
         """
         if name not in self._watched:
             return
-        count = len(self._obstacles) * (OBSTACLE + self._hull)
+        count = len(self._obstacles) * (layout.OBSTACLE + self._hull)
         first = self.parameters.size - self._after_obstacles - count
-        rows = parameters[first : first + count].reshape(-1, OBSTACLE + self._hull)
+        rows = parameters[first : first + count].reshape(-1, layout.OBSTACLE + self._hull)
         for number, shape in self._watched[name]:
-            moved = shape.moved(pose)
-            _put_shape(moved, rows[number])
-            rows[number, BALL : BALL + 4] = ball_around(moved)
+            _put_shape(shape.moved(pose), rows[number])
 
     def pair(self, row: int) -> ShapePair:
         """Return the shapes of a row that is a distance; obstacles are counted in their order, zones' walls after."""
@@ -253,7 +220,7 @@ class PreparedConstraints:
         asked = float(self.asked[row]) if asked is None else asked
         if self.is_angle[row]:
             limit = math.degrees(float(self._lines[row].row.limit))
-            sign = 1.0 if self._lines[row].row.kind == AT_LEAST else -1.0
+            sign = 1.0 if self._lines[row].row.kind == layout.AT_LEAST else -1.0
             least = "least" if sign > 0 else "most"
             return f"{limit + sign * math.degrees(value):.3g}°, at {least} {limit:.3g}° are asked"
         if value < 0:
@@ -269,11 +236,6 @@ class PreparedConstraints:
             f"start: violates constraints: {'; '.join(found[:_SAID])}{more}. Start elsewhere, ask for less, or give "
             "constraints.recovery, the speed at which distances that are too small may grow (0.1 m/s)"
         )
-
-    def _speeds(self) -> tuple[Array, Array]:
-        """Return limits of speed and acceleration of each input."""
-        acceleration = self.robot.acceleration_limits("constraints.acceleration", self.given.acceleration)
-        return self.robot.limits.velocity.copy(), acceleration
 
     def _rate(self) -> float:
         if self.given.rate is not None:
@@ -351,11 +313,10 @@ class PreparedConstraints:
         found = []
         for k, end in enumerate((each.shape.start, each.shape.end)):
             name = f"{each.name} (end {k + 1})"
-            known = [i for i, other in enumerate(self._bodies) if other.name == name]
-            if not known:
+            if name not in (names := [other.name for other in self._bodies]):
                 self._bodies.append(LinkShape(name, each.frame, Sphere(end, each.shape.radius)))
-                known = [len(self._bodies) - 1]
-            found += known
+                names.append(name)
+            found.append(names.index(name))
         return found
 
     def _add_held(self) -> list[int]:
@@ -376,10 +337,9 @@ class PreparedConstraints:
     def _add_obstacle(
         self, shape: Shape, moving: Motion = _STILL, there: tuple[float, float] = _ALWAYS
     ) -> int:
-        numbers = np.zeros(OBSTACLE + max(len(shape.row) - SHAPE, 0))
+        numbers = np.zeros(layout.OBSTACLE + max(len(shape.row) - SHAPE, 0))
         _put_shape(shape, numbers)
-        numbers[BALL : BALL + 4] = ball_around(shape)
-        numbers[[FROM, UNTIL]] = np.array(there) - INSTANT
+        numbers[[layout.FROM, layout.UNTIL]] = np.array(there) - INSTANT
         self._obstacles.append((numbers, moving))
         return len(self._obstacles) - 1
 
@@ -424,7 +384,7 @@ class PreparedConstraints:
                         label = f"{name}{part}: {self._bodies[chosen].link}"
                         number = self.names.index(name)
                         self._add_distance(
-                            APART, body, obstacle, label, number, clear.level, margin, each.moves.speed
+                            layout.APART, body, obstacle, label, number, clear.level, margin, each.moves.speed
                         )
 
     def _stands_on(self, shape: Shape, body: LinkShape) -> bool:
@@ -442,14 +402,12 @@ class PreparedConstraints:
 
     def _add_zones(self) -> None:
         for name, each in self.given.zones.items():
-            hands, number = (
-                self._frames.hands(f"constraints.zones.{name}", each.frame),
-                self.names.index(name),
-            )
-            with error_prefix(f"constraints.zones.{name}"):
+            field, number = f"constraints.zones.{name}", self.names.index(name)
+            hands = self._frames.hands(field, each.frame)
+            with error_prefix(field):
                 walls = each.walls
             for k, wall in enumerate(walls):
-                kind = APART if isinstance(wall, Plane) else INSIDE
+                kind = layout.APART if isinstance(wall, Plane) else layout.INSIDE
                 label = f"{name}: wall {k + 1}" if len(walls) > 1 else name
                 obstacle = self._add_obstacle(wall)
                 for hand in hands:
@@ -465,7 +423,7 @@ class PreparedConstraints:
             other = unit(f"{field}.direction", each.direction)
             for most, limit in each.limits:
                 row = _row(
-                    kind=AT_MOST if most else AT_LEAST,
+                    kind=layout.AT_MOST if most else layout.AT_LEAST,
                     a=frame,
                     b=0,
                     kept=0.0,
@@ -490,13 +448,13 @@ class PreparedConstraints:
                 if each.target not in self._first_obstacle:
                     raise unknown_name(f"{field}.target", each.target, tuple(self._first_obstacle))
                 target = self._first_obstacle[each.target]
-                if math.isinf(self._obstacles[target][0][BALL + 3]):
+                if math.isinf(self._obstacles[target][0][layout.BALL + 3]):
                     raise ValueRangeError(f"{field}.target: '{each.target}' has no middle to look at")
             else:
                 target = self._add_obstacle(Sphere(np.array(each.place), 0.0))
             camera = shift + turn @ np.asarray(each.camera)
             row = _row(
-                kind=SIGHT,
+                kind=layout.SIGHT,
                 a=frame,
                 b=target,
                 kept=0.0,
@@ -527,7 +485,7 @@ class PreparedConstraints:
         for a, b in (*shapes.pairs, *self._held_pairs(shapes)):
             first, second = sorted((a, b), key=lambda i: self._bodies[i].frame, reverse=True)
             far, near = self._bodies[first], self._bodies[second]
-            row = _row(kind=APART, a=first, b=second, kept=margin, level=0, name=len(self.names) - 1)
+            row = _row(kind=layout.APART, a=first, b=second, kept=margin, level=0, name=len(self.names) - 1)
             levers = self._frames.levers(far.frame, far.extent, near.frame, near.extent)
             if levers.any():
                 self._lines.append(_Line(row, f"{near.link}, {far.link}", levers, 0.0))
@@ -574,8 +532,8 @@ class PreparedConstraints:
         What is met `WayToTargets.early` comes nearer by as much as it moves meanwhile; a path with corners is off the
         line between two of its points by a quarter of the time between them, times how much its velocity changes.
         """
-        obstacle = int(line.row.b) if line.row.kind == SIGHT else -1 - int(line.row.b)
-        if obstacle < 0 or AT_MOST <= line.row.kind <= AT_LEAST:
+        obstacle = int(line.row.b) if line.row.kind == layout.SIGHT else -1 - int(line.row.b)
+        if obstacle < 0 or layout.AT_MOST <= line.row.kind <= layout.AT_LEAST:
             return 0.0
         moving, moved = self._obstacles[obstacle][1], 0.0
         if moving.velocity is not None:
@@ -589,54 +547,53 @@ class PreparedConstraints:
             within = [turns[(path[:, 0] >= t) & (path[:, 0] <= t + between)].sum() for t in path[:, 0]]
             moved = self.way.early * float(np.linalg.norm(speeds, axis=1).max(initial=0.0))
             moved += 0.25 * between * max(within)
-        return moved / (_NEAR if line.row.kind == SIGHT else 1.0)
+        return moved / (_NEAR if line.row.kind == layout.SIGHT else 1.0)
 
     def _bend(self, line: _Line) -> float:
         """Return `Row.bend`: of distances from what is round one over what is between the cores."""
         row = line.row
-        if row.kind > INSIDE:
+        if row.kind > layout.INSIDE:
             return line.curved - 1.0
         other = self._bodies[int(row.b)].shape.row if row.b >= 0 else self._obstacles[int(-1 - row.b)][0]
-        if row.kind == INSIDE or other[KIND] == PLANE:
+        if row.kind == layout.INSIDE or other[KIND] == PLANE:
             return 0.0
         rounds = [each[RADIUS] for each in (self._bodies[int(row.a)].shape.row, other) if each[KIND] == ROUND]
         return 1.0 / max(float(row.kept) + sum(rounds), _THINNEST)
 
-    def _pack(self, command_mode: str) -> None:
+    def _pack(self) -> None:
         robot, given, m = self.robot, self.given, self.robot.input_size
         n, shapes, obstacles = robot.configuration_size, len(self._bodies), len(self._obstacles)
-        bodies = np.zeros((shapes, THERE + 1))
+        bodies = np.zeros((shapes, layout.THERE + 1))
         for number, (row, each) in enumerate(zip(bodies, self._bodies, strict=True)):
             row[0] = each.frame
             row[1 : 1 + len(each.shape.row)] = each.shape.row
-            row[1 + BALL : 1 + BODY] = ball_around(each.shape)
-            row[[1 + FROM, 1 + UNTIL]] = np.array(self._there.get(number, _ALWAYS)) - INSTANT
+            row[1 + layout.BALL : 1 + layout.BODY] = ball_around(each.shape)
+            row[[1 + layout.FROM, 1 + layout.UNTIL]] = np.array(self._there.get(number, _ALWAYS)) - INSTANT
         table = self._motions()
-        self._hull: int = max((len(each) for each, _ in self._obstacles), default=OBSTACLE) - OBSTACLE
-        stored = np.zeros((obstacles, OBSTACLE + self._hull))
+        self._hull: int = (
+            max((len(each) for each, _ in self._obstacles), default=layout.OBSTACLE) - layout.OBSTACLE
+        )
+        stored = np.zeros((obstacles, layout.OBSTACLE + self._hull))
         for row, (each, _) in zip(stored, self._obstacles, strict=True):
             row[: len(each)] = each
         packed = []
         for k, line in enumerate(self._lines):
             found = line.row
-            b = found.b if found.kind > INSIDE or found.b >= 0 else shapes - 1 - found.b
+            b = found.b if found.kind > layout.INSIDE or found.b >= 0 else shapes - 1 - found.b
             kept = self.asked[k] + self.allowances[k]
             packed.append(found._replace(b=b, kept=kept, bend=self._bend(line)))
-        rows = np.zeros((0, row_of.size()))
+        rows = np.zeros((0, layout.row_of.size()))
         if packed:  # all at once: one by one they take longer than a plan
             columns = map(np.array, zip(*packed, strict=True))
-            rows = row_of.pack(**dict(zip(Row._fields, columns, strict=True)))
-        lower, upper = (
-            robot.limits.lower[robot.input_coordinates],
-            robot.limits.upper[robot.input_coordinates],
-        )
+            rows = layout.row_of.pack(**dict(zip(layout.Row._fields, columns, strict=True)))
+        velocities, joints = robot.limits.velocity, robot.input_coordinates
+        lower, upper, velocity = robot.limits.lower[joints], robot.limits.upper[joints], velocities
         if not given.joint_limits:
-            lower, upper = np.full(m, -np.inf), np.full(m, np.inf)
-        drives = len(robot.drives)
-        capacity = min(len(rows) * len(self.way.shares), MOST_ROWS) + MOST_CUTS
-        sizes = solver_sizes(m, capacity, drives)
-        frames = self._frames
-        numbers = Head(
+            lower, upper, velocity = np.full(m, -np.inf), np.full(m, np.inf), np.full(m, np.inf)
+        drives, frames = len(robot.drives), self._frames
+        capacity = min(len(rows) * len(self.way.shares), layout.MOST_ROWS) + layout.MOST_CUTS
+        head = layout.head.pack(
+            **layout.solver_sizes(m, capacity, drives),
             period=self.period,
             inputs=m,
             frames=frames.count,
@@ -650,8 +607,7 @@ class PreparedConstraints:
             moving=(table.shape[1] - 1) // 6,
             capacity=capacity,
             drives=drives,
-            **sizes,
-            integrates=float(command_mode == "integrated"),
+            integrates=self.command_mode == "integrated",
             points=len(self.way.shares),
             late=self.way.late,
             rate=self.rate,
@@ -660,63 +616,48 @@ class PreparedConstraints:
             angular=_ANGULAR,
             free=_FREE,
         )
-        velocity = self._velocity if given.joint_limits else np.full(m, np.inf)
-        limits = InputLimits(lower, upper, velocity, self._acceleration)
-        way = Way(
-            times=np.array(self.lag.times or np.zeros(n)),
-            shares=self.way.shares,
-            meets=self.way.meets,
-            bent=self.way.bent,
-            coordinate=robot.input_coordinates.astype(float),
-        )
-        kept = KeptRows(
-            rows=rows,
-            levers=self.levers,
-            drives=robot.drives,
-            rims=np.array(
-                [robot.limits.velocity[int(first) - k] for k, (first, *_) in enumerate(robot.drives)]
+        self.parameters: Array = layout.parameters_of.pack(
+            head=head,
+            limits=layout.limits_of.pack(
+                lower=lower, upper=upper, velocity=velocity, acceleration=self._acceleration
+            ),
+            way=layout.way_of.pack(
+                times=self.lag.times or np.zeros(n),
+                shares=self.way.shares,
+                meets=self.way.meets,
+                bent=self.way.bent,
+                coordinate=robot.input_coordinates,
+            ),
+            kept=layout.kept_of.pack(
+                rows=rows,
+                levers=self.levers,
+                drives=robot.drives,
+                rims=[velocities[int(first) - k] for k, (first, *_) in enumerate(robot.drives)],
+            ),
+            scene=layout.scene_of.pack(
+                carriers=frames.carriers,
+                screws=frames.screws,
+                tree=frames.tree,
+                bodies=bodies,
+                obstacles=stored,
+                table=table,
             ),
         )
-        scene = RobotScene(
-            carriers=frames.carriers,
-            screws=frames.screws,
-            tree=frames.tree,
-            bodies=bodies,
-            obstacles=stored,
-            table=table,
-        )
-        self.parameters: Array = parameters_of.pack(
-            head=head.pack(**numbers._asdict()),
-            limits=limits_of.pack(**limits._asdict()),
-            way=way_of.pack(**way._asdict()),
-            kept=kept_of.pack(**kept._asdict()),
-            scene=scene_of.pack(**scene._asdict()),
-        )
         self._after_obstacles: int = table.size
-        work = {
-            "n": n,
-            "m": m,
-            "frames": frames.count,
-            "screws": len(frames.screws),
-            "shapes": shapes,
-            "obstacles": obstacles,
-            "hull": self._hull,
-            "rows": len(rows),
-            "names": len(self.names),
-            "capacity": capacity,
-            **sizes,
-        }
-        self.scratch: int = work_of.size(*(work[name] for name in work_of.sizes))
-        self.memory: int = memory_of.size(n, m)
+        self.scratch: int = layout.work_of.size(n, m, layout.head(head))
+        self.memory: int = layout.memory_of.size(n, m)
 
     def _motions(self) -> Array:
         """Write how obstacles move into their numbers, and return the table of those that follow a path."""
         paths = []
         for numbers, each in self._obstacles:
             if each.velocity is not None:
-                numbers[MOTION], numbers[VELOCITY : VELOCITY + 3] = STRAIGHT, each.velocity
+                numbers[layout.MOTION], numbers[layout.VELOCITY : layout.VELOCITY + 3] = (
+                    layout.STRAIGHT,
+                    each.velocity,
+                )
             elif each.path is not None:
-                numbers[MOTION], numbers[PLACE] = BY_TABLE, len(paths)
+                numbers[layout.MOTION], numbers[layout.PLACE] = layout.BY_TABLE, len(paths)
                 paths.append(np.asarray(each.path, np.float64))
         if not paths:
             return np.zeros((1, 1))
@@ -736,20 +677,17 @@ class PreparedConstraints:
         return table
 
 
-_RECOVERY = 0.1  # m/s or rad/s
-
-
-def _row(**values: float | Array) -> Row:
+def _row(**values: float | Array) -> layout.Row:
     empty = {"speed": 0.0, "bend": 0.0, "limit": 0.0, "axis": np.zeros(3), "other": np.zeros(3)}
-    return Row(**(empty | values))  # type: ignore[arg-type]
+    return layout.Row(**(empty | values))  # type: ignore[arg-type]
 
 
 def _put_shape(shape: Shape, numbers: Array) -> None:
-    """Write the numbers of a shape into those of an obstacle, the corners of a hull last."""
-    numbers[:SHAPE] = shape.row[:SHAPE]
+    """Write the numbers of a shape into those of an obstacle, and of the ball around it; the corners of a hull last."""
+    numbers[:SHAPE], numbers[layout.BALL : layout.BALL + 4] = shape.row[:SHAPE], ball_around(shape)
     if isinstance(shape, Hull):
-        numbers[FIRST_CORNER] = OBSTACLE
-        numbers[OBSTACLE : OBSTACLE + len(shape.row) - SHAPE] = shape.row[SHAPE:]
+        numbers[FIRST_CORNER] = layout.OBSTACLE
+        numbers[layout.OBSTACLE : layout.OBSTACLE + len(shape.row) - SHAPE] = shape.row[SHAPE:]
 
 
 def _of_links(shape: Shape) -> Sphere | Capsule | Box:
@@ -767,12 +705,10 @@ def ball_around(shape: Shape) -> Array:
     """Return centre and radius of a ball around a shape."""
     if isinstance(shape, Sphere):
         return np.array([*shape.center, shape.radius])
-    if isinstance(shape, Cylinder):
-        half = 0.5 * float(np.linalg.norm(shape.end - shape.start))
-        return np.array([*(0.5 * (shape.start + shape.end)), math.hypot(half, shape.radius)])
-    if isinstance(shape, Capsule):
-        half = 0.5 * float(np.linalg.norm(shape.end - shape.start))
-        return np.array([*(0.5 * (shape.start + shape.end)), half + shape.radius])
+    if isinstance(shape, Cylinder | Capsule):
+        half, radius = 0.5 * float(np.linalg.norm(shape.end - shape.start)), shape.radius
+        far = math.hypot(half, radius) if isinstance(shape, Cylinder) else half + radius
+        return np.array([*(0.5 * (shape.start + shape.end)), far])
     if isinstance(shape, Hull):
         middle = 0.5 * (shape.corners.min(axis=0) + shape.corners.max(axis=0))
         return np.array([*middle, np.linalg.norm(shape.corners - middle, axis=1).max()])

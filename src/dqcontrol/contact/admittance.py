@@ -12,17 +12,8 @@ from numpy.typing import NDArray
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, Kernel
+from dqcontrol.contact import contact_layout as layout
 from dqcontrol.contact.admittance_step import admittance, felt_wrench
-from dqcontrol.contact.contact_layout import (
-    BASE,
-    HAND,
-    MOST_GUARDS,
-    REFERENCE,
-    ContactState,
-    contact_parameters,
-    contact_state,
-    contact_work,
-)
 from dqcontrol.contact.tool import Tool
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_positive
 from dqcontrol.named_fields import NamedFields, Three
@@ -46,13 +37,13 @@ class AdmittanceStage:
         See ``ContactState``.
     """
 
-    state: ContactState
+    state: layout.ContactState
 
     def __init__(self, admittance: Admittance, period: float) -> None:
         self._step = admittance.kernel.compiled
         self._parameters = admittance.parameters(as_positive("period", period))
-        self._state, self._work = np.zeros(contact_state.size()), np.zeros(contact_work.size())
-        self.state = contact_state(self._state)
+        self._state, self._work = np.zeros(layout.contact_state.size()), np.zeros(layout.contact_work.size())
+        self.state = layout.contact_state(self._state)
         self._k = 0
 
     def felt(self, pose: Array, wrench: Array) -> Array:
@@ -94,7 +85,7 @@ class AdmittanceStage:
         return out.copy()
 
 
-AXES = {"reference": REFERENCE, "base": BASE, "hand": HAND}
+AXES = {"reference": layout.REFERENCE, "base": layout.BASE, "hand": layout.HAND}
 _TURN = 2.0  # rad: a deflection below half a turn keeps its logarithm smooth
 _RIGID = "rigid"
 _ROUNDING = 1e-6  # of a period: times are sums
@@ -412,13 +403,13 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             If that are more than eight guarded moves, or one ends by a drop and no force is wanted.
         """
         moves, plane, lead = guards
-        if len(moves) > MOST_GUARDS:
-            raise ValueRangeError(f"reference: has {len(moves)} guarded moves, at most {MOST_GUARDS}")
+        if len(moves) > layout.MOST_GUARDS:
+            raise ValueRangeError(f"reference: has {len(moves)} guarded moves, at most {layout.MOST_GUARDS}")
         if any(np.isfinite(each.drop) for each in moves) and not any(self.force.components[3:]):
             raise ValueRangeError(
                 "reference: 'until.drop' goes by the wanted force, and 'contact.force' has none; give it"
             )
-        guarding = np.zeros((MOST_GUARDS, 12))
+        guarding = np.zeros((layout.MOST_GUARDS, 12))
         for row, each in zip(guarding, moves, strict=False):
             # first rows of it and after
             row[:2] = np.ceil(np.array([each.begin, each.end]) / period - _ROUNDING)
@@ -433,7 +424,7 @@ class Admittance(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         fastest = np.repeat([limits.turn_speed or np.inf, limits.speed or np.inf], 3)
         approach = fastest.copy()
         approach[3:] = min(lost.speed or np.inf, fastest[3])
-        return contact_parameters.pack(
+        return layout.contact_parameters.pack(
             period=period,
             axes=AXES[self.axes],
             sensor=[*algebra.rotation_from_rpy(sensor.rpy), *sensor.position],

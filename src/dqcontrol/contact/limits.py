@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,25 +16,8 @@ from dqcontrol.errors import ValueRangeError, as_array, as_positive
 
 if TYPE_CHECKING:
     from dqcontrol.controller import Controller
+    from dqcontrol.plants import Plant
     from dqcontrol.plants.linear_model import LinearModel
-    from dqcontrol.robots.command_mode import Lag
-    from dqcontrol.robots.robot import Robot
-
-    class LaggingPlant(Protocol):
-        """What is asked of a plant."""
-
-        def linear_model(self, robot: Robot, start: Array, period: float) -> LinearModel | None:
-            """Return how small commands move it."""
-            ...
-
-        def compliance(self, robot: Robot, start: Array) -> Array:
-            """Return by how much its servos give way."""
-            ...
-
-        def lag(self, robot: Robot) -> Lag:
-            """Return how late it is."""
-            ...
-
 
 _SOFTEST, _STIFFEST = 10.0, 1e8  # N/m that are looked at: a sponge, and beyond steel on steel
 _LOOKED_AT = 49  # between them: seven a decade, so that a window of instability is not stepped over
@@ -89,7 +72,7 @@ _AXES = ("mx", "my", "mz", "x", "y", "z")
 def contact_limits(
     admittance: Admittance,
     law: Controller,
-    plant: LaggingPlant,
+    plant: Plant,
     q: ArrayLike,
     environment: float = 1e4,
     at: ArrayLike = (),
@@ -237,11 +220,8 @@ class _Loop:
         contacts: Array,
         soft: Array,
     ) -> None:
-        self._rows, self._period, self._filter = (
-            admittance.axis_rows[axes],
-            law.period,
-            admittance.sensor.filter,
-        )
+        self._rows, self._period = admittance.axis_rows[axes], law.period
+        self._filter = admittance.sensor.filter
         self._steps = [exact_step(row[0], row[1], row[2], law.period) for row in self._rows]
         robot, n = law.robot, law.robot.configuration_size
         a, b = model.transition, model.inputs
@@ -268,11 +248,8 @@ class _Loop:
 
         def slope(axis: int, *change: Any) -> Array:
             moved, *given = (_STEP * each for each in change)
-            ahead, behind = (
-                command(q + moved, axis, *given),
-                command(q - moved, axis, *(-each for each in given)),
-            )
-            return (ahead - behind) / (2 * _STEP)
+            behind = command(q - moved, axis, *(-each for each in given))
+            return (command(q + moved, axis, *given) - behind) / (2 * _STEP)
 
         by_joints = np.column_stack([slope(axes[0], each, 0.0, 0.0, 0.0) for each in np.eye(n)])
         # of each axis by way, speed and its rate
@@ -284,11 +261,8 @@ class _Loop:
             alone = len(axes) == len(ways) == 1
             # and for the way along the axis
             if alone and np.abs(answer - share * along).max() < _STEP * abs(share):
-                by_sample, ways, by_joints = (
-                    (by_sample @ along)[..., None],
-                    np.ones((1, 1)),
-                    np.array([[share]]),
-                )
+                by_sample, ways = (by_sample @ along)[..., None], np.ones((1, 1))
+                by_joints = np.array([[share]])
             else:
                 a, b = np.kron(a, np.eye(n)), np.kron(b, np.eye(n))
         self._by_joints = np.zeros((b.shape[1], len(a)))

@@ -165,18 +165,9 @@ class Controller:
             "table_rows": robot.table.shape[0],
             "table_columns": robot.table.shape[1],
             "inputs": m,
-            "preferring": parts.preferring.size,
             "rows": len(parameters),
             "columns": parameters.shape[1],
-            "work": parts.work.size,
-            "position_limiting": parts.position_limiting.size,
-            "limiting": parts.limiting.size,
-            "tasking": parts.tasking.size,
-            "tasking_work": parts.tasking_work.size,
-            "constraining": parts.constraining.size,
-            "constraint_work": parts.constraint_work.size,
-            "contacting": parts.contacting.size,
-            "contact_work": parts.contact_work.size,
+            **{name: part.size for name, part in parts._asdict().items() if name in prepared_memory.sizes},
         }
         self._parts = prepared_memory(self.memory, *(self._sizes[name] for name in prepared_memory.sizes))
         if tasks and self._grows:
@@ -193,17 +184,24 @@ class Controller:
 
     def with_limits(self, limits: CommandLimits) -> Controller:
         """Return the same law with something else done to its commands before they leave."""
-        return Controller(
-            self._law,
-            self.robot,
-            self.parameters,
-            self.period,
-            limits,
-            self._command_mode,
-            self.tasks,
-            self._lag,
-            self._guards,
-        )
+        return self._with(limits=limits)
+
+    def _with(self, **others: Any) -> Controller:
+        """Return the same with something else in place of what it was made of."""
+        return Controller(**self._given() | others)
+
+    def _given(self) -> dict[str, Any]:
+        return {
+            "law": self._law,
+            "robot": self.robot,
+            "parameters": self.parameters,
+            "period": self.period,
+            "limits": self._limits,
+            "command_mode": self._command_mode,
+            "tasks": self.tasks,
+            "lag": self._lag,
+            "guards": self._guards,
+        }
 
     def along(self, reference: Reference, law: Law | None = None) -> Controller:
         """Return the same law, or another one, along another reference, with all else as it is."""
@@ -220,17 +218,7 @@ class Controller:
 
     def __reduce__(self) -> tuple[type, tuple[object, ...]]:
         """Let copies and other processes make their own memory and plan."""
-        return Controller, (
-            self._law,
-            self.robot,
-            self.parameters,
-            self.period,
-            self._limits,
-            self._command_mode,
-            self.tasks,
-            self._lag,
-            self._guards,
-        )
+        return Controller, tuple(self._given().values())
 
     @cached_property
     def depends_on_mode(self) -> bool:
@@ -243,46 +231,30 @@ class Controller:
         """Return this law for plants of a command mode; see `Law.prepare`."""
         if (command_mode, lag) == (self._command_mode, self._lag) or not self.depends_on_mode:
             return self
-        return Controller(
-            self._law,
-            self.robot,
-            self.parameters,
-            self.period,
-            self._limits,
-            command_mode,
-            self.tasks,
-            lag,
-            self._guards,
-        )
+        return self._with(command_mode=command_mode, lag=lag)
 
     @property
     def stages(self) -> dict[str, Kernel | InterpretedKernel | None]:
         """What compiled code calls, by its name in ``Plan``; None where nothing is to be done."""
-        kinematics = self.robot.kernels.twist_kinematics
-        tasks = self.tasks.kernel if self.tasks else None
-        kept = self.constraints.kernel if self.constraints else None
-        contact = self._law.contact.kernel if self._law.contact else None
-        stages = (
-            kinematics,
-            self._preference,
-            self.kernel,
-            self._position_limit,
-            self._limit,
-            tasks,
-            kept,
-            contact,
-            note_left if contact else None,
-        )
-        return dict(zip(Plan._fields, stages, strict=False))
+        contact = self._law.contact
+        return {
+            "kinematics": self.robot.kernels.twist_kinematics,
+            "preference": self._preference,
+            "law": self.kernel,
+            "position_limit": self._position_limit,
+            "limit": self._limit,
+            "tasks": self.tasks.kernel if self.tasks else None,
+            "constraint": self.constraints.kernel if self.constraints else None,
+            "contact": contact.kernel if contact else None,
+            "left": note_left if contact else None,
+        }
 
     @cached_property
     def plan(self) -> NDArray[np.intp]:
         """Where compiled code finds the law's stages and sizes."""
         addresses = [stage.pointer if isinstance(stage, Kernel) else 0 for stage in self.stages.values()]
-        numbers = (
-            dict(zip(Plan._fields, [*addresses, self._contact_at, *self._feedback], strict=False))
-            | self._sizes
-        )
+        places = dict(zip(Plan._fields, [*addresses, self._contact_at, *self._feedback], strict=False))
+        numbers = places | self._sizes
         return np.array([numbers[name] for name in Plan._fields], dtype=np.intp)
 
     def initial_state(self, q: ArrayLike) -> Array:
@@ -332,17 +304,8 @@ class Controller:
             )
         known = contact_parameters(before._parts.contacting)
         if not (np.array_equal(given.guards, known.guards) and np.array_equal(given.fit, known.fit)):
-            for guided in (
-                own.hits,
-                own.gone,
-                own.touched,
-                own.points,
-                own.moved,
-                own.held,
-                own.screw,
-                own.fitted,
-            ):
-                guided[:] = 0.0
+            for name in ("hits", "gone", "touched", "points", "moved", "held", "screw", "fitted"):
+                getattr(own, name)[:] = 0.0
         return new
 
     def felt(self, state: Array) -> Array:

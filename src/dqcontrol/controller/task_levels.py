@@ -19,11 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dqcontrol import algebra
-from dqcontrol.algebra.dual_quaternion_kernels import (
-    half_angle,
-    position,
-    quaternion_product,
-)
+from dqcontrol.algebra.dual_quaternion_kernels import half_angle, position, quaternion_product
 from dqcontrol.algebra.symmetric import cholesky, inverse_trace
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import (
@@ -40,14 +36,7 @@ from dqcontrol.compiled.compile import (
 )
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.errors import (
-    ShapeError,
-    ValueRangeError,
-    as_array,
-    as_positive,
-    error_prefix,
-    unknown_name,
-)
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive, error_prefix, unknown_name
 from dqcontrol.laws.growth import LEAST, counted, curvature, pose_error
 from dqcontrol.references import Reference
 from dqcontrol.references.sample import SAMPLE_SIZE

@@ -234,7 +234,6 @@ def _c_text(text: str) -> str:
 def _kernels_header(parts: ControllerParts, parameters: list[Changeable]) -> str:
     """Return what only dqc_controller.c knows: kernels, how they take arrays, and where numbers stand."""
     sizes, n, m = _sizes(parts), parts.robot.configuration_size, parts.robot.input_size
-    bounds = m, 0, 0, 0, 0
     lines = [
         "/* Of dqc_controller.c alone: compiled functions, and where numbers stand. */",
         '#include "dqc_controller.h"',
@@ -269,7 +268,7 @@ def _kernels_header(parts: ControllerParts, parameters: list[Changeable]) -> str
         f"#define DQC_WRENCH_AT {parts.wrench_at}",
         *(f"#define DQC_{name} {place}" for name, place in _kinematics_places(parts).items()),
         *(
-            f"#define DQC_{name.upper()} {layout.bounds_layout.place(name, *bounds)}"
+            f"#define DQC_{name.upper()} {layout.bounds_layout.place(name, layout.Sizes(inputs=m))}"
             for name in ("lower", "upper")
         ),
         *(f"#define DQC_{name.upper()} {layout.state_layout.place(name, n, m)}" for name in _PLACES),
@@ -295,15 +294,11 @@ def _kinematics_places(parts: ControllerParts) -> dict[str, int]:
     """Return where law and supervisor take kinematics from, and how many numbers they are."""
     if not parts.shares_kinematics or parts.supervisor is None:
         return {}
-    n, m = parts.robot.configuration_size, parts.robot.input_size
-    head = parts.supervisor[1].bounds.head
-    counted = layout.DRIVES, layout.ROLLERS, layout.POINTS, layout.ZONES
-    counted += layout.TABLE_ROWS, layout.TABLE_COLUMNS, layout.TREE, layout.FRAMES
-    sizes = n, m, *(int(head[number]) for number in counted)
-    scratch = layout.supervisor_memory.place("scratch", *sizes)
+    m, sizes = parts.robot.input_size, parts.supervisor[1].sizes
+    scratch = layout.supervisor_memory.place("scratch", sizes)
     return {
-        "CHAIN": layout.supervisor_memory.place("table", *sizes),
-        "BUFFER": scratch + layout.scratch_layout.place("buffer", n, m, int(head[layout.FRAMES])),
+        "CHAIN": layout.supervisor_memory.place("table", sizes),
+        "BUFFER": scratch + layout.scratch_layout.place("buffer", sizes),
         "LAW_KINEMATICS": prepared_memory.place(
             "kinematics", *(parts.plan_field(name) for name in prepared_memory.sizes)
         ),

@@ -536,12 +536,11 @@ def _of_supervisor(parts: ControllerParts) -> Iterator[Changeable]:
     if parts.supervisor is None or len(parts.robot.drives):
         return
     spec, prepared = parts.supervisor
-    m = parts.robot.input_size
     for field in _OF_SUPERVISOR:
         if field == "acceleration" and spec.jerk is not None:
             continue  # the window of smoothing depends on it
         for i, name in enumerate(parts.robot.input_names):
-            index = layout.bounds_layout.place(field.removesuffix("_error"), m, 0, 0, 0, 0) + i
+            index = layout.bounds_layout.place(field.removesuffix("_error"), prepared.sizes) + i
             value = float(prepared.memory[index])
             places = [ChangedNumber(index, 0.0, 1.0)]
             yield Changeable(f"supervisor.{field}.{name}", value, 1e-3 * value, value, True, places)

@@ -12,14 +12,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import inline
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.laws.growth import counted, pose_error
-from dqcontrol.laws.inverses import (
-    BY_MANIPULABILITY,
-    DAMPED,
-    finite,
-    inverse_parameters,
-    solve,
-    solver_work,
-)
+from dqcontrol.laws.inverses import BY_MANIPULABILITY, DAMPED, finite, inverse_parameters, solve, solver_work
 from dqcontrol.laws.least_norm import least_norm
 from dqcontrol.robots.kinematics.kinematics_kernels import hand_jacobian
 

@@ -81,17 +81,17 @@ class CompensationParameters(NamedTuple):
     decay: Annotated[Array, "n"]
     delay: Annotated[Array, "n"]
     oldest: Annotated[Array, "n"]
-    weights: Annotated[Array, "bodies", 4]
-    table: Annotated[Array, "bodies + 1", "columns"]
+    weights: Annotated[Array, "sizes.bodies", 4]
+    table: Annotated[Array, "sizes.bodies + 1", "sizes.columns"]
 
 
 class CompensationSizes(NamedTuple):
     """What stands before the parameters: the size of the memory, and how many targets, bodies and columns there are."""
 
-    memory: float
-    late: float
-    bodies: float
-    columns: float
+    memory: int
+    late: int
+    bodies: int
+    columns: int
     rest: Annotated[Array, ...]
 
 
@@ -111,7 +111,7 @@ class CompensationMemory(NamedTuple):
 
 compensation_sizes: MemoryLayout[CompensationSizes] = MemoryLayout(CompensationSizes)
 compensation_parameters: MemoryLayout[CompensationParameters] = MemoryLayout(
-    CompensationParameters, "n", "bodies", "columns"
+    CompensationParameters, "n", "sizes"
 )
 compensation_memory: MemoryLayout[CompensationMemory] = MemoryLayout(
     CompensationMemory, "n", "late", "bodies"
@@ -133,11 +133,10 @@ def compensate(
         return status
     n = out.shape[0]
     sizes = compensation_sizes(parameters)
-    late, bodies, columns = int(sizes.late), int(sizes.bodies), int(sizes.columns)
-    given = compensation_parameters(sizes.rest, n, bodies, columns)
-    kept = compensation_memory(state[state.shape[0] - int(sizes.memory) :], n, late, bodies)
+    given, late = compensation_parameters(sizes.rest, n, sizes), sizes.late
+    kept = compensation_memory(state[state.shape[0] - sizes.memory :], n, late, sizes.bodies)
     targets, torque, before = kept.targets, kept.torque, kept.before
-    scratch = as_matrix(kept.scratch, 1, WORK * bodies)[0]
+    scratch = as_matrix(kept.scratch, 1, WORK * sizes.bodies)[0]
     for i in range(n):
         torque[i] = 0.0
         kept.moved[i] = q[i]

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
+from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import from_extra
-from dqcontrol.geometry import Box
+from dqcontrol.geometry import Box, FloorMap
 from dqcontrol.planning.certified_edges import CertifiedEdges
-from dqcontrol.planning.ways_between import WHAT, connected
+from dqcontrol.planning.ways_between import WHAT, bounded, connected
 from dqcontrol.references.base_ways import arcs_and_lines, rolled
 from dqcontrol.references.ways_around import WaysAround, across, body_points, folded_posture
 from dqcontrol.robots import Robot
@@ -154,11 +155,9 @@ class SteeredPaths:
     def _searched(self, a: Array, b: Array, seed: int, effort: int) -> Array | None:
         ob = from_extra("ompl.base", "plan", WHAT)
         most = self._looked + effort
-        space, bounds = ob.ReedsSheppStateSpace(self._radius), ob.RealVectorBounds(2)
-        for i in range(2):
-            bounds.setLow(i, float(min(a[i], b[i]) - _AROUND * self._radius))
-            bounds.setHigh(i, float(max(a[i], b[i]) + _AROUND * self._radius))
-        space.setBounds(bounds)
+        around = _AROUND * self._radius
+        lower, upper = np.minimum(a, b)[:2] - around, np.maximum(a, b)[:2] + around
+        space = bounded(ob.ReedsSheppStateSpace(self._radius), lower, upper)
         problem = connected(
             space,
             lambda first, second: self.pieces(_pose(first), _pose(second)) is not None,
@@ -215,6 +214,14 @@ _LOOKED = 16  # configurations of a pass of a base that drives, which is proved 
 _ASIDE, _TURNED = np.linspace(-0.2, 0.2, 81), np.radians(np.linspace(-24.0, 24.0, 25))
 
 
+def floor_kept(kept: PreparedConstraints) -> FloorMap | None:
+    """Return what bodies that stand, and are kept clear of, take of the floor; None without any."""
+    given = kept.given
+    bodies = given.world.bodies if given.world else {}
+    names = [name for name in given.cleared if stands(bodies[name]) and bodies[name].plane is None]
+    return floor_around(given.world, names, "constraints.clear_of") if given.world and names else None
+
+
 def narrow_passes(edges: CertifiedEdges, start: Array, goal: Array) -> list[tuple[Array, Array]]:
     """Return edges through narrow places on the way from a configuration (n,) to another, in their order.
 
@@ -222,42 +229,33 @@ def narrow_passes(edges: CertifiedEdges, start: Array, goal: Array) -> list[tupl
     straight on, its longer side ahead, with the arm as it is or else folded; these are certified. Where a base drives,
     it passes with the arm as it is, and samples alone say that it is clear.
     """
-    robot, given = edges.robot, edges.kept.given
-    bodies = given.world.bodies if given.world else {}
-    names = [name for name in given.cleared if stands(bodies[name]) and bodies[name].plane is None]
-    half = _half_sizes(robot)
-    if half is None or not names:
+    robot, margin = edges.robot, edges.kept.given.margin
+    half, floor = _half_sizes(robot), floor_kept(edges.kept)
+    if half is None or floor is None:
         return []
     first = robot.bases[0][0]
     here, there = start[first : first + 2], goal[first : first + 2]
-    floor = floor_around(given.world, names, "constraints.clear_of")
-    radius = float(half[1] if len(robot.drives) else half.min()) + given.margin
+    radius = float(half[1] if len(robot.drives) else half.min()) + margin
     corners = np.vstack([here, there, *floor.polygons])
     within = np.array([corners.min(axis=0) - 1.0, corners.max(axis=0) + 1.0])
     via = WaysAround(floor, here, radius, within).to(there)
     if via is None:
         return []
     corners = [here, *via, there]
-    points = np.vstack(
-        [
-            *(
-                a + np.arange(0.0, 1.0, _STEP / math.dist(a, b))[:, None] * (b - a)
-                for a, b in pairwise(corners)
-            ),
-            there,
-        ]
-    )
+    ways = [a + np.arange(0.0, 1.0, _STEP / math.dist(a, b))[:, None] * (b - a) for a, b in pairwise(corners)]
+    points = np.vstack([*ways, there])
     clear = floor.clearance(points)
     for arm in (start,) if len(robot.drives) else (start, folded_posture(robot, start)):
-        tight = np.diff(np.r_[False, clear < across(robot, arm) + given.margin, False].astype(int))
+        tight = np.diff(np.r_[False, clear < across(robot, arm) + margin, False].astype(int))
         places = zip(np.flatnonzero(tight > 0) - 1, np.flatnonzero(tight < 0), strict=True)
         ends = [points[[max(int(i), 0), min(int(j), len(points) - 1)]] for i, j in places]
         found = [
             _pass_between(edges, arm, *each, sideways=half[1] > half[0] and not len(robot.drives))
             for each in ends
         ]
-        if found and all(each is not None for each in found):
-            return [each for each in found if each is not None]
+        passes = [each for each in found if each is not None]
+        if passes and len(passes) == len(found):
+            return passes
     return []
 
 

@@ -20,21 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, inline, kernel, shared, types
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.constraints import Constraints
-from dqcontrol.constraints.constraint_layout import (
-    APART,
-    KeptRows,
-    Placed,
-    RobotScene,
-    given_parts,
-    head,
-    kept_of,
-    placed_parts,
-    row_of,
-    scene_parts,
-    way_of,
-    work_parts,
-)
+from dqcontrol.constraints import Constraints, constraint_layout as layout
 from dqcontrol.constraints.constraint_rows import (
     farther_than,
     place_bodies,
@@ -122,9 +108,9 @@ class Proof(NamedTuple):
     """
 
     chain: Array
-    kept: KeptRows
-    scene: RobotScene
-    placed: Placed
+    kept: layout.KeptRows
+    scene: layout.RobotScene
+    placed: layout.Placed
     coordinate: Array
     needs: Array
     work: ProofWork
@@ -177,9 +163,9 @@ def certify_curve(proof, curve, tolerance, answer):
         left, widest = 0, 0.0
         for place in range(int(counts[depth])):
             k = int(open_rows[depth, place])
-            row, need, reach = row_of(proof.kept.rows[k]), proof.needs[k], half * work.spans[k]
+            row, need, reach = layout.row_of(proof.kept.rows[k]), proof.needs[k], half * work.spans[k]
             level = answer[ROOM] - tolerance if tolerance >= 0.0 else 0.0
-            if row.kind == APART and farther_than(proof.placed, row) - need >= reach + max(level, 0.0):
+            if row.kind == layout.APART and farther_than(proof.placed, row) - need >= reach + max(level, 0.0):
                 continue
             room = value_of(proof.scene, proof.placed, row) - need
             if room < answer[ROOM]:
@@ -209,14 +195,13 @@ CERTIFY = STATUS(READ2, READ2, READ, READ, types.float64, WRITE, WRITE, WRITE2)
 @inline
 def proof_of(chain, n, needs, parameters, own, scratch):
     """Return what a proof is handed, with all that stands around where it is at time 0."""
-    settings = head(parameters)
-    m, rows = int(settings.inputs), int(settings.rows)
-    given, memory = given_parts(parameters, settings, n, m), work_parts(scratch, settings, n, m)
-    kept = kept_of(given.kept, m, rows, int(settings.drives))
-    way = way_of(given.way, n, m, int(settings.points))
-    scene, placed = scene_parts(given, settings), placed_parts(memory, settings, m)
+    settings = layout.head(parameters)
+    m = settings.inputs
+    given, memory = layout.parameters_of(parameters, n, m, settings), layout.work_of(scratch, n, m, settings)
+    kept, scene = layout.kept_of(given.kept, m, settings), layout.scene_of(given.scene, settings)
+    way, placed = layout.way_of(given.way, n, m, settings), layout.placed_of(memory.placed, m, settings)
     place_obstacles(scene, placed, 0.0, 0, 0.0, settings.period, settings.period)
-    return Proof(chain, kept, scene, placed, way.coordinate, needs, proof_work(own, n, rows))
+    return Proof(chain, kept, scene, placed, way.coordinate, needs, proof_work(own, n, settings.rows))
 
 
 @kernel(CERTIFY)
@@ -335,13 +320,7 @@ class CertifiedEdges:
         found = self.curves(np.hstack([first, 0.5 * (first + last), last]))
         if lead:
             return EdgeCheck(*(np.reshape(each, lead) for each in found))
-        return EdgeCheck(
-            bool(found.certified[0]),
-            float(found.room[0]),
-            found.label[0],
-            float(found.share[0]),
-            int(found.row[0]),
-        )
+        return EdgeCheck(*(each.tolist()[0] for each in found))
 
     def curves(self, points: Array) -> EdgeCheck:
         """Return what is known of quadratic curves by their three points, shape (N, 3 n)."""
@@ -462,7 +441,4 @@ def prepared(
     if not isinstance(constraints, PreparedConstraints):
         return PreparedConstraints(standing(constraints, time), robot, PERIOD, "measured")
     still = standing(constraints.given, time)
-    if still is constraints.given:
-        return constraints
-    mode, lag = constraints.command_mode, constraints.lag
-    return PreparedConstraints(still, constraints.robot, constraints.period, mode, lag)
+    return constraints if still is constraints.given else constraints.of(still)

@@ -19,7 +19,7 @@ from dqcontrol.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import NoteWarning, PlanError, UnreachableGoalError, as_array
 from dqcontrol.geometry import FloorMap
-from dqcontrol.planning.base_path import MARK, BasePath, SteeredPaths, narrow_passes, proved
+from dqcontrol.planning.base_path import MARK, BasePath, SteeredPaths, floor_kept, narrow_passes, proved
 from dqcontrol.planning.certified_edges import CertifiedEdges, driven_coordinates
 from dqcontrol.planning.constraint_timing import WayTiming, constraint_timing, is_braked
 from dqcontrol.planning.plan import EFFORT, as_goal, as_law_keeps, checked_start, plan
@@ -43,7 +43,7 @@ from dqcontrol.references.reference import NO_CORNERS
 from dqcontrol.references.ways_around import WaysAround, across, folded_posture
 from dqcontrol.robots import Robot, postures
 from dqcontrol.robots.kinematics.driving import TURNING_RADIUS
-from dqcontrol.world import World, floor_around, stands
+from dqcontrol.world import World
 
 _PLACES = 16  # where the base may stand, that are planned from: an arm's plan that fails takes about a second
 _NARROW_PLACES = 4  # of these, through passes that are narrow
@@ -289,10 +289,8 @@ def _paths(
     places = np.where(driven, found[clear] if clear.any() else found, folded)
     places = places[edges.room_at(places)[0] >= 0]
     reachable, limits = places, (speed_fraction, given.acceleration)
-    bodies = given.world.bodies if given.world else {}
-    names = [name for name in given.cleared if stands(bodies[name]) and bodies[name].plane is None]
-    if names:
-        floor = floor_around(given.world, names, "constraints.clear_of")
+    floor = floor_kept(edges.kept)
+    if floor is not None:
         check_around(robot, start, floor)
         places = clear_of_floor(floor, robot, places, CLEARANCE)
         ways = chain(
@@ -306,7 +304,7 @@ def _paths(
         path = BasePath(folded, first, way.base_pieces)
         if len(path.pieces) and proved(edges, path):
             yield path
-    if names:
+    if floor is not None:
         yield from _steered_ways(edges, folded, reachable, seed, effort)
 
 
@@ -317,15 +315,19 @@ def _steered_ways(
     robot, first = edges.robot, int(edges.robot.drives[0, 0])
     if len(robot.bases) != 1 or robot.drives[0, TURNING_RADIUS] == 0:
         return
-    here = start[first : first + 3]
     steered = SteeredPaths(edges, start, WIDER * robot.drives[0, TURNING_RADIUS])
-    near = np.linalg.norm(places[:, first : first + 2] - here[:2], axis=1)
-    for place in places[np.argsort(near, kind="stable")[:_NARROW_PLACES]]:
+    for place in _nearest(places, start, first):
         passes = narrow_passes(edges, start, place)
         poses = [each[first : first + 3] for each in chain([start], *passes, [place])]
         path = steered.to(poses, seed, effort // _WORD)
         if path is not None and len(path.pieces):
             yield path
+
+
+def _nearest(places: Array, start: Array, first: int) -> Array:
+    """Return the places, as many as are tried through narrow passes, that are nearest to where the base starts."""
+    near = np.linalg.norm(places[:, first : first + 2] - start[first : first + 2], axis=1)
+    return places[np.argsort(near, kind="stable")[:_NARROW_PLACES]]
 
 
 def _narrow_ways(
@@ -340,8 +342,7 @@ def _narrow_ways(
     if (robot.drives[:, TURNING_RADIUS] > 0).any():
         return
     radius, here = across(robot, start) + edges.kept.given.margin, start[first : first + 2]
-    near = np.linalg.norm(places[:, first : first + 2] - here, axis=1)
-    for place in places[np.argsort(near, kind="stable")[:_NARROW_PLACES]]:
+    for place in _nearest(places, start, first):
         via: list[Array] = []
         at = here
         passes = [(a[first : first + 2], b[first : first + 2]) for a, b in narrow_passes(edges, start, place)]
@@ -442,7 +443,7 @@ class StepsInTurn:
         if kept.given.world is not None and gone.time > 0:
             bodies = held_by_steps(kept.given.world.bodies, gone.gripper)
             still = standing(msgspec.structs.replace(kept.given, world=World(bodies=bodies)), gone.time)
-            kept = PreparedConstraints(still, kept.robot, kept.period, kept.command_mode, kept.lag)
+            kept = kept.of(still)
             world = World(bodies={**bodies, **(still.world.bodies if still.world else {})})
         return self._after(gone, step(self._robot, gone.q, world, kept))
 

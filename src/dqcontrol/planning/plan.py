@@ -331,7 +331,7 @@ def way_now(
     ``seen`` gives the poses (8,) of bodies that are measured. What is nearer than asked may stay as near.
     """
     robot = kept.robot
-    still = PreparedConstraints(standing(kept.given, when), robot, kept.period, kept.command_mode, kept.lag)
+    still = kept.of(standing(kept.given, when))
     for name, pose in seen.items():
         still.place(still.parameters, name, pose)
     edges = CertifiedEdges(standing_at(robot, q), still, clearance)
@@ -383,15 +383,7 @@ def _first_use(edges: CertifiedEdges, q: Array) -> None:
 
 def checked_start(edges: CertifiedEdges, given: Array) -> Array:
     """Return the start within the limits, or raise with what it violates."""
-    q = np.clip(given, edges.lower, edges.upper)
-    if (off := np.abs(q - given)).max() > _ROUNDING:
-        i = int(off.argmax())
-        name = edges.robot.joint_names[i]
-        raise PlanError(
-            f"start: {name} is {given[i]:g}, outside its limits {edges.lower[i]:g} … {edges.upper[i]:g}",
-            "start",
-            pair=name,
-        )
+    q = _within_limits(edges, given, "start", "start")
     kept = edges.kept
     # what is nearer than samples keep, but not than asked, may stay as near: laws start there too
     if kept.labels:
@@ -403,27 +395,28 @@ def checked_start(edges: CertifiedEdges, given: Array) -> Array:
     return q
 
 
+def _within_limits(edges: CertifiedEdges, given: Array, field: str, why: str) -> Array:
+    """Return a configuration within the limits, or raise with the joint that is beyond by more than rounding."""
+    q = np.clip(given, edges.lower, edges.upper)
+    if (off := np.abs(q - given)).max() > _ROUNDING:
+        i = int(off.argmax())
+        name, limits = edges.robot.joint_names[i], f"{edges.lower[i]:g} … {edges.upper[i]:g}"
+        raise PlanError(f"{field}: {name} is {given[i]:g}, outside its limits {limits}", why, pair=name)
+    return q
+
+
 def _goals(edges: CertifiedEdges, start: Array, goal: Array | DualQuaternion, seed: int) -> Array:
     """Return all configurations at the goal that are clear, the nearest to the start first, shape (G, n)."""
-    robot, is_pose = edges.robot, isinstance(goal, DualQuaternion)
+    robot = edges.robot
     if isinstance(goal, DualQuaternion):
         try:
             found = np.array([each.q for each in postures(robot, goal.vec8, seed=seed)])
         except ReachError as error:
             nearest = nearest_pose(robot, goal.vec8, start)
             raise PlanError(f"goal: {error}; {nearest}", "unreachable", nearest=nearest) from None
+        inside = np.clip(found, edges.lower, edges.upper)
     else:
-        found = goal[None]
-    inside = np.clip(found, edges.lower, edges.upper)
-    beyond = np.abs(inside - found)
-    if not is_pose and beyond.max() > _ROUNDING:
-        i = int(beyond[0].argmax())
-        name = robot.joint_names[i]
-        raise PlanError(
-            f"goal: {name} is {found[0, i]:g}, outside its limits {edges.lower[i]:g} … {edges.upper[i]:g}",
-            "unreachable",
-            pair=name,
-        )
+        inside = _within_limits(edges, goal, "goal", "unreachable")[None]
     rooms, rows = edges.room_at(inside)
     clear = rooms >= 0
     if not clear.any():

@@ -70,12 +70,7 @@ def search(edges: CertifiedEdges, start: Array, goals: Array, seed: int, effort:
         a[:], b[:] = first[0:n], second[0:n]
         return edges.is_clear(a, b)
 
-    space, bounds = ob.RealVectorStateSpace(n), ob.RealVectorBounds(n)
-    lower, upper = _bounds(edges, np.vstack([start, goals]))
-    for i in range(n):
-        bounds.setLow(i, float(lower[i]))
-        bounds.setHigh(i, float(upper[i]))
-    space.setBounds(bounds)
+    space = bounded(ob.RealVectorStateSpace(n), *_bounds(edges, np.vstack([start, goals])))
     states = [_state(space, q) for q in (start, *goals)]
     problem = connected(space, is_clear, states[0], states[1:], seed, lambda: looked >= effort)
     found = problem.getSolutionPath()
@@ -85,6 +80,16 @@ def search(edges: CertifiedEdges, start: Array, goals: Array, seed: int, effort:
     if problem.hasExactSolution():
         return WaySearch(way, looked, way[-1])
     return WaySearch(np.empty((0, n)), looked, way[-1])
+
+
+def bounded(space: Any, lower: Array, upper: Array) -> Any:
+    """Return a space of OMPL's with bounds of its numbers, shape (n,)."""
+    bounds = from_extra("ompl.base", "plan", WHAT).RealVectorBounds(len(lower))
+    for i, (low, high) in enumerate(zip(lower.tolist(), upper.tolist(), strict=True)):
+        bounds.setLow(i, low)
+        bounds.setHigh(i, high)
+    space.setBounds(bounds)
+    return space
 
 
 def connected(

@@ -40,56 +40,40 @@ INTERVENTIONS = "interventions"  # name of the signal in recordings
     CLOCK,
 ) = (2**i for i in range(27))
 
-REASONS = {
-    VELOCITY: "velocity limit",
-    ACCELERATION: "acceleration limit",
-    POSITION: "position limit",
-    SLOWED: "slowed near a singularity",
-    HELD: "held near a singularity",
-    WORKSPACE: "workspace box",
-    MEASUREMENT: "measurement stale or impossible",
-    COMMAND: "command not finite",
-    TRACKING: "tracking error too large",
-    EMERGENCY: "emergency stop",
-    SOFT_STOP: "soft stop",
-    REJOINING: "command returns to the measured joints",
-    HAND_SPEED: "hand speed limit",
-    HAND_ACCELERATION: "hand acceleration limit",
-    IMPOSSIBLE: "limits that cannot be kept together",
-    GAP: "gap in time",
-    PERIOD: "periods too long",
-    MEASURED_POSITION: "measured joint beyond its limits",
-    MEASURED_WORKSPACE: "measured hand outside the workspace",
-    OVERSPEED: "measured joint too fast",
-    JUMP: "measured joint jumped",
-    FROZEN: "measured joint frozen while commanded to move",
-    EFFORT: "joint effort too large",
-    CONTACT: "contact",
-    BASE_JUMP: "measured base jumped",
-    KEEP_OUT: "keep-out zone",
-    CLOCK: "clock stands still",
-}
-
-# Stop categories of IEC 60204-1. 0 removes the power at once: only the robot can, and says so by its fault. In the
-# others the supervisor brakes within its limits; 1: then the power is to be removed, 2: then it holds under power.
-_CATEGORIES = {
-    MEASUREMENT: 1,
-    COMMAND: 2,
-    TRACKING: 1,
-    EMERGENCY: 1,
-    SOFT_STOP: 2,
-    GAP: 2,
-    PERIOD: 2,
-    MEASURED_POSITION: 1,
-    MEASURED_WORKSPACE: 1,
-    OVERSPEED: 1,
-    JUMP: 1,
-    FROZEN: 1,
-    EFFORT: 1,
-    CONTACT: 1,
-    BASE_JUMP: 1,
-    CLOCK: 2,
-}
+# The reason in words, and the stop category of IEC 60204-1 of what stops. 0 removes the power at once: only the robot
+# can, and says so by its fault. In the others the supervisor brakes within its limits; 1: then the power is to be
+# removed, 2: then it holds under power.
+_TABLE = (
+    (VELOCITY, "velocity limit", None),
+    (ACCELERATION, "acceleration limit", None),
+    (POSITION, "position limit", None),
+    (SLOWED, "slowed near a singularity", None),
+    (HELD, "held near a singularity", None),
+    (WORKSPACE, "workspace box", None),
+    (MEASUREMENT, "measurement stale or impossible", 1),
+    (COMMAND, "command not finite", 2),
+    (TRACKING, "tracking error too large", 1),
+    (EMERGENCY, "emergency stop", 1),
+    (SOFT_STOP, "soft stop", 2),
+    (REJOINING, "command returns to the measured joints", None),
+    (HAND_SPEED, "hand speed limit", None),
+    (HAND_ACCELERATION, "hand acceleration limit", None),
+    (IMPOSSIBLE, "limits that cannot be kept together", None),
+    (GAP, "gap in time", 2),
+    (PERIOD, "periods too long", 2),
+    (MEASURED_POSITION, "measured joint beyond its limits", 1),
+    (MEASURED_WORKSPACE, "measured hand outside the workspace", 1),
+    (OVERSPEED, "measured joint too fast", 1),
+    (JUMP, "measured joint jumped", 1),
+    (FROZEN, "measured joint frozen while commanded to move", 1),
+    (EFFORT, "joint effort too large", 1),
+    (CONTACT, "contact", 1),
+    (BASE_JUMP, "measured base jumped", 1),
+    (KEEP_OUT, "keep-out zone", None),
+    (CLOCK, "clock stands still", 2),
+)
+REASONS = {bit: text for bit, text, _ in _TABLE}
+_CATEGORIES = {bit: category for bit, _, category in _TABLE if category is not None}
 STOPS = sum(_CATEGORIES)
 
 

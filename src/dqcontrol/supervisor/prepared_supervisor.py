@@ -37,28 +37,22 @@ class PreparedSupervisor:
     ----------
     memory
         As the compiled step takes it.
-    bounds
-        Its parameters by name; writing to them changes them.
+    sizes, bounds
+        Its parameters by name; writing to bounds changes them.
     """
 
     kernel = supervise
 
     def __init__(self, robot: Robot, bounds: Array) -> None:
         n, m = robot.configuration_size, robot.input_size
-        counted = layout.DRIVES, layout.ROLLERS, layout.POINTS, layout.ZONES
-        sizes = m, *(int(bounds[rows]) for rows in counted)
-        tree = tree_of(robot)
-        frames = len(tree) - 1 if len(tree) else n + 1
-        bounds[layout.TABLE_ROWS], bounds[layout.TABLE_COLUMNS] = robot.table.shape
-        bounds[layout.TREE], bounds[layout.FRAMES] = len(tree), frames
-        bounds[layout.HANDS] = len(tree) - len(robot.joint_table) if isinstance(robot, TreeRobot) else 1
-        scratch = np.zeros(layout.scratch_layout.size(n, m, frames))
         self.robot = robot
+        self.sizes: layout.Sizes = layout.sizes_of(bounds[layout.SIZES : layout.HEAD])
+        scratch = np.zeros(layout.scratch_layout.size(self.sizes))
         self.memory: Array = layout.supervisor_memory.pack(
-            bounds=bounds, table=robot.table, tree=tree, scratch=scratch
+            bounds=bounds, table=robot.table, tree=tree_of(robot), scratch=scratch
         )
-        self._parts = layout.supervisor_memory(self.memory, n, *sizes, *robot.table.shape, len(tree), frames)
-        self.bounds: layout.Bounds = layout.bounds_layout(self.memory[: len(bounds)], *sizes)
+        self._parts = layout.supervisor_memory(self.memory, self.sizes)
+        self.bounds: layout.Bounds = layout.bounds_layout(self._parts.bounds, self.sizes)
         self._moment = np.zeros(len(layout.Moment._fields))
         self._position, self._rate = (
             slice(first, first + m)
@@ -145,10 +139,9 @@ class PreparedSupervisor:
                 f"{clearance(self.bounds.zones, x, y):.3g} m from a zone (negative: inside), nearer than its "
                 f"footprint of {footprint:.3g} m"
             )
-        robot, hands, box = self.robot, int(head[layout.HANDS]), head[layout.BOX : layout.BOX + 6]
-        sizes = robot.configuration_size, robot.input_size, int(head[layout.FRAMES])
-        hand = layout.scratch_layout(self._parts.scratch, *sizes).ahead
-        places = " and ".join(str(each) for each in hand.reshape(-1, 3)[:hands].round(4))
+        box, scratch = head[layout.BOX : layout.BOX + 6], self._parts.scratch
+        hands = layout.scratch_layout(scratch, self.sizes).ahead.reshape(-1, 3)[: self.sizes.hands]
+        places = " and ".join(str(each) for each in hands.round(4))
         return (
             f"supervisor.workspace: the end effector starts at {places}, or a point of its links, outside "
             f"{box[:3]} … {box[3:]} m"

@@ -21,8 +21,7 @@ from dqcontrol.robots.robot import Robot, base_coordinates
 from dqcontrol.robots.tree_robot import TreeRobot
 from dqcontrol.robots.whole_body import Base
 from dqcontrol.supervisor import supervisor_layout as layout
-from dqcontrol.supervisor.prepared_supervisor import PreparedSupervisor
-from dqcontrol.supervisor.supervisor_layout import ZONE_COLUMNS
+from dqcontrol.supervisor.prepared_supervisor import PreparedSupervisor, tree_of
 from dqcontrol.world import Footprint, World, footprint
 
 
@@ -90,7 +89,7 @@ class KeepOutZones(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields
 
     def rows(self) -> Array:
         """Return all as ``supervisor_step.clearance`` takes it, shape (N, 6)."""
-        found = [np.zeros((0, ZONE_COLUMNS))]
+        found = [np.zeros((0, layout.ZONE_COLUMNS))]
         for each in self.footprints.values():
             x, y, radius = each.discs.T
             found.append(np.column_stack([x, y, x, y, radius, np.ones(len(x))]))
@@ -127,11 +126,11 @@ def _edges(floor: FloorMap) -> Array:
     """Return the edges of all polygons as rows of zones."""
     found = []
     for corners in floor.polygons:
-        rows = np.zeros((len(corners), ZONE_COLUMNS))
+        rows = np.zeros((len(corners), layout.ZONE_COLUMNS))
         rows[:, :2], rows[:, 2:4] = corners, np.roll(corners, -1, axis=0)
         rows[-1, -1] = 1.0
         found.append(rows)
-    return np.vstack(found) if found else np.zeros((0, ZONE_COLUMNS))
+    return np.vstack(found) if found else np.zeros((0, layout.ZONE_COLUMNS))
 
 
 _LONGEST_WINDOW = 10_000  # samples
@@ -277,28 +276,15 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     def limits_alone(self) -> Supervisor:
         """Return what keeps position, velocity and acceleration limits and watches nothing, as a robot itself does."""
+        unwatched = ("tracking_error", "stale_after", "measured_tolerance", "overspeed", "frozen_after")
         return msgspec.structs.replace(
             self,
             ramp=0.0,
             slow_below=0.0,
             hold_below=0.0,
-            jerk=None,
-            workspace=None,
-            hand_speed=None,
-            hand_acceleration=None,
-            effort=None,
-            contact_force=None,
-            contact_torque=None,
-            payload=None,
-            contact_effort=None,
-            keep_out=None,
-            tracking_error=_NEVER,
-            stale_after=_NEVER,
-            measured_tolerance=_NEVER,
-            overspeed=_NEVER,
-            jump=_NEVER,
-            base_jump=_NEVER,
-            frozen_after=_NEVER,
+            **dict.fromkeys(("jerk", "workspace", "hand_speed", "hand_acceleration", "payload", "keep_out")),
+            **dict.fromkeys(("effort", "contact_force", "contact_torque", "contact_effort")),
+            **dict.fromkeys((*unwatched, "jump", "base_jump"), _NEVER),
         )
 
     def prepare(
@@ -325,8 +311,7 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
                 if getattr(self, field) is not None:
                     raise ValueRangeError(
                         f"supervisor.{field}: is of one end effector, and {robot.task.label} of {robot.name} has two; "
-                        "bound "
-                        "'effort' or 'contact_effort', or drive one end effector"
+                        "bound 'effort' or 'contact_effort', or drive one end effector"
                     )
         period, m = as_positive("period", period), robot.input_size
         velocity = robot.limits.velocity if self.velocity is None else _each("velocity", self.velocity, m)
@@ -335,12 +320,8 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
                 f"supervisor.velocity: {robot.name} has no limits of its own; give them here"
             )
         acceleration = _in_curves(robot, _each("acceleration", self.acceleration, m))
-        margin = self.position_margin
-        input_coordinates = robot.input_coordinates
-        lower, upper = (
-            robot.limits.lower[input_coordinates] + margin,
-            robot.limits.upper[input_coordinates] - margin,
-        )
+        margin, coordinates = self.position_margin, robot.input_coordinates
+        lower, upper = robot.limits.lower[coordinates] + margin, robot.limits.upper[coordinates] - margin
         if (lower > upper).any():
             raise ValueRangeError(
                 f"supervisor.position_margin: {margin:g} leaves "
@@ -351,9 +332,20 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
         head[layout.FROM_MEASURED] = command_mode == "measured"
         self._fill_head(head, margin)
         points, zones = self._workspace(robot, head), self._zones(robot, head)
-        head[layout.COORDINATES], head[layout.INPUTS] = robot.configuration_size, m
-        head[layout.DRIVES], head[layout.ROLLERS] = len(robot.drives), len(robot.rollers)
-        head[layout.POINTS], head[layout.ZONES] = len(points), len(zones)
+        tree, (rows, columns) = tree_of(robot), robot.table.shape
+        head[layout.SIZES :] = layout.Sizes(
+            coordinates=robot.configuration_size,
+            inputs=m,
+            drives=len(robot.drives),
+            rollers=len(robot.rollers),
+            points=len(points),
+            zones=len(zones),
+            table_rows=rows,
+            table_columns=columns,
+            tree=len(tree),
+            frames=len(tree) - 1 if len(tree) else robot.configuration_size + 1,
+            hands=len(tree) - len(robot.joint_table) if isinstance(robot, TreeRobot) else 1,
+        )
         bounds = layout.bounds_layout.pack(
             head=head,
             acceleration=acceleration,
@@ -361,8 +353,8 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             upper=upper,
             tracking=_each("tracking_error", self.tracking_error, m),
             effort=np.full(m, np.inf) if self.effort is None else _each("effort", self.effort, m),
-            coordinate=input_coordinates,
-            is_joint=~base_coordinates(robot)[input_coordinates],
+            coordinate=coordinates,
+            is_joint=~base_coordinates(robot)[coordinates],
             velocity=velocity,
             drives=robot.drives,
             rollers=robot.rollers,
@@ -431,11 +423,11 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     def _zones(self, robot: Robot, head: Array) -> Array:
         """Note the footprint; return the zones as rows."""
-        if self.keep_out is None:
+        zones = self.keep_out
+        if zones is None:
             return np.zeros((0, layout.ZONE_COLUMNS))
-        head[layout.FOOTPRINT] = self.keep_out.footprint_of(robot)
-        head[layout.KEEP_OUT_MARGIN] = self.keep_out.margin
-        return self.keep_out.rows()
+        head[layout.FOOTPRINT], head[layout.KEEP_OUT_MARGIN] = zones.footprint_of(robot), zones.margin
+        return zones.rows()
 
 
 def _or_infinite(bound: float | None) -> float:

@@ -15,34 +15,7 @@ from dqcontrol.limits.braking import braked, largest_share
 from dqcontrol.robots.kinematics.kinematics_kernels import call_chain, hand_jacobian, joint_frames
 from dqcontrol.robots.kinematics.pose_task_kernels import place_tree
 from dqcontrol.robots.kinematics.singular_bound import exceeds
-from dqcontrol.supervisor.interventions import (
-    HAND_ACCELERATION,
-    HAND_SPEED,
-    HELD,
-    IMPOSSIBLE,
-    SLOWED,
-    WORKSPACE,
-)
-from dqcontrol.supervisor.supervisor_layout import (
-    BOX,
-    BOXED,
-    DT,
-    HAND_ACCELERATION_LIMIT,
-    HAND_BEFORE,
-    HAND_SPEED_LIMIT,
-    HAND_TOLERANCE,
-    HANDS,
-    HOLD,
-    HOLDING,
-    INDEX,
-    MOST_HANDS,
-    PAYLOAD_CENTER,
-    PAYLOAD_WEIGHT,
-    SLOW,
-    STARTED,
-    WINDOW,
-    taken_apart,
-)
+from dqcontrol.supervisor import interventions as reason, supervisor_layout as layout
 
 _FAR = 1.1  # share of the singular value that slows: further away it is not computed
 # Whoever brakes longer than that goes no faster: 2 s at 1 ms. Each step takes the kinematics of all links; those of
@@ -70,8 +43,8 @@ def avoid_singularity(kinematics, known, memory, state, parts):
     if known == 0.0 and call_chain(kinematics, parts.table, kept.good, scratch.buffer) != OK:
         return 0
     _write_hand_jacobian(scratch)
-    if exceeds(scratch.jacobian, _FAR * parts.bounds.head[SLOW]):
-        kept.numbers[HOLDING] = 0.0
+    if exceeds(scratch.jacobian, _FAR * parts.bounds.head[layout.SLOW]):
+        kept.numbers[layout.HOLDING] = 0.0
         return 0
     return _slow_down(kinematics, memory, state)
 
@@ -79,10 +52,10 @@ def avoid_singularity(kinematics, known, memory, state, parts):
 @apart
 def _slow_down(kinematics, memory, state):
     """Do what `avoid_singularity` does where a singularity may be near."""
-    table, _, bounds, kept, scratch = taken_apart(memory, state)
+    table, _, bounds, kept, scratch = layout.taken_apart(memory, state)
     good, rates, input_coordinates, is_joint = kept.good, scratch.rates, bounds.coordinate, bounds.is_joint
     n, m, config = good.shape[0], rates.shape[0], scratch.config
-    slow, hold = bounds.head[SLOW], bounds.head[HOLD]
+    slow, hold = bounds.head[layout.SLOW], bounds.head[layout.HOLD]
     here, ahead = 0.0, 0.0
     for look in range(2):
         if look == 1:
@@ -104,7 +77,7 @@ def _slow_down(kinematics, memory, state):
         if look == 0:
             here = value
             if here > 0.5 * (slow + hold):
-                kept.numbers[HOLDING] = 0.0
+                kept.numbers[layout.HOLDING] = 0.0
             if here >= slow:
                 return 0
         else:
@@ -112,11 +85,11 @@ def _slow_down(kinematics, memory, state):
     if ahead >= here:
         return 0
     if here <= hold:
-        kept.numbers[HOLDING] = 1.0
-    scale = (here - hold) / (slow - hold) if slow > hold and kept.numbers[HOLDING] == 0.0 else 0.0
+        kept.numbers[layout.HOLDING] = 1.0
+    scale = (here - hold) / (slow - hold) if slow > hold and kept.numbers[layout.HOLDING] == 0.0 else 0.0
     for i in range(m):
         rates[i] *= scale
-    return SLOWED if scale > 0.0 else HELD
+    return reason.SLOWED if scale > 0.0 else reason.HELD
 
 
 @apart
@@ -145,22 +118,27 @@ def is_inside(robot, config, bounds, tolerance, frames, hand):
         hand[1] += b + w * tb + z * ta - x * tc
         hand[2] += c + w * tc + x * tb - y * ta
         for i in range(3):
-            inside = inside and head[BOX + i] - tolerance <= hand[i] <= head[BOX + 3 + i] + tolerance
-    for k in range(int(head[HANDS])):
-        at = frames.shape[0] - 8 * (int(head[HANDS]) - k)
+            inside = (
+                inside and head[layout.BOX + i] - tolerance <= hand[i] <= head[layout.BOX + 3 + i] + tolerance
+            )
+    for k in range(int(head[layout.HANDS])):
+        at = frames.shape[0] - 8 * (int(head[layout.HANDS]) - k)
         place = hand[3 * k : 3 * k + 3]
         translation(frames[at : at + 8], place)
         for i in range(3):
-            inside = inside and head[BOX + i] - tolerance <= place[i] <= head[BOX + 3 + i] + tolerance
-    return inside or head[BOXED] == 0.0
+            inside = (
+                inside
+                and head[layout.BOX + i] - tolerance <= place[i] <= head[layout.BOX + 3 + i] + tolerance
+            )
+    return inside or head[layout.BOXED] == 0.0
 
 
 @apart
 def measured_outside(memory, state):
     """Return whether an end effector or a point of a link is measured outside the box, by more than is tolerated."""
-    parts = taken_apart(memory, state)
+    parts = layout.taken_apart(memory, state)
     bounds, kept, scratch = parts.bounds, parts.memory, parts.scratch
-    tolerance = bounds.head[HAND_TOLERANCE]
+    tolerance = bounds.head[layout.HAND_TOLERANCE]
     return not is_inside(parts, kept.good, bounds, tolerance, scratch.frames, scratch.ahead)
 
 
@@ -171,12 +149,12 @@ def take_off_payload(memory, state):
     With R the end effector's rotation, W the payload's weight and c its centre the force −W Rᵀe_z and the torque c ×
     that.
     """
-    table, tree, bounds, kept, scratch = taken_apart(memory, state)
+    table, tree, bounds, kept, scratch = layout.taken_apart(memory, state)
     frames, contact = scratch.frames, scratch.column
     place_robot(table, tree, kept.good, frames)
     hand, head = frames[frames.shape[0] - 8 :], bounds.head
-    w, x, y, z, weight = hand[0], hand[1], hand[2], hand[3], head[PAYLOAD_WEIGHT]
-    a, b, c = head[PAYLOAD_CENTER], head[PAYLOAD_CENTER + 1], head[PAYLOAD_CENTER + 2]
+    w, x, y, z, weight = hand[0], hand[1], hand[2], hand[3], head[layout.PAYLOAD_WEIGHT]
+    a, b, c = head[layout.PAYLOAD_CENTER], head[layout.PAYLOAD_CENTER + 1], head[layout.PAYLOAD_CENTER + 2]
     fx = -2.0 * weight * (x * z - w * y)
     fy = -2.0 * weight * (y * z + w * x)
     fz = -weight * (1.0 - 2.0 * (x * x + y * y))
@@ -191,7 +169,7 @@ def take_off_payload(memory, state):
 @apart
 def _commanded_hand(memory, state, ahead, hand):
     """Write where each end effector is commanded, m, ``ahead`` s later at the rates."""
-    parts = taken_apart(memory, state)
+    parts = layout.taken_apart(memory, state)
     bounds, kept, scratch = parts.bounds, parts.memory, parts.scratch
     config = scratch.config
     for i in range(config.shape[0]):
@@ -206,7 +184,7 @@ def _commanded_hand(memory, state, ahead, hand):
 def _distance(head, a, b):
     """Return how far the end effector is from where it was, of several the farthest."""
     farthest = 0.0
-    for k in range(0, 3 * int(head[HANDS]), 3):
+    for k in range(0, 3 * int(head[layout.HANDS]), 3):
         away = math.sqrt((a[k] - b[k]) ** 2 + (a[k + 1] - b[k + 1]) ** 2 + (a[k + 2] - b[k + 2]) ** 2)
         farthest = max(farthest, away) if away == away else away
     return farthest
@@ -218,13 +196,13 @@ def limit_hand_speed(memory, state, is_bounded):
 
     Return what was done.
     """
-    _, _, bounds, kept, scratch = taken_apart(memory, state)
+    _, _, bounds, kept, scratch = layout.taken_apart(memory, state)
     numbers, hand, ahead, rates = kept.numbers, scratch.hand, scratch.ahead, scratch.rates
     _commanded_hand(memory, state, 0.0, hand)
-    if numbers[STARTED] == 0.0:
-        for i in range(3 * MOST_HANDS):
-            numbers[HAND_BEFORE + i] = hand[i]
-    limit, period = bounds.head[HAND_SPEED_LIMIT], bounds.head[DT]
+    if numbers[layout.STARTED] == 0.0:
+        for i in range(3 * layout.MOST_HANDS):
+            numbers[layout.HAND_BEFORE + i] = hand[i]
+    limit, period = bounds.head[layout.HAND_SPEED_LIMIT], bounds.head[layout.DT]
     if not is_bounded or not limit < math.inf:
         return 0
     _commanded_hand(memory, state, period, ahead)
@@ -233,7 +211,7 @@ def limit_hand_speed(memory, state, is_bounded):
         return 0
     for i in range(rates.shape[0]):
         rates[i] *= limit / speed
-    return HAND_SPEED
+    return reason.HAND_SPEED
 
 
 @apart
@@ -245,10 +223,14 @@ def limit_hand_acceleration(memory, state):
     |c + s d| ≤ limit, or the s of the smallest acceleration if none keeps it (a bend that is run through too fast). Of
     several end effectors the least share.
     """
-    _, _, bounds, kept, scratch = taken_apart(memory, state)
-    m, period, limit = scratch.rates.shape[0], bounds.head[DT], bounds.head[HAND_ACCELERATION_LIMIT]
+    _, _, bounds, kept, scratch = layout.taken_apart(memory, state)
+    m, period, limit = (
+        scratch.rates.shape[0],
+        bounds.head[layout.DT],
+        bounds.head[layout.HAND_ACCELERATION_LIMIT],
+    )
     rates, rate, trial = scratch.rates, kept.rate, scratch.trial
-    hands = int(bounds.head[HANDS])
+    hands = int(bounds.head[layout.HANDS])
     _commanded_hand(memory, state, period, scratch.ahead)
     for i in range(3 * hands):  # the column holds x with all of the change, as it is overwritten below
         scratch.column[i] = scratch.ahead[i]
@@ -259,7 +241,9 @@ def limit_hand_acceleration(memory, state):
     for k in range(hands):
         cc, cd, dd = 0.0, 0.0, 0.0
         for i in range(3 * k, 3 * k + 3):
-            c = (scratch.ahead[i] - 2.0 * scratch.hand[i] + kept.numbers[HAND_BEFORE + i]) / (period * period)
+            c = (scratch.ahead[i] - 2.0 * scratch.hand[i] + kept.numbers[layout.HAND_BEFORE + i]) / (
+                period * period
+            )
             d = (scratch.column[i] - scratch.ahead[i]) / (period * period)
             cc, cd, dd = cc + c * c, cd + c * d, dd + d * d
         share = 1.0
@@ -271,7 +255,7 @@ def limit_hand_acceleration(memory, state):
         least = min(least, share)
     for i in range(m):
         rates[i] = rate[i] + least * (trial[i] - rate[i])
-    return HAND_ACCELERATION if least < 1.0 else 0
+    return reason.HAND_ACCELERATION if least < 1.0 else 0
 
 
 @inline
@@ -289,7 +273,7 @@ def _stays_safe(parts, share):
     """
     bounds, memory, scratch = parts.bounds, parts.memory, parts.scratch
     head, past = bounds.head, memory.past
-    m, period, window = scratch.rates.shape[0], head[DT], int(head[WINDOW])
+    m, period, window = scratch.rates.shape[0], head[layout.DT], int(head[layout.WINDOW])
     look, trial, sums, config = scratch.look, scratch.trial, scratch.sums, scratch.config
     for i in range(config.shape[0]):
         config[i] = memory.good[i]
@@ -299,9 +283,9 @@ def _stays_safe(parts, share):
         look[i], sums[i] = memory.sent[i], 0.0
         for k in range(window):
             sums[i] += past[k, i]
-    for k in range(3 * int(head[HANDS])):
+    for k in range(3 * int(head[layout.HANDS])):
         scratch.column[k] = scratch.hand[k]
-    row, quiet = int(memory.numbers[INDEX]), 0
+    row, quiet = int(memory.numbers[layout.INDEX]), 0
     for step in range(_BRAKING_STEPS + 2 * window):
         moving = False
         for i in range(m):
@@ -323,10 +307,10 @@ def _stays_safe(parts, share):
         if not is_inside(parts, config, bounds, _AT_SIDE, scratch.frames, scratch.ahead):
             return False
         share_of_speed = _BRAKING_HAND if step else 1.0 + _ROUNDING
-        limit = head[HAND_SPEED_LIMIT] * period * share_of_speed
+        limit = head[layout.HAND_SPEED_LIMIT] * period * share_of_speed
         if not _distance(head, scratch.ahead, scratch.column) <= limit:
             return False
-        for k in range(3 * int(head[HANDS])):
+        for k in range(3 * int(head[layout.HANDS])):
             scratch.column[k] = scratch.ahead[k]
         quiet = 0 if moving else quiet + 1
         if quiet >= window:
@@ -337,13 +321,13 @@ def _stays_safe(parts, share):
 @apart
 def keep_safe(memory, state):
     """Mix the rates with full braking until the end effectors keep box and speed; return what was done."""
-    parts = taken_apart(memory, state)
+    parts = layout.taken_apart(memory, state)
     bounds, kept, scratch = parts.bounds, parts.memory, parts.scratch
     share, is_safe = largest_share(_stays_safe, parts, _LEAST_SHARE)
     if share == 1.0:
         return 0
     for i in range(scratch.rates.shape[0]):
-        safe = braked(kept.rate[i], bounds.acceleration[i] * bounds.head[DT])
+        safe = braked(kept.rate[i], bounds.acceleration[i] * bounds.head[layout.DT])
         scratch.rates[i] = safe + share * (scratch.rates[i] - safe)
-    done = WORKSPACE if bounds.head[BOXED] != 0.0 else HAND_SPEED
-    return done if is_safe else done | IMPOSSIBLE
+    done = reason.WORKSPACE if bounds.head[layout.BOXED] != 0.0 else reason.HAND_SPEED
+    return done if is_safe else done | reason.IMPOSSIBLE

@@ -48,29 +48,45 @@ RUNNING, STOPPED, RETURNING = 0.0, 1.0, 2.0  # modes
 ) = range(24)
 PAYLOAD_CENTER = BOX + 6  # (3)
 SENSOR_BIAS = PAYLOAD_CENTER + 3  # (6): force and torque that are measured without load
-# sizes: of the robot, of drives, wheels with rollers, points and rows of zones; rows and columns of what its kinematics
-# read, rows of its tree (none of a chain) and of all its frames, and how many of these, the last, are end effectors
-(
-    COORDINATES,
-    INPUTS,
-    DRIVES,
-    ROLLERS,
-    POINTS,
-    ZONES,
-    TABLE_ROWS,
-    TABLE_COLUMNS,
-    TREE,
-    FRAMES,
-    HANDS,
-) = range(SENSOR_BIAS + 6, SENSOR_BIAS + 17)
-HEAD = SENSOR_BIAS + 17
-
 ZONE_COLUMNS = 6
 MOST_HANDS = 2  # as many frames as a task has
 
 # memory: single numbers of the state; the last are the commanded end effectors one period ago
 MODE, FAULT, SCALE, HOLDING, ENDING, BAD, NOW, INDEX, SILENT, LATENESS, STARTED, HAND_BEFORE = range(12)
 MEMORY = HAND_BEFORE + 3 * MOST_HANDS
+
+
+class Sizes(NamedTuple):
+    """How many there are; they stand last in the head of the parameters.
+
+    Attributes
+    ----------
+    coordinates, inputs, drives, rollers
+        Of the robot: also of drives, and of wheels with rollers.
+    points, zones
+        Rows of `Bounds`.
+    table_rows, table_columns
+        Of what the robot's kinematics read.
+    tree, frames, hands
+        Rows of its tree, none of a chain, and of all its frames; how many of these, the last, are end effectors.
+    """
+
+    coordinates: int = 0
+    inputs: int = 0
+    drives: int = 0
+    rollers: int = 0
+    points: int = 0
+    zones: int = 0
+    table_rows: int = 0
+    table_columns: int = 0
+    tree: int = 0
+    frames: int = 0
+    hands: int = 0
+
+
+sizes_of: MemoryLayout[Sizes] = MemoryLayout(Sizes)
+SIZES = SENSOR_BIAS + 6
+HANDS, HEAD = SIZES + sizes_of.place("hands"), SIZES + sizes_of.size()
 
 
 class Moment(NamedTuple):
@@ -113,18 +129,18 @@ class Bounds(NamedTuple):
     """
 
     head: Annotated[Array, HEAD]
-    acceleration: Annotated[Array, "inputs"]
-    lower: Annotated[Array, "inputs"]
-    upper: Annotated[Array, "inputs"]
-    tracking: Annotated[Array, "inputs"]
-    effort: Annotated[Array, "inputs"]
-    coordinate: Annotated[Array, "inputs"]
-    is_joint: Annotated[Array, "inputs"]
-    velocity: Annotated[Array, "inputs"]
-    drives: Annotated[Array, "drives", DRIVE_COLUMNS]
-    rollers: Annotated[Array, "rollers", ROLLER_COLUMNS]
-    points: Annotated[Array, "points", 4]
-    zones: Annotated[Array, "zones", ZONE_COLUMNS]
+    acceleration: Annotated[Array, "sizes.inputs"]
+    lower: Annotated[Array, "sizes.inputs"]
+    upper: Annotated[Array, "sizes.inputs"]
+    tracking: Annotated[Array, "sizes.inputs"]
+    effort: Annotated[Array, "sizes.inputs"]
+    coordinate: Annotated[Array, "sizes.inputs"]
+    is_joint: Annotated[Array, "sizes.inputs"]
+    velocity: Annotated[Array, "sizes.inputs"]
+    drives: Annotated[Array, "sizes.drives", DRIVE_COLUMNS]
+    rollers: Annotated[Array, "sizes.rollers", ROLLER_COLUMNS]
+    points: Annotated[Array, "sizes.points", 4]
+    zones: Annotated[Array, "sizes.zones", ZONE_COLUMNS]
 
 
 class Memory(NamedTuple):
@@ -166,26 +182,26 @@ class Memory(NamedTuple):
 class Scratch(NamedTuple):
     """Work memory by name: of kinematics, of the look ahead, and of the rates that are being limited."""
 
-    buffer: Annotated[Array, "8 + 14 * inputs"]
-    jacobian: Annotated[Array, 6, "inputs"]
+    buffer: Annotated[Array, "8 + 14 * sizes.inputs"]
+    jacobian: Annotated[Array, 6, "sizes.inputs"]
     gram: Annotated[Array, 6, 6]
     vectors: Annotated[Array, 6, 6]
     column: Annotated[Array, 6]
-    frames: Annotated[Array, "8 * frames"]
+    frames: Annotated[Array, "8 * sizes.frames"]
     hand: Annotated[Array, 3 * MOST_HANDS]
     ahead: Annotated[Array, 3 * MOST_HANDS]
-    config: Annotated[Array, "coordinates"]
-    look: Annotated[Array, "inputs"]
-    trial: Annotated[Array, "inputs"]
-    sums: Annotated[Array, "inputs"]
-    asked: Annotated[Array, "inputs"]
-    rates: Annotated[Array, "inputs"]
+    config: Annotated[Array, "sizes.coordinates"]
+    look: Annotated[Array, "sizes.inputs"]
+    trial: Annotated[Array, "sizes.inputs"]
+    sums: Annotated[Array, "sizes.inputs"]
+    asked: Annotated[Array, "sizes.inputs"]
+    rates: Annotated[Array, "sizes.inputs"]
 
 
 moment_layout: MemoryLayout[Moment] = MemoryLayout(Moment)
-bounds_layout: MemoryLayout[Bounds] = MemoryLayout(Bounds, "inputs", "drives", "rollers", "points", "zones")
+bounds_layout: MemoryLayout[Bounds] = MemoryLayout(Bounds, "sizes")
 state_layout: MemoryLayout[Memory] = MemoryLayout(Memory, "coordinates", "inputs")
-scratch_layout: MemoryLayout[Scratch] = MemoryLayout(Scratch, "coordinates", "inputs", "frames")
+scratch_layout: MemoryLayout[Scratch] = MemoryLayout(Scratch, "sizes")
 
 
 class SupervisorMemory(NamedTuple):
@@ -195,25 +211,13 @@ class SupervisorMemory(NamedTuple):
     has none: its frames are found from its table.
     """
 
-    bounds: Annotated[Array, bounds_layout.sized("inputs", "drives", "rollers", "points", "zones")]
-    table: Annotated[Array, "table_rows", "table_columns"]
-    tree: Annotated[Array, "tree", COLUMNS]
-    scratch: Annotated[Array, scratch_layout.sized("coordinates", "inputs", "frames")]
+    bounds: Annotated[Array, bounds_layout.sized("sizes")]
+    table: Annotated[Array, "sizes.table_rows", "sizes.table_columns"]
+    tree: Annotated[Array, "sizes.tree", COLUMNS]
+    scratch: Annotated[Array, scratch_layout.sized("sizes")]
 
 
-supervisor_memory: MemoryLayout[SupervisorMemory] = MemoryLayout(
-    SupervisorMemory,
-    "coordinates",
-    "inputs",
-    "drives",
-    "rollers",
-    "points",
-    "zones",
-    "table_rows",
-    "table_columns",
-    "tree",
-    "frames",
-)
+supervisor_memory: MemoryLayout[SupervisorMemory] = MemoryLayout(SupervisorMemory, "sizes")
 
 
 class Parts(NamedTuple):
@@ -229,16 +233,12 @@ class Parts(NamedTuple):
 @inline
 def taken_apart(memory, state):
     """Return the parts of what a supervisor was prepared with, and of its state."""
-    n, m = int(memory[COORDINATES]), int(memory[INPUTS])
-    drives, rollers = int(memory[DRIVES]), int(memory[ROLLERS])
-    points, zones = int(memory[POINTS]), int(memory[ZONES])
-    rows, columns = int(memory[TABLE_ROWS]), int(memory[TABLE_COLUMNS])
-    tree, frames = int(memory[TREE]), int(memory[FRAMES])
-    prepared = supervisor_memory(memory, n, m, drives, rollers, points, zones, rows, columns, tree, frames)
+    sizes = sizes_of(memory[SIZES:HEAD])
+    prepared = supervisor_memory(memory, sizes)
     return Parts(
         prepared.table,
         prepared.tree,
-        bounds_layout(prepared.bounds, m, drives, rollers, points, zones),
-        state_layout(state, n, m),
-        scratch_layout(prepared.scratch, n, m, frames),
+        bounds_layout(prepared.bounds, sizes),
+        state_layout(state, sizes.coordinates, sizes.inputs),
+        scratch_layout(prepared.scratch, sizes),
     )

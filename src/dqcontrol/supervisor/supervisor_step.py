@@ -8,54 +8,13 @@ from dqcontrol.compiled.compile import OK, STATUS, WRITE, WRONG_SIZE, apart, inl
 from dqcontrol.limits.braking import braking_share, fastest_stoppable, largest_share, surely_stops
 from dqcontrol.limits.velocity_limit import SpeedLimits, scale_down, scale_down_rollers
 from dqcontrol.robots.kinematics.driving import RIM_LEVER, advance, drive_speeds, rim_load, steer
-from dqcontrol.supervisor.interventions import (
-    ACCELERATION,
-    IMPOSSIBLE,
-    KEEP_OUT,
-    POSITION,
-    REJOINING,
-    SOFT_STOP,
-    VELOCITY,
-)
+from dqcontrol.supervisor import interventions as reason, supervisor_layout as layout
 from dqcontrol.supervisor.supervisor_geometry import (
     avoid_singularity,
     is_inside,
     keep_safe,
     limit_hand_acceleration,
     limit_hand_speed,
-)
-from dqcontrol.supervisor.supervisor_layout import (
-    AT_REST,
-    BOXED,
-    COORDINATES,
-    DT,
-    ENDING,
-    FAULT,
-    FOOTPRINT,
-    FROM_MEASURED,
-    HAND_ACCELERATION_LIMIT,
-    HAND_BEFORE,
-    HAND_SPEED_LIMIT,
-    IN_ZONE,
-    INDEX,
-    INPUTS,
-    KEEP_OUT_MARGIN,
-    MODE,
-    MOST_HANDS,
-    NOW,
-    OUTSIDE_BOX,
-    RAMP,
-    RETURNING,
-    RUNNING,
-    SCALE,
-    SLOW,
-    STARTED,
-    STOPPED,
-    SUPERVISOR,
-    WINDOW,
-    ZONES,
-    moment_layout,
-    taken_apart,
 )
 from dqcontrol.supervisor.supervisor_watch import judge
 
@@ -89,7 +48,7 @@ def _braking_shares(bounds, rate, out):
 
     A drive brakes on its arc, a base on rollers along its way: so none of their rims becomes faster.
     """
-    period = bounds.head[DT]
+    period = bounds.head[layout.DT]
     for i in range(out.shape[0]):
         out[i] = braking_share(rate[i], bounds.acceleration[i] * period)
     if bounds.drives.shape[0] > 0:
@@ -108,10 +67,10 @@ def _stays_clear(parts, share):
     """
     bounds, memory, scratch = parts.bounds, parts.memory, parts.scratch
     head, past, rates = bounds.head, memory.past, scratch.rates
-    m, period, window = rates.shape[0], head[DT], int(head[WINDOW])
+    m, period, window = rates.shape[0], head[layout.DT], int(head[layout.WINDOW])
     config, sent, asked, sums = scratch.config, scratch.look, scratch.asked, scratch.sums
     inputs = 2 if m < config.shape[0] else 3
-    shares, kept = scratch.column[0:inputs], head[FOOTPRINT] + head[KEEP_OUT_MARGIN]
+    shares, kept = scratch.column[0:inputs], head[layout.FOOTPRINT] + head[layout.KEEP_OUT_MARGIN]
     for i in range(config.shape[0]):
         config[i] = memory.good[i]
     for i in range(m):
@@ -124,7 +83,7 @@ def _stays_clear(parts, share):
         for k in range(window):
             sums[i] += past[k, i]
     _braking_shares(bounds, asked, shares)
-    row, quiet = int(memory.numbers[INDEX]), 0
+    row, quiet = int(memory.numbers[layout.INDEX]), 0
     before = clearance(bounds.zones, config[0], config[1])
     for step in range(_BRAKING_STEPS + 2 * window):
         moving = False
@@ -155,7 +114,7 @@ def _stays_clear(parts, share):
 @apart
 def keep_out(memory, state):
     """Mix the base's rates with full braking until it keeps clear of all zones; return what was done."""
-    parts = taken_apart(memory, state)
+    parts = layout.taken_apart(memory, state)
     bounds, scratch = parts.bounds, parts.scratch
     share, is_clear = largest_share(_stays_clear, parts, _LEAST_SHARE)
     if share == 1.0:
@@ -165,7 +124,7 @@ def keep_out(memory, state):
         rates[i] = scratch.asked[i]
     if inputs == 2:
         steer(bounds.drives, rates)
-    return KEEP_OUT if is_clear else KEEP_OUT | IMPOSSIBLE
+    return reason.KEEP_OUT if is_clear else reason.KEEP_OUT | reason.IMPOSSIBLE
 
 
 _MOST = 1e9  # of wanted rates: beyond that only the direction matters
@@ -178,16 +137,16 @@ START = STATUS(WRITE, WRITE)
 @inline
 def _want(wanted, following, wrong, bounds, memory, rates):
     """Write the rates that law, return or stop want."""
-    head, numbers, period = bounds.head, memory.numbers, bounds.head[DT]
+    head, numbers, period = bounds.head, memory.numbers, bounds.head[layout.DT]
     for i in range(rates.shape[0]):
         goal = memory.good[int(bounds.coordinate[i])]
         rates[i] = 0.0
         if following:
             rates[i] = wanted[i]
-            if head[FROM_MEASURED] != 0.0 and bounds.is_joint[i] != 0.0:
+            if head[layout.FROM_MEASURED] != 0.0 and bounds.is_joint[i] != 0.0:
                 rates[i] += (goal - memory.position[i]) / period
-            rates[i] = min(max(rates[i], -_MOST), _MOST) * numbers[SCALE]
-        elif numbers[MODE] == RETURNING and not wrong and bounds.is_joint[i] != 0.0:
+            rates[i] = min(max(rates[i], -_MOST), _MOST) * numbers[layout.SCALE]
+        elif numbers[layout.MODE] == layout.RETURNING and not wrong and bounds.is_joint[i] != 0.0:
             room = abs(goal - memory.position[i])
             rates[i] = math.copysign(
                 min(fastest_stoppable(room, bounds.acceleration[i], period), _MOST), goal - memory.position[i]
@@ -202,11 +161,11 @@ def _accelerate(bounds, memory, rates):
         first = int(bounds.drives[k, 0]) - k
         share = 1.0
         for i in range(first, first + 2):
-            change, step = abs(rates[i] - rate[i]), bounds.acceleration[i] * bounds.head[DT]
+            change, step = abs(rates[i] - rate[i]), bounds.acceleration[i] * bounds.head[layout.DT]
             if change * share > step:
                 share = step / change
         if share < 1.0:
-            done |= ACCELERATION
+            done |= reason.ACCELERATION
             for i in range(first, first + 2):
                 rates[i] = rate[i] + share * (rates[i] - rate[i])
     return done
@@ -219,7 +178,7 @@ def _keep(bounds, memory, rates, inwards):
     A joint that is outside, because it started there or its limits moved, is brought in by a share ``inwards`` of what
     it can stop from. Where not all is possible together, the acceleration is kept.
     """
-    done, period = 0, bounds.head[DT]
+    done, period = 0, bounds.head[layout.DT]
     for i in range(rates.shape[0]):
         rate, step = memory.rate[i], bounds.acceleration[i] * period
         low, high = -bounds.velocity[i], bounds.velocity[i]
@@ -236,11 +195,11 @@ def _keep(bounds, memory, rates, inwards):
             if low > high:
                 low, high = 0.0, 0.0
             if rates[i] < least or rates[i] > most:
-                done |= POSITION
+                done |= reason.POSITION
         reached = min(max(rates[i], low), high)
         kept = min(max(reached, rate - step), rate + step)
         if abs(kept - reached) > _ROUNDING:
-            done |= ACCELERATION
+            done |= reason.ACCELERATION
         rates[i] = kept
     return done
 
@@ -251,7 +210,7 @@ def _keep_rims(bounds, memory, rates):
 
     Both are within reach of the present rates, and so is all between them; a rim's speed is linear in the share.
     """
-    done, rollers, rate, period = 0, bounds.rollers, memory.rate, bounds.head[DT]
+    done, rollers, rate, period = 0, bounds.rollers, memory.rate, bounds.head[layout.DT]
     for k in range(rollers.shape[0]):
         first, load = int(rollers[k, 0]), rim_load(rollers, k, memory.good, rates)
         if abs(load) <= 1.0:
@@ -266,7 +225,7 @@ def _keep_rims(bounds, memory, rates):
             share = (math.copysign(1.0, load) - safe) / (load - safe)
         for i in range(first, first + 3):
             rates[i] = left * rate[i] + share * (rates[i] - left * rate[i])
-        done |= VELOCITY
+        done |= reason.VELOCITY
     return done
 
 
@@ -307,10 +266,10 @@ def _moved(position, way, lower, upper):
 @inline
 def _commit(bounds, memory, rates):
     """Move the position command, smoothed over the window; return whether all is at rest."""
-    numbers, past, period = memory.numbers, memory.past, bounds.head[DT]
+    numbers, past, period = memory.numbers, memory.past, bounds.head[layout.DT]
     window = past.shape[0]
-    row = int(numbers[INDEX])
-    numbers[INDEX] = float((row + 1) % window)
+    row = int(numbers[layout.INDEX])
+    numbers[layout.INDEX] = float((row + 1) % window)
     still = True
     for i in range(rates.shape[0]):
         lower, upper = bounds.lower[i], bounds.upper[i]
@@ -331,27 +290,28 @@ def _commit(bounds, memory, rates):
 @kernel(START)
 def check_start(memory, state):
     """Return OK if a robot may start as its state says: end effectors and points in their box, its base in no zone."""
-    parts = taken_apart(memory, state)
+    parts = layout.taken_apart(memory, state)
     bounds, kept, scratch = parts.bounds, parts.memory, parts.scratch
     if not is_inside(parts, kept.good, bounds, 0.0, scratch.frames, scratch.ahead):
-        return OUTSIDE_BOX
+        return layout.OUTSIDE_BOX
     room = clearance(bounds.zones, kept.good[0], kept.good[1]) if bounds.zones.shape[0] > 0 else math.inf
-    return IN_ZONE if room < bounds.head[FOOTPRINT] else OK
+    return layout.IN_ZONE if room < bounds.head[layout.FOOTPRINT] else OK
 
 
-@kernel(SUPERVISOR)
+@kernel(layout.SUPERVISOR)
 def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, state, out):
     """Write the inputs that leave, and move the position command in the state; return AT_REST once stopped.
 
     Effort and wrench are arrays of their own, as the robot's driver hands them over: to copy them takes longer.
     """
-    n, m, parts = int(memory[COORDINATES]), int(memory[INPUTS]), taken_apart(memory, state)
+    sizes, parts = layout.sizes_of(memory[layout.SIZES : layout.HEAD]), layout.taken_apart(memory, state)
+    n, m = sizes.coordinates, sizes.inputs
     bounds, kept, scratch = parts.bounds, parts.memory, parts.scratch
     if (
         measured.shape[0] != n
         or wanted.shape[0] != m
         or out.shape[0] != m
-        or kept.past.shape[0] != int(memory[WINDOW])
+        or kept.past.shape[0] != int(memory[layout.WINDOW])
         or (effort.shape[0] != 0 and effort.shape[0] != m)
         or (wrench.shape[0] != 0 and wrench.shape[0] != 6)
     ):
@@ -361,20 +321,22 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
     at_rest = True
     for i in range(m):
         at_rest = at_rest and kept.sent_rate[i] == 0.0
-    said = moment_layout(moment)
+    said = layout.moment_layout(moment)
     wrong = judge(memory, state, parts, said, measured, wanted, effort, wrench, at_rest)
     now = wrong
-    aim = 1.0 if numbers[MODE] == RUNNING and numbers[ENDING] == 0.0 else 0.0
-    numbers[SCALE] = min(max(aim, numbers[SCALE] - head[RAMP]), numbers[SCALE] + head[RAMP])
+    aim = 1.0 if numbers[layout.MODE] == layout.RUNNING and numbers[layout.ENDING] == 0.0 else 0.0
+    numbers[layout.SCALE] = min(
+        max(aim, numbers[layout.SCALE] - head[layout.RAMP]), numbers[layout.SCALE] + head[layout.RAMP]
+    )
 
-    following = numbers[MODE] == RUNNING and not wrong
-    returning = numbers[MODE] == RETURNING and not wrong
+    following = numbers[layout.MODE] == layout.RUNNING and not wrong
+    returning = numbers[layout.MODE] == layout.RETURNING and not wrong
     _want(wanted, following, wrong, bounds, kept, rates)
-    if numbers[ENDING] != 0.0 and numbers[MODE] == RUNNING:
-        now |= SOFT_STOP
-    if numbers[MODE] == RETURNING:
-        now |= REJOINING
-    if following and head[SLOW] > 0.0:
+    if numbers[layout.ENDING] != 0.0 and numbers[layout.MODE] == layout.RUNNING:
+        now |= reason.SOFT_STOP
+    if numbers[layout.MODE] == layout.RETURNING:
+        now |= reason.REJOINING
+    if following and head[layout.SLOW] > 0.0:
         now |= avoid_singularity(
             kinematics, said.known, memory, state, parts
         )  # good is measured: nothing was wrong
@@ -385,37 +347,39 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
     scale_down(kept.good, SpeedLimits(bounds.velocity, bounds.drives), rates)
     for i in range(m):
         if rates[i] != scratch.asked[i] and following:
-            now |= VELOCITY
+            now |= reason.VELOCITY
         rates[i] = min(max(rates[i], -bounds.velocity[i]), bounds.velocity[i])
-    looks_at_hand = head[HAND_SPEED_LIMIT] < math.inf or head[HAND_ACCELERATION_LIMIT] < math.inf
+    looks_at_hand = (
+        head[layout.HAND_SPEED_LIMIT] < math.inf or head[layout.HAND_ACCELERATION_LIMIT] < math.inf
+    )
     if looks_at_hand:
         now |= limit_hand_speed(memory, state, following or returning)
     done = _accelerate(bounds, kept, rates)
-    if following and head[HAND_ACCELERATION_LIMIT] < math.inf:
+    if following and head[layout.HAND_ACCELERATION_LIMIT] < math.inf:
         now |= limit_hand_acceleration(memory, state)
-    inwards = numbers[SCALE] if following else (1.0 if returning else 0.0)
+    inwards = numbers[layout.SCALE] if following else (1.0 if returning else 0.0)
     done |= _keep(bounds, kept, rates, inwards)
     if m < n:
         steer(bounds.drives, rates)
-    if head[BOXED] != 0.0 or head[HAND_SPEED_LIMIT] < math.inf:
+    if head[layout.BOXED] != 0.0 or head[layout.HAND_SPEED_LIMIT] < math.inf:
         now |= keep_safe(memory, state)
     done |= _keep_rims(bounds, kept, rates)
     if following:
         now |= done
-    if head[ZONES] > 0.0:
+    if sizes.zones > 0:
         now |= keep_out(memory, state)
     if looks_at_hand:
-        numbers[STARTED] = 1.0
-        for i in range(3 * MOST_HANDS):
-            numbers[HAND_BEFORE + i] = scratch.hand[i]
+        numbers[layout.STARTED] = 1.0
+        for i in range(3 * layout.MOST_HANDS):
+            numbers[layout.HAND_BEFORE + i] = scratch.hand[i]
     still = _commit(bounds, kept, rates)
     if _breaks_bounds(bounds, kept):
-        now |= IMPOSSIBLE
+        now |= reason.IMPOSSIBLE
     for i in range(m):
         out[i] = kept.sent_rate[i]
-        if head[FROM_MEASURED] != 0.0 and bounds.is_joint[i] != 0.0:
-            out[i] = (kept.sent[i] - kept.good[int(bounds.coordinate[i])]) / head[DT]
-    if numbers[MODE] == STOPPED:
-        now |= int(numbers[FAULT])
-    numbers[NOW] = float(now)
-    return AT_REST if numbers[MODE] == STOPPED and still else OK
+        if head[layout.FROM_MEASURED] != 0.0 and bounds.is_joint[i] != 0.0:
+            out[i] = (kept.sent[i] - kept.good[int(bounds.coordinate[i])]) / head[layout.DT]
+    if numbers[layout.MODE] == layout.STOPPED:
+        now |= int(numbers[layout.FAULT])
+    numbers[layout.NOW] = float(now)
+    return layout.AT_REST if numbers[layout.MODE] == layout.STOPPED and still else OK

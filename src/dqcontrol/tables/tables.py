@@ -280,6 +280,23 @@ class Table:
             if len(row) != len(self.columns):
                 raise ShapeError(f"rows[{i}]: expected {len(self.columns)} cells, got {len(row)}")
 
+    @classmethod
+    def of(cls, rows: Iterable[Sequence[tuple[Column, Cell]]], title: str = "") -> Table:
+        """Return the table of rows, at least one, whose cells stand beside their columns.
+
+        Examples
+        --------
+        >>> from dqcontrol.tables import Column, Table
+        >>> laws = {"K": 1.2345, "LQR": None}
+        >>> print(Table.of([(Column("Law"), law), (Column("Length", "m", ".2f"), laws[law])] for law in laws).csv())
+        Law,Length [m]
+        K,1.2345
+        LQR,
+        <BLANKLINE>
+        """
+        given = [list(row) for row in rows]
+        return cls([column for column, _ in given[0]], [[cell for _, cell in row] for row in given], title)
+
     def __repr__(self) -> str:
         title = f"{self.title!r}, " if self.title else ""
         return f"Table({title}{len(self.rows)} × {len(self.columns)})"

@@ -1,6 +1,7 @@
 from .pereira2016_catalogue import (
     EXPERIMENTS as EXPERIMENTS,
     PLANTS as PLANTS,
+    published_spec as published_spec,
 )
 from .published_numbers import (
     REPRODUCTIONS as REPRODUCTIONS,
@@ -11,5 +12,4 @@ from .published_numbers import (
     published_cells as published_cells,
     published_runs as published_runs,
 )
-from .published_specs import published_spec as published_spec
 from .reproduce_pereira2016 import reproduce as reproduce

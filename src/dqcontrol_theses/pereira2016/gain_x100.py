@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.tables import Cell, Column, Table
+from dqcontrol_theses.pereira2016.pereira2016_catalogue import published_spec
 from dqcontrol_theses.pereira2016.published_numbers import published_cells, published_runs
-from dqcontrol_theses.pereira2016.published_specs import published_spec
 
 FACTOR = 100.0
 LAWS = ("HIR", "HIRT")
@@ -28,23 +28,17 @@ _KNOWN = "LQR-DQ"  # of the same error and the same Jacobian
 
 def with_gain_x100(data: dict[str, Any], factor: float = FACTOR) -> dict[str, Any]:
     """Return a spec with the robust laws a second time, their gains times a factor, beside those as printed."""
-    sets = data.get("parameter_sets", {})
-    return data | {
-        "laws": data["laws"] | _scaled(data["laws"], factor),
-        **(
-            {"parameter_sets": {label: laws | _scaled(laws, factor) for label, laws in sets.items()}}
-            if sets
-            else {}
-        ),
-    }
 
+    def scaled(laws: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+        return laws | {
+            law + SUFFIX: laws[law]
+            | {key: _times(laws[law][key], factor) for key in _GAINS if key in laws[law]}
+            for law in LAWS
+            if law in laws
+        }
 
-def _scaled(laws: dict[str, dict[str, Any]], factor: float) -> dict[str, dict[str, Any]]:
-    return {law + SUFFIX: _with_scaled_gains(laws[law], factor) for law in LAWS if law in laws}
-
-
-def _with_scaled_gains(law: dict[str, Any], factor: float) -> dict[str, Any]:
-    return {key: _times(value, factor) if key in _GAINS else value for key, value in law.items()}
+    sets = {label: scaled(laws) for label, laws in data.get("parameter_sets", {}).items()}
+    return data | {"laws": scaled(data["laws"])} | ({"parameter_sets": sets} if sets else {})
 
 
 def _times(gain: Any, factor: float) -> Any:
@@ -60,24 +54,21 @@ def printed_factors() -> Table:
     at which these laws turn the hand, and nearly all of the error's norm is its orientation. For Section 5.5 LQR-DQ's
     number for a gain is that of the spiral of Section 5.7, and of ∫|u| that share counts which Err is of.
     """
-    rows: list[list[Cell]] = []
-    for name, label, of_robust, of_known, known_gain, inverse_gain in _pairs():
-        for law in LAWS:
-            factor = of_robust(law) / of_known * known_gain * inverse_gain
-            rows.append([name, label, law, of_robust(law), of_known, known_gain, 1 / inverse_gain, factor])
-    columns = [
-        Column("Experiment"),
-        Column("Set"),
-        Column("Law"),
-        Column("∫|u|/∫Err", "", ".4g"),
-        Column("of LQR-DQ", "", ".4g"),
-        Column("√(q/r)", "1/s", ".4g"),
-        Column("mean k_O/2 as printed", "1/s", ".4g"),
-        Column("Factor", "", ".1f"),
+    rows: list[list[tuple[Column, Cell]]] = [
+        [
+            (Column("Experiment"), name),
+            (Column("Set"), label),
+            (Column("Law"), law),
+            (Column("∫|u|/∫Err", "", ".4g"), of_robust(law)),
+            (Column("of LQR-DQ", "", ".4g"), of_known),
+            (Column("√(q/r)", "1/s", ".4g"), known_gain),
+            (Column("mean k_O/2 as printed", "1/s", ".4g"), 1 / inverse_gain),
+            (Column("Factor", "", ".1f"), of_robust(law) / of_known * known_gain * inverse_gain),
+        ]
+        for name, label, of_robust, of_known, known_gain, inverse_gain in _pairs()
+        for law in LAWS
     ]
-    return Table(
-        columns, rows, "By what the gains of HIR and HIRT were larger in use, from printed numbers alone"
-    )
+    return Table.of(rows, "By what the gains of HIR and HIRT were larger in use, from printed numbers alone")
 
 
 def _pairs() -> Iterator[tuple[Any, ...]]:

@@ -166,7 +166,7 @@ def count(operation: Operation) -> int:
 
     Examples
     --------
-    >>>     >>> count(multiply)  # 48 products and 40 sums
+    >>> count(multiply)  # 48 products and 40 sums
     88
     """
     one = _Counted()

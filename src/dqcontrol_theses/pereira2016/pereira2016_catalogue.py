@@ -1,4 +1,4 @@
-"""Experiments of [P16] that can be reproduced, with their specs."""
+"""Experiments of [P16] that can be reproduced, their specs, with the Meka on servos or in physics, and single runs."""
 
 from __future__ import annotations
 
@@ -6,15 +6,26 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
+from typing import Any, NamedTuple
 
-from dqcontrol.errors import UnknownNameError
+from dqcontrol.errors import UnknownNameError, unknown_name
+from dqcontrol.experiments import PreparedExperiment, execute, measure, prepare
+from dqcontrol.files import read_yaml
+from dqcontrol.loop import Record
+from dqcontrol.measures import Metrics
 from dqcontrol_theses.catalogue import Experiment
+from dqcontrol_theses.printed import with_printed_inverse
 
 SOURCE = "pereira2016"
 SERVO, PHYSICS = "servo", "meka-physics"
 PLANTS = (PHYSICS, SERVO)  # what can stand for the Meka, the default first: all of these ran on the arm
 
 MEKA_CONTROLLERS = Path(str(files("dqcontrol") / "plants/compliant/controllers/meka-a2.yaml"))
+
+_MEKA = "meka-a2"
+_APPENDIX_C = ("meka-circle", "meka-square", "meka-surface")
+APPENDIX_C_STIFFNESS = 0.7
+"""Of the Meka in appendices C and D, which are of another session: their one unknown, fitted on Err of K, circle."""
 
 EXACT = " exact"
 """Appended to the label of LQR-R8 where its Riccati equation is solved exactly, not as printed."""
@@ -108,3 +119,63 @@ def spec_path(name: str) -> Path:
         known = sorted(spec.stem for spec in folder.glob("*.yaml"))
         raise UnknownNameError(f"spec: no '{name}'; there are {', '.join(known)}")
     return path
+
+
+def published_spec(name: str, plant: str = PLANTS[0]) -> dict[str, Any]:
+    """Return a published experiment's spec, file names absolute; a simulated iiwa keeps its servos on any plant.
+
+    Parameters
+    ----------
+    name
+        Of its file.
+    plant
+        One of `PLANTS`.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such spec or plant.
+    """
+    if plant not in PLANTS:
+        raise unknown_name("plant", plant, PLANTS)
+    path = spec_path(name)
+    data = with_printed_inverse(_read(path))
+    if "file" in data["reference"]:
+        data["reference"]["file"] = str(path.parent / data["reference"]["file"])
+    if plant == PHYSICS and data["robot"] == _MEKA:
+        data["plant"] = _read(Path(__file__).parent / f"{PHYSICS}.yaml")
+        if name in _APPENDIX_C:
+            data["plant"]["stiffness"] = APPENDIX_C_STIFFNESS
+    return data
+
+
+def drawing_specs(plant: str = PLANTS[0]) -> dict[str, dict[str, Any]]:
+    """Return the specs of P16's light paintings by the names of their drawings."""
+    data = published_spec("light-painting", plant)
+    return {
+        name: data | {"name": name, "reference": data["reference"] | {"file": str(file)}}
+        for name, file in drawings().items()
+    }
+
+
+def _read(path: Path) -> dict[str, Any]:
+    return read_yaml(path, dict[str, Any])
+
+
+class SpecRun(NamedTuple):
+    """One run of a law, and its metrics as the encoders have them, from which the published numbers come."""
+
+    setting: PreparedExperiment
+    record: Record
+    metrics: Metrics
+
+
+def run_once(spec: dict[str, Any], law: str, label: str = "", **parameters: Any) -> SpecRun:
+    """Run one law of a spec once, with one of its sets, and perhaps other values of some of its parameters."""
+    data: dict[str, Any] = spec | {"repeats": 1}
+    own = data.pop("parameter_sets", {}).get(label, {}).get(law, {})
+    setting = prepare(data | {"laws": {law: data["laws"][law] | own | parameters}})
+    record = execute(setting, setting.cases[0])
+    return SpecRun(
+        setting, record, measure(record, setting.scene.robot, setting.spec.skip_initial, "measured")
+    )

@@ -8,19 +8,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from dqcontrol import figures, films
 from dqcontrol.experiments import Study, execute
 from dqcontrol.loop import Record
 from dqcontrol.references import TWIST
 from dqcontrol_theses.pereira2016.gain_x100 import LAWS, SUFFIX
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import EXACT
-from dqcontrol_theses.pereira2016.published_numbers import published_cells
+from dqcontrol_theses.pereira2016.published_numbers import FIXED, published_mean
 from dqcontrol_theses.pereira2016.sampling_time import SamplingTime
-from dqcontrol_theses.pereira2016.verdicts.evidence import Evidence, record_of
-from dqcontrol_theses.pereira2016.verdicts.grid import grid_of
+from dqcontrol_theses.pereira2016.verdicts.evidence import Evidence, grid_of, record_of
 from dqcontrol_theses.printed import PublishedCell
-from dqcontrol_theses.printed_comparison import NAMES
 from dqcontrol_theses.reproduced import Draw
-from dqcontrol_theses.results import Results
+from dqcontrol_theses.results import NAMES, Results
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,7 +33,6 @@ _SETS = {  # by experiment: spec, number of the printed figure, and the sets tha
         ("meka-square", "C6", ("q=1000 r=1",)),
     ),
 }
-_FIXED = "fixed"  # the set of laws that have one only
 _SLOWEST, _FASTEST = "20 %", "100 %"
 
 
@@ -67,17 +65,15 @@ def _file_name(label: str) -> str:
 
 def _one_set(name: str, study: Study, label: str) -> Figure:
     """Draw all laws with one set of gains; the robust ones where they follow, and say where they do not."""
-    from dqcontrol.figures import compare_criteria
-
     setting, records = study.setting(), {}
     evidence = Evidence(Results({"": study.rows}), {}, reproduction=name)
     cases = [
         case
         for case in setting.cases
-        if case.names.set in (label, _FIXED) and not case.names.law.endswith(EXACT)
+        if case.names.set in (label, FIXED) and not case.names.law.endswith(EXACT)
     ]
     robust = {
-        case.names.law: case.names.set.replace(_FIXED, "")
+        case.names.law: case.names.set.replace(FIXED, "")
         for case in cases
         if case.names.law.removesuffix(SUFFIX) in LAWS
     }
@@ -86,26 +82,22 @@ def _one_set(name: str, study: Study, label: str) -> Figure:
         if case.names.law not in lost:
             records[case.names.law] = execute(setting, case)
     named = ", ".join(_lost(name, evidence, *each) for each in lost.items())
-    return compare_criteria(records, "rad", f"Not drawn, as they did not follow: {named}." if lost else "")
+    return figures.compare_criteria(
+        records, "rad", f"Not drawn, as they did not follow: {named}." if lost else ""
+    )
 
 
 def _lost(name: str, evidence: Evidence, law: str, label: str) -> str:
     """Name a law that did not follow, and by how much."""
-    printed = next(
-        cell.mean
-        for cell in published_cells(name)
-        if (cell.law, cell.set, cell.metric) == (law.removesuffix(SUFFIX), label, "error")
-    )
+    printed = published_mean(name, law.removesuffix(SUFFIX), label)
     return f"{law} (Err {evidence.mean(law, label):.2g}, printed {printed:.2g})"
 
 
 def _pair(study: Study, law: str) -> Figure:
     """Draw one law with a fifth of its gains and with all, side by side."""
-    from dqcontrol.figures import criteria_side_by_side
-
     setting = study.setting()
     pair = {f"{law}, {each}": record_of(setting, law, each) for each in (_SLOWEST, _FASTEST)}
-    return criteria_side_by_side(pair, unit="rad")
+    return figures.criteria_side_by_side(pair, unit="rad")
 
 
 def parity_figures(cells: Sequence[PublishedCell], ours: Results, suffixes: Sequence[str]) -> dict[str, Draw]:
@@ -125,13 +117,11 @@ def period_figures(rows: Sequence[SamplingTime]) -> dict[str, Draw]:
 
 def painting_figures(records: Mapping[str, Record]) -> dict[str, Draw]:
     """Return all paintings side by side, as Figure 5.7, and one by one, by file name."""
-    from dqcontrol.films import light_painting, light_paintings
-
     lit = {name: lamp_on(record) for name, record in records.items()}
     single: dict[str, Draw] = {
-        name: lambda name=name: light_painting(records[name], lit[name]) for name in records
+        name: lambda name=name: films.light_painting(records[name], lit[name]) for name in records
     }
-    return {"light-painting": lambda: light_paintings(records, lit), **single}
+    return {"light-painting": lambda: films.light_paintings(records, lit), **single}
 
 
 def lamp_on(record: Record) -> NDArray[np.bool_]:
@@ -141,8 +131,6 @@ def lamp_on(record: Record) -> NDArray[np.bool_]:
 
 
 def _surfaces(study: Study) -> Figure:
-    from dqcontrol.figures import surface
-
     metrics = {
         "Eff [rad s]": "joint_step.integral",
         "L.Vel [m]": "hand_speed.integral",
@@ -151,18 +139,16 @@ def _surfaces(study: Study) -> Figure:
     qs, rs, _ = grid_of(study.rows, "error.integral")
     heights = {title: grid_of(study.rows, key)[2] for title, key in metrics.items()}
     heights["log₁₀ Err"] = np.log10(heights["log₁₀ Err"])
-    return surface(qs, rs, heights)
+    return figures.surface(qs, rs, heights)
 
 
 def _histogram(rows: Sequence[SamplingTime], period: float) -> Figure:
-    from dqcontrol.figures import histogram
-
-    return histogram({row.label: 1e3 * row.timing.periods for row in rows if row.timing.period == period})
+    return figures.histogram(
+        {row.label: 1e3 * row.timing.periods for row in rows if row.timing.period == period}
+    )
 
 
 def _parity(cells: Sequence[PublishedCell], ours: Results, suffixes: Sequence[str]) -> Figure:
-    from dqcontrol.figures import parity
-
     panels: dict[str, dict[str, list[tuple[float, float]]]] = {}
     for cell in cells:
         for law in (cell.law + suffix for suffix in suffixes):
@@ -170,4 +156,4 @@ def _parity(cells: Sequence[PublishedCell], ours: Results, suffixes: Sequence[st
             if len(ours.values(*where)):
                 groups = panels.setdefault(NAMES[cell.metric], {})
                 groups.setdefault(law, []).append((cell.mean, ours.mean(*where)))
-    return parity(panels)
+    return figures.parity(panels)

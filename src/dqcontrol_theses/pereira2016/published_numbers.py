@@ -15,6 +15,9 @@ from dqcontrol_theses.printed import Claim, PublishedCell, read_claims, read_tab
 REPRODUCTIONS = ("lqr", "h-infinity", "circle", "spiral", "sampling-time", "circle-and-square", "lqr-surface")
 """Names of the published experiments; ``lqr-surface`` is printed as pictures only and has no cells."""
 
+FIXED = "fixed"
+"""Of specs, the set of laws that have one only; printed cells name none."""
+
 _FOLDER = Path(__file__).parent
 _LINEAR_QUADRATIC = ("LQR-R8", "LQR-DQ")
 
@@ -100,6 +103,23 @@ def published_cells(reproduction: str) -> list[PublishedCell]:
     ('K', 'ln2²', 'error', 2.43, 0.052)
     """
     return _of(reproduction, read_table(_FOLDER / "tables.csv", PublishedCell))
+
+
+def published_mean(
+    reproduction: str, law: str, label: str, metric: str = "error", experiment: str = ""
+) -> float:
+    """Return a printed mean of a law with one of its sets.
+
+    Raises
+    ------
+    LookupError
+        If none is printed.
+    """
+    wanted = (law, "" if label == FIXED else label, metric, experiment)
+    for cell in published_cells(reproduction):
+        if (cell.law, cell.set, cell.metric, cell.experiment) == wanted:
+            return cell.mean
+    raise LookupError(f"{reproduction}: {wanted}")
 
 
 def published_runs(reproduction: str) -> list[PublishedRun]:

@@ -12,8 +12,7 @@ from dqcontrol_theses.judgement import verdict_table
 from dqcontrol_theses.pereira2016.calibration import calibrate
 from dqcontrol_theses.pereira2016.gain_x100 import SUFFIX, printed_factors, with_gain_x100
 from dqcontrol_theses.pereira2016.operation_counts import operation_costs, operation_table
-from dqcontrol_theses.pereira2016.own_durations import late_laws, own_durations_table
-from dqcontrol_theses.pereira2016.own_periods import LateRun, run_late
+from dqcontrol_theses.pereira2016.own_periods import LateRun, late_laws, own_durations_table, run_late
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import (
     EXACT,
     EXPERIMENTS,
@@ -21,6 +20,8 @@ from dqcontrol_theses.pereira2016.pereira2016_catalogue import (
     SERVO,
     SOURCE,
     Reproduction,
+    drawing_specs,
+    published_spec,
 )
 from dqcontrol_theses.pereira2016.pereira2016_figures import (
     painting_figures,
@@ -29,7 +30,6 @@ from dqcontrol_theses.pereira2016.pereira2016_figures import (
     study_figures,
 )
 from dqcontrol_theses.pereira2016.published_numbers import claims, published_cells
-from dqcontrol_theses.pereira2016.published_specs import drawing_specs, published_spec
 from dqcontrol_theses.pereira2016.sampling_time import bare_loops, sampling_table, sampling_times
 from dqcontrol_theses.pereira2016.tuned_comparison import reproduce_tuned_comparison
 from dqcontrol_theses.pereira2016.verdicts import Evidence, judge
@@ -37,9 +37,8 @@ from dqcontrol_theses.pereira2016.verdicts.h_infinity_verdicts import attenuatio
 from dqcontrol_theses.pereira2016.verdicts.sampling_time_verdicts import PERIODS
 from dqcontrol_theses.pereira2016.when_to_use import when_to_use
 from dqcontrol_theses.pereira2016.writing import reproduce_writing
-from dqcontrol_theses.printed_comparison import command_table, comparison_tables
 from dqcontrol_theses.reproduced import Draw, Reproduced
-from dqcontrol_theses.results import Results
+from dqcontrol_theses.results import Results, command_table, comparison_tables
 
 _SHORT = "P16"
 _BEYOND = {"tuned-comparison": reproduce_tuned_comparison, "writing": reproduce_writing}

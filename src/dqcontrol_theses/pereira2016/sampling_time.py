@@ -12,7 +12,7 @@ import numpy as np
 from dqcontrol.errors import ValueRangeError, as_count, as_positive
 from dqcontrol.experiments import prepare
 from dqcontrol.loop import Clock, Timing, close_loop
-from dqcontrol.tables import Column, Table
+from dqcontrol.tables import Cell, Column, Table
 
 BARE = "bare loop"  # label of loops without law or plant
 
@@ -126,25 +126,16 @@ def bare_loops(periods: Sequence[float], samples: int, *, clock: Clock | None = 
 
 def sampling_table(rows: Sequence[SamplingTime], title: str = "") -> Table:
     """Return one row a law and period."""
-    columns = [
-        Column("law"),
-        Column("T", "ms", ".4g"),
-        Column("mean", "ms", ".4f"),
-        Column("std. dev.", "ms", ".4f"),
-        Column("99 % within", "ms", ".4f"),
-        Column("command", "ms", ".4f"),
-        Column("overruns"),
-    ]
-    cells = [
+    cells: list[list[tuple[Column, Cell]]] = [
         [
-            row.label,
-            1e3 * row.timing.period,
-            1e3 * row.mean,
-            1e3 * row.deviation,
-            1e3 * row.tail,
-            1e3 * row.computation,
-            row.timing.overruns,
+            (Column("law"), row.label),
+            (Column("T", "ms", ".4g"), 1e3 * row.timing.period),
+            (Column("mean", "ms", ".4f"), 1e3 * row.mean),
+            (Column("std. dev.", "ms", ".4f"), 1e3 * row.deviation),
+            (Column("99 % within", "ms", ".4f"), 1e3 * row.tail),
+            (Column("command", "ms", ".4f"), 1e3 * row.computation),
+            (Column("overruns"), row.timing.overruns),
         ]
         for row in rows
     ]
-    return Table(columns, cells, title)
+    return Table.of(cells, title)

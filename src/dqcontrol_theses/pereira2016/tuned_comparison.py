@@ -6,39 +6,27 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from dqcontrol import figures
 from dqcontrol.measures import confidence_table, mean_of
 from dqcontrol.tables import Cell, Column, Table
 from dqcontrol.tuning import Tuning, learn, tune
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.judgement import Judgement, verdict_table
-from dqcontrol_theses.pereira2016.pereira2016_catalogue import SERVO, SOURCE
+from dqcontrol_theses.pereira2016.pereira2016_catalogue import SERVO, SOURCE, published_spec
 from dqcontrol_theses.pereira2016.published_numbers import claims
-from dqcontrol_theses.pereira2016.published_specs import published_spec
-from dqcontrol_theses.reproduced import Reproduced
+from dqcontrol_theses.reproduced import Draw, Reproduced
 from dqcontrol_theses.results import Results
 
 _GAIN = 20.0  # 1/s, that the search begins at; what it is does not matter
+_WEIGHTS = {"error_weight": _GAIN**2, "control_weight": 1.0}
+_GAINS = {"orientation_gain": 2 * _GAIN, "translation_gain": _GAIN}
 _LAWS: dict[str, dict[str, Any]] = {
     "K": {"kind": "proportional", "gain": _GAIN},
     "K+FF": {"kind": "proportional-feedforward", "feedforward": "printed", "gain": _GAIN},
-    "LQR-R8": {
-        "kind": "linear-quadratic-r8",
-        "error_weight": _GAIN**2,
-        "control_weight": 1.0,
-    },
-    "LQR-DQ": {
-        "kind": "linear-quadratic-dq",
-        "feedforward": "printed",
-        "error_weight": _GAIN**2,
-        "control_weight": 1.0,
-    },
-    "HIR": {"kind": "h-infinity", "orientation_gain": 2 * _GAIN, "translation_gain": _GAIN},
-    "HIRT": {
-        "kind": "h-infinity-tracking",
-        "feedforward": "printed",
-        "orientation_gain": 2 * _GAIN,
-        "translation_gain": _GAIN,
-    },
+    "LQR-R8": {"kind": "linear-quadratic-r8"} | _WEIGHTS,
+    "LQR-DQ": {"kind": "linear-quadratic-dq", "feedforward": "printed"} | _WEIGHTS,
+    "HIR": {"kind": "h-infinity"} | _GAINS,
+    "HIRT": {"kind": "h-infinity-tracking", "feedforward": "printed"} | _GAINS,
 }
 _ROBUST, _LINEAR_QUADRATIC, _PROPORTIONAL = ("HIR", "HIRT"), ("LQR-R8", "LQR-DQ"), ("K", "K+FF")
 _BUDGET = {SERVO: 24}
@@ -84,7 +72,8 @@ def reproduce_tuned_comparison(conditions: Conditions) -> Reproduced:
             f"P16's comparisons, every law tuned · {plant}",
         ),
     ]
-    return Reproduced(f"{SOURCE}/tuned-comparison", tables, {"spiral": study}, _figures(tuning), plant)
+    drawn: dict[str, Draw] = {"search": lambda: figures.search_figure(tuning)}
+    return Reproduced(f"{SOURCE}/tuned-comparison", tables, {"spiral": study}, drawn, plant)
 
 
 def tuned_comparison_spec(plant: str) -> dict[str, Any]:
@@ -138,19 +127,22 @@ def _spiral(data: dict[str, Any]) -> dict[str, Any]:
 def _ranking(tuning: Tuning, results: Results) -> Table:
     """Return the laws by their error on the spiral, and by how much each is behind the one before it, paired."""
     order = sorted((each.label for each in tuning.laws), key=results.mean)
-    rows: list[list[Cell]] = []
-    for place, law in enumerate(order):
-        before = order[place - 1] if place else None
-        text = "–"
-        if before is not None:
-            difference, half = _difference(results, law, before)
-            share = 100 * difference / results.mean(before)
-            text = f"{share:.2g} ± {100 * half / results.mean(before):.1g} %" + (
-                ", no difference" * (difference <= half)
-            )
-        rows.append([place + 1, law, results.mean(law), text])
-    columns = [Column("place"), Column("law"), Column("pose error integral", "s", ".4g"), Column("behind")]
-    return Table(columns, rows, "Ranking on P16's spiral, every law tuned")
+
+    def behind(law: str, before: str) -> str:
+        difference, half = _difference(results, law, before)
+        share, spread = (100 * each / results.mean(before) for each in (difference, half))
+        return f"{share:.2g} ± {spread:.1g} %" + ", no difference" * (difference <= half)
+
+    rows: list[list[tuple[Column, Cell]]] = [
+        [
+            (Column("place"), place + 1),
+            (Column("law"), law),
+            (Column("pose error integral", "s", ".4g"), results.mean(law)),
+            (Column("behind"), behind(law, order[place - 1]) if place else "–"),
+        ]
+        for place, law in enumerate(order)
+    ]
+    return Table.of(rows, "Ranking on P16's spiral, every law tuned")
 
 
 def _difference(results: Results, law: str, other: str, metric: str = "error") -> tuple[float, float]:
@@ -202,9 +194,3 @@ def _learnt(data: dict[str, Any], tuning: Tuning, conditions: Conditions) -> Tab
     ]
     columns = [Column(""), Column("position error RMS", "mm", ".3g"), Column("peak", "mm", ".3g")]
     return Table(columns, rows, "The spiral, and what is possible")
-
-
-def _figures(tuning: Tuning) -> dict[str, Any]:
-    from dqcontrol.figures import search_figure
-
-    return {"search": lambda: search_figure(tuning)}

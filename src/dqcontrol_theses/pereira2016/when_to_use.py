@@ -19,36 +19,28 @@ _NOT_TUNED = {"kind", "null_space", "inverse", "hysteresis"}
 def when_to_use(evidence: Evidence) -> Table:
     """Return one row a law: error, repeatability, effort and speed with the best gains, and what has to be tuned."""
     published = {(cell.law, cell.metric): cell for cell in published_cells("spiral") if cell.set == _BEST}
-    rows: list[list[Cell]] = []
-    for law in LAWS:
+
+    def row(law: str) -> list[tuple[Column, Cell]]:
         error, effort = published[law, "error"], published[law, "joint_step"]
-        mean = evidence.mean(law, _BEST)
-        rows.append(
-            [
-                law,
-                error.mean,
-                mean,
-                100 * (error.deviation or 0.0) / error.mean,
-                100 * evidence.ours.deviation(law, _BEST) / mean,
-                effort.mean,
-                evidence.mean(law, _BEST, "joint_step"),
+        mean, (count, kind) = evidence.mean(law, _BEST), _tuning(evidence, law)
+        ours = evidence.ours.deviation(law, _BEST)
+        return [
+            (Column("Law"), law),
+            (Column("Err, P16"), error.mean),
+            (Column("Err, ours"), mean),
+            (Column("repeats to, P16", "%", ".2g"), 100 * (error.deviation or 0.0) / error.mean),
+            (Column("repeats to, ours", "%", ".2g"), 100 * ours / mean),
+            (Column("Eff, P16", "rad s", ".3g"), effort.mean),
+            (Column("Eff, ours", "rad s", ".3g"), evidence.mean(law, _BEST, "joint_step")),
+            (
+                Column("first peak of the hand's speed, ours", "m/s", ".2g"),
                 evidence.first_peak("hand_speed", law, _BEST),
-                *_tuning(evidence, law),
-            ]
-        )
-    columns = [
-        Column("Law"),
-        Column("Err, P16"),
-        Column("Err, ours"),
-        Column("repeats to, P16", "%", ".2g"),
-        Column("repeats to, ours", "%", ".2g"),
-        Column("Eff, P16", "rad s", ".3g"),
-        Column("Eff, ours", "rad s", ".3g"),
-        Column("first peak of the hand's speed, ours", "m/s", ".2g"),
-        Column("numbers to choose"),
-        Column("along the trajectory"),
-    ]
-    return Table(columns, rows, "P16 Table 5.17, when to use which law, from numbers: spiral, best gains")
+            ),
+            (Column("numbers to choose"), count),
+            (Column("along the trajectory"), kind),
+        ]
+
+    return Table.of(map(row, LAWS), "P16 Table 5.17, when to use which law, from numbers: spiral, best gains")
 
 
 def _tuning(evidence: Evidence, label: str) -> tuple[int, str]:
@@ -64,14 +56,11 @@ def _tuning(evidence: Evidence, label: str) -> tuple[int, str]:
         for key, value in msgspec.to_builtins(law).items()
         if key not in _NOT_TUNED and value is not None and value != default.get(key)
     }
-    return sum(map(_count, chosen.values())), "vary" if any(
-        isinstance(value, dict) for value in chosen.values()
-    ) else "constant"
+    varies = any(isinstance(value, dict) for value in chosen.values())
+    return _count(list(chosen.values())), "vary" if varies else "constant"
 
 
 def _count(value: Any) -> int:
-    if isinstance(value, dict):
-        return sum(map(_count, value.values()))
-    if isinstance(value, list):
-        return sum(map(_count, value))
+    if isinstance(value, dict | list):
+        return sum(map(_count, value.values() if isinstance(value, dict) else value))
     return int(isinstance(value, int | float))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dqcontrol import figures
 from dqcontrol.arrays import Array
 from dqcontrol.loop import Record
 from dqcontrol.plants import CompliantPlant, Servo
@@ -14,8 +15,7 @@ from dqcontrol.robots import load_robot
 from dqcontrol.tables import Cell, Column, Table, VerdictCell
 from dqcontrol.tuning import learn, tune
 from dqcontrol_theses.catalogue import Conditions
-from dqcontrol_theses.pereira2016.pereira2016_catalogue import SERVO, SOURCE
-from dqcontrol_theses.pereira2016.published_specs import published_spec
+from dqcontrol_theses.pereira2016.pereira2016_catalogue import SERVO, SOURCE, published_spec
 from dqcontrol_theses.pereira2016.tuned_comparison import linear_counterpart
 from dqcontrol_theses.reproduced import Reproduced
 
@@ -77,8 +77,8 @@ def reproduce_writing(conditions: Conditions) -> Reproduced:
         records |= _drawn("shaken", whole, shaken, conditions)
     asked = learnt.first.desired_position
     tables = [_table(records, asked), tuned.table(), learnt.table()]
-    figures = {"writing": lambda: writing_figure(records, asked)}
-    return Reproduced(f"{SOURCE}/writing", tables, {}, figures, plant)
+    drawn = {"writing": lambda: writing_figure(records, asked)}
+    return Reproduced(f"{SOURCE}/writing", tables, {}, drawn, plant)
 
 
 def writing_spec(plant: str) -> dict[str, Any]:
@@ -134,43 +134,35 @@ def _off_line(record: Record, asked: Array) -> Array:
 
 
 def _table(records: Mapping[str, Record], asked: Array) -> Table:
-    rows: list[list[Cell]] = []
-    for label, record in records.items():
+    def row(label: str, record: Record) -> list[tuple[Column, Cell]]:
         errors, off = _errors(record, asked), _off_line(record, asked)
         rms = float(np.sqrt(np.mean(errors**2)))
-        rows.append(
-            [
-                label,
-                rms,
-                float(errors.max()),
-                float(off.max()),
-                VerdictCell("yes" if rms < _GOAL else "no", rms < _GOAL),
-            ]
-        )
-    columns = [
-        Column("by"),
-        Column("position error RMS", "mm", ".3g"),
-        Column("peak", "mm", ".3g"),
-        Column("farthest from the line", "mm", ".3g"),
-        Column("RMS below a millimetre"),
-    ]
-    return Table(columns, rows, "P16's drawing on its arm")
+        return [
+            (Column("by"), label),
+            (Column("position error RMS", "mm", ".3g"), rms),
+            (Column("peak", "mm", ".3g"), float(errors.max())),
+            (Column("farthest from the line", "mm", ".3g"), float(off.max())),
+            (Column("RMS below a millimetre"), VerdictCell("yes" if rms < _GOAL else "no", rms < _GOAL)),
+        ]
+
+    return Table.of((row(*each) for each in records.items()), "P16's drawing on its arm")
 
 
 def writing_figure(records: Mapping[str, Record], asked: Array) -> Figure:
     """Return one picture: what each means draws, errors shown ten times as large, in the plane of the drawing."""
-    from dqcontrol.figures import COLOURS, DESIRED, new_figure
-
     enlarged = 10.0
     centred = asked - asked.mean(axis=0)
     _, _, axes_of_plane = np.linalg.svd(centred, full_matrices=False)
     across, up = _upright(axes_of_plane)
-    figure = new_figure(_WIDTH, 0.4 + 2.2 * -(-len(records) // 3))
+    figure = figures.new_figure(_WIDTH, 0.4 + 2.2 * -(-len(records) // 3))
     grid = figure.subplots(-(-len(records) // 3), 3, squeeze=False)
     for i, (axes, (label, record)) in enumerate(zip(grid.flat, records.items(), strict=False)):
         count = min(len(record), len(asked))
         shown = asked[:count] + enlarged * (record.position[:count] - asked[:count])
-        for path, colour, width in ((asked, DESIRED, 0.6), (shown, COLOURS[i % len(COLOURS)], 0.9)):
+        for path, colour, width in (
+            (asked, figures.DESIRED, 0.6),
+            (shown, figures.COLOURS[i % len(figures.COLOURS)], 0.9),
+        ):
             axes.plot(1e3 * path @ across, 1e3 * path @ up, color=colour, lw=width)
         axes.set_aspect("equal")
         axes.set_title(f"{label}\nerrors × {enlarged:g}", fontsize="x-small")

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dqcontrol import figures
 from dqcontrol.experiments import prepare
 from dqcontrol.laws import Law
 from dqcontrol.loop import Record, simulate
@@ -19,9 +20,17 @@ from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.judgement import Judgement
 from dqcontrol_theses.reproduced import Draw, Reproduced
-from dqcontrol_theses.silva2017.goal_runs import COUNTED, LIMITED, UNLIMITED, counted, run_to_goal
+from dqcontrol_theses.silva2017.goal_runs import (
+    COUNTED,
+    LIMITED,
+    UNLIMITED,
+    RaceOutcome,
+    counted,
+    run_to_goal,
+    until_good_enough,
+)
 from dqcontrol_theses.silva2017.parsimonious import parsimonious_law
-from dqcontrol_theses.silva2017.race import RaceOutcome, until_good_enough
+from dqcontrol_theses.silva2017.pictures import told_inputs
 from dqcontrol_theses.silva2017.random_races import BOXES, GoalBox
 from dqcontrol_theses.silva2017.specs import GOOD_ENOUGH, S17, setting_of, spec_data, verdicts
 
@@ -30,6 +39,7 @@ _SILVA, _SALAZAR = "cascade, Silva and Adorno 2016", "cascade, Salazar-Sangucho 
 _PROJECTED, _REDUCED, _LEAST = "projected gradient", "reduced gradient", "least inputs"
 _GAIN = 0.5  # 1/s
 _RESTING, _ASIDE = 5.0, 0.8  # s, rad
+_LIMITS = {False: "no limits", True: "limits of joints and wheels"}
 _MOVES = 1e-3  # of the largest input of a sample: an input that is smaller rests
 
 
@@ -72,37 +82,27 @@ def off_middle(robot: Robot, record: Record) -> np.ndarray:
 
 
 def _table(robot: Robot, records: dict[str, Record], period: float) -> Table:
-    rows: list[list[Cell]] = []
-    for label, record in records.items():
+    def row(label: str, record: Record) -> list[tuple[Column, Cell]]:
         first, whole = (RaceOutcome.of(each, period) for each in (until_good_enough(record), record))
         arrived = math.isfinite(first.settling)
-        rows.append(
-            [
-                label,
-                first.settling,
-                whole.settling,
-                first.effort if arrived else None,
-                whole.first,
-                whole.largest_change,
-                inputs_that_move(record),
-                100 * whole.overshoot,
+        return [
+            (Column("Law"), label),
+            (Column(f"Iterations to first below {GOOD_ENOUGH}", "", ".4g"), first.settling),
+            (Column("Until it stays below", "", ".4g"), whole.settling),
+            (Column("Effort until first below", "rad/√s", ".3g"), first.effort if arrived else None),
+            (Column("First command |u_f|", "rad/s", ".3g"), whole.first),
+            (Column("Largest change of u_f", "rad/s", ".3g"), whole.largest_change),
+            (Column("Inputs that move at a time, of 7", "", ".2f"), inputs_that_move(record)),
+            (Column("Overshoot", "%", ".2g"), 100 * whole.overshoot),
+            (
+                Column("Joints off their middles at the end, H", "", ".3g"),
                 float(off_middle(robot, record)[-1]),
-                whole.final,
-            ]
-        )
-    columns = [
-        Column("Law"),
-        Column(f"Iterations to first below {GOOD_ENOUGH}", "", ".4g"),
-        Column("Until it stays below", "", ".4g"),
-        Column("Effort until first below", "rad/√s", ".3g"),
-        Column("First command |u_f|", "rad/s", ".3g"),
-        Column("Largest change of u_f", "rad/s", ".3g"),
-        Column("Inputs that move at a time, of 7", "", ".2f"),
-        Column("Overshoot", "%", ".2g"),
-        Column("Joints off their middles at the end, H", "", ".3g"),
-        Column("Last error", "", ".2g"),
-    ]
-    return Table(columns, rows, "Laws that S17 cites, on the goal of its comparison; ideal joints, no limits")
+            ),
+            (Column("Last error", "", ".2g"), whole.final),
+        ]
+
+    title = "Laws that S17 cites, on the goal of its comparison; ideal joints, no limits"
+    return Table.of((row(*each) for each in records.items()), title)
 
 
 class BaselineTrial(NamedTuple):
@@ -149,18 +149,20 @@ def _goals_table(numbers: Mapping[str, int], count: int, conditions: Conditions)
     ]
     text = setting_of("baselines").text
     found = conditions.each("random goals", count_reached, Counted, trials, text)
-    rows: list[list[Cell]] = [
+    words = dict(zip(trials, (each.words for each in found), strict=True))
+    rows: list[list[tuple[Column, Cell]]] = [
         [
-            law,
-            number,
-            *(each.words for trial, each in zip(trials, found, strict=True) if trial.law == law),
+            (Column("Law"), law),
+            (Column("Goals of each kind"), number),
+            *(
+                (Column(f"{trial.box.name}, {_LIMITS[trial.is_limited]}"), text)
+                for trial, text in words.items()
+                if trial.law == law
+            ),
         ]
         for law, number in numbers.items()
     ]
-    columns = [Column("Law"), Column("Goals of each kind")]
-    for box in BOXES:
-        columns += [Column(f"{box.name}, no limits"), Column(f"{box.name}, limits of joints and wheels")]
-    return Table(columns, rows, f"Goals of `comparison`: {COUNTED}")
+    return Table.of(rows, f"Goals of `comparison`: {COUNTED}")
 
 
 def _judge(robot: Robot, records: dict[str, Record], period: float) -> dict[str, Judgement]:
@@ -214,15 +216,5 @@ def _turned_aside() -> np.ndarray:
 
 
 def _figures(records: dict[str, Record]) -> dict[str, Draw]:
-    def view(name: str):
-        import dqcontrol.figures
-
-        return getattr(dqcontrol.figures, name)
-
-    def told():
-        chosen = (S17, _SALAZAR, PARSIMONIOUS)
-        signals = {label: records[label].readings["actuator_command"] for label in chosen}
-        inputs = {label: (records[label].time, each.values) for label, each in signals.items()}
-        return view("compare_inputs")(inputs, [f"{name} [rad/s]" for name in signals[S17].parts])
-
-    return {"inputs": told, "errors": lambda: view("compare_errors")(records)}
+    chosen = {label: records[label] for label in (S17, _SALAZAR, PARSIMONIOUS)}
+    return {"inputs": lambda: told_inputs(chosen), "errors": lambda: figures.compare_errors(records)}

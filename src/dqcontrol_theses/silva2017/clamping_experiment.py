@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dqcontrol import algebra
+from dqcontrol import algebra, figures
 from dqcontrol.arrays import Array
 from dqcontrol.experiments import Combination
 from dqcontrol.limits import CommandLimits, ModifiedClamping
@@ -48,19 +48,14 @@ def reproduce(conditions: Conditions, count: int = 100, beyond: int = 20) -> Rep
         | {"nearest-in-general": _judge_unreachable(case, period, unreachable)}
         for case in setting.cases
     ]
-    back = (0.0, _BACK)
-    figures: dict[str, Draw] = {
-        "figure-5.8": lambda: _view("superimposed")(robot, _first_phase(records)),
-        "figure-5.9": lambda: _view("compare_poses")(records),
-        "figure-5.10": lambda: _view("compare_joints")(
-            records, robot.limits, range(robot.configuration_size), back
-        ),
+    joints = range(robot.configuration_size)
+    drawn: dict[str, Draw] = {
+        "figure-5.8": lambda: figures.superimposed(robot, _first_phase(records)),
+        "figure-5.9": lambda: figures.compare_poses(records),
+        "figure-5.10": lambda: figures.compare_joints(records, robot.limits, joints, (0.0, _BACK)),
     }
-    tables = [
-        _table(by_law, robot, nearest),
-        verdicts("clamping", *judgements),
-    ]
-    return Reproduced("silva2017/clamping", tables, {"clamping": study}, figures)
+    tables = [_table(by_law, robot, nearest), verdicts("clamping", *judgements)]
+    return Reproduced("silva2017/clamping", tables, {"clamping": study}, drawn)
 
 
 def _record(case: Combination, period: float, limits: CommandLimits) -> Record:
@@ -146,31 +141,24 @@ def _blocked(record: Record, robot: Robot, k: int) -> list[int]:
 
 
 def _table(by_law: dict[str, dict[str, Record]], robot: Robot, nearest: float) -> Table:
-    rows: list[list[Cell]] = []
+    def row(law: str, limits: str, *cells: Cell) -> list[tuple[Column, Cell]]:
+        columns = (
+            Column("Error before the way back", "", ".3g"),
+            Column("Largest excess", "rad", ".3g"),
+            Column("At or beyond a limit then"),
+            Column("Error at the end", "", ".3g"),
+        )
+        return [(Column("Law"), law), (Column("Limits"), limits), *zip(columns, cells, strict=True)]
+
+    rows = []
     for law, records in by_law.items():
         for label, record in records.items():
             first, last = _phases(record)
-            names = [record.joint_names[i] for i in _blocked(record, robot, first)]
-            rows.append(
-                [
-                    law,
-                    label,
-                    float(record.error[first]),
-                    max(_excess(record, robot), 0.0),
-                    ", ".join(names) or "none",
-                    float(record.error[last]),
-                ]
-            )
-    rows.append(["", "nearest within the limits, by search", nearest, 0.0, "", None])
-    columns = [
-        Column("Law"),
-        Column("Limits"),
-        Column("Error before the way back", "", ".3g"),
-        Column("Largest excess", "rad", ".3g"),
-        Column("At or beyond a limit then"),
-        Column("Error at the end", "", ".3g"),
-    ]
-    return Table(columns, rows, "S17 Figs 5.8–5.10; goal unreachable within ±90°, then the start again")
+            names = ", ".join(record.joint_names[i] for i in _blocked(record, robot, first)) or "none"
+            excess = max(_excess(record, robot), 0.0)
+            rows.append(row(law, label, float(record.error[first]), excess, names, float(record.error[last])))
+    rows.append(row("", "nearest within the limits, by search", nearest, 0.0, "", None))
+    return Table.of(rows, "S17 Figs 5.8–5.10; goal unreachable within ±90°, then the start again")
 
 
 def _judge(
@@ -213,9 +201,3 @@ def _first_phase(records: dict[str, Record]) -> dict[str, Record]:
         label: part_of(records[label], 0, _phases(records[label])[0] + 1)
         for label in ("no clamping", "modified clamping")
     }
-
-
-def _view(name: str):
-    import dqcontrol.figures
-
-    return getattr(dqcontrol.figures, name)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dqcontrol import algebra
+from dqcontrol import algebra, figures
 from dqcontrol.experiments import Combination
 from dqcontrol.limits import CommandLimits, ModifiedClamping
 from dqcontrol.loop import Record, simulate_prepared
@@ -13,8 +13,8 @@ from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.judgement import ABOUT_THE_ROBOT, Judgement
 from dqcontrol_theses.reproduced import Draw, Reproduced
+from dqcontrol_theses.silva2017.goal_runs import until_good_enough
 from dqcontrol_theses.silva2017.pictures import ghosted_strip, if_drawable
-from dqcontrol_theses.silva2017.race import until_good_enough
 from dqcontrol_theses.silva2017.specs import OURS, S17, setting_of, spec_data, verdicts
 from dqcontrol_theses.variants import TiringMotors
 
@@ -33,10 +33,10 @@ def reproduce(conditions: Conditions) -> Reproduced:
     setting = setting_of("clamping-robot")
     records = {case.names.law: _records(case, setting.spec.period) for case in setting.cases}
     robot, shown = setting.scene.robot, records[OURS]
-    figures: dict[str, Draw] = {
-        "figure-5.11-lines": lambda: _view("superimposed")(robot, shown),
-        "figure-5.12": lambda: _view("compare_poses")(shown),
-        "figure-5.13": lambda: _view("compare_joints")(
+    drawn: dict[str, Draw] = {
+        "figure-5.11-lines": lambda: figures.superimposed(robot, shown),
+        "figure-5.12": lambda: figures.compare_poses(shown),
+        "figure-5.13": lambda: figures.compare_joints(
             shown, robot.limits, range(3, 8), _given_up(shown["no clamping"])
         ),
     }
@@ -45,7 +45,7 @@ def reproduce(conditions: Conditions) -> Reproduced:
         "silva2017/clamping-robot",
         [_table(records), verdicts("clamping-robot", _judge(robot, by_s17), _judge(robot, records[OURS]))],
         {"clamping-robot": study},
-        figures,
+        drawn,
         files=if_drawable({"figure-5.11.png": ghosted_strip(robot, _with_and_without(shown), _times(shown))}),
     )
 
@@ -86,29 +86,23 @@ def _given_up(record: Record) -> tuple[float, float] | None:
 
 
 def _table(records: dict[str, dict[str, Record]]) -> Table:
-    rows: list[list[Cell]] = [
+    rows: list[list[tuple[Column, Cell]]] = [
         [
-            law,
-            label,
-            *(float(each) for each in _torques(record)),
-            record.stopped,
-            float(record.error.min()),
-            float(record.error[-1]),
+            (Column("Law"), law),
+            (Column("Limits"), label),
+            *(
+                (Column(f"Joint {i}: largest torque", "N·m", ".3f"), float(torque))
+                for i, torque in enumerate(_torques(record), 1)
+            ),
+            (Column("Ended by"), record.stopped),
+            (Column("Least error", "", ".3g"), float(record.error.min())),
+            (Column("Error at the end", "", ".3g"), float(record.error[-1])),
         ]
         for law, each_law in records.items()
         for label, record in each_law.items()
     ]
-    columns = [
-        Column("Law"),
-        Column("Limits"),
-        *(Column(f"Joint {i}: largest torque", "N·m", ".3f") for i in range(1, 6)),
-        Column("Ended by"),
-        Column("Least error", "", ".3g"),
-        Column("Error at the end", "", ".3g"),
-    ]
-    return Table(
-        columns, rows, f"S17 Figs 5.11–5.13; motors give up after a second above {MOTORS.torque} N·m, assumed"
-    )
+    title = f"S17 Figs 5.11–5.13; motors give up after a second above {MOTORS.torque} N·m, assumed"
+    return Table.of(rows, title)
 
 
 def _excess(robot: Robot, record: Record) -> np.ndarray:
@@ -163,9 +157,3 @@ def _judge(robot: Robot, records: dict[str, Record]) -> dict[str, Judgement]:
             None, f"{clamped.stopped}, error {clamped.error[-1]:.3f}", ABOUT_THE_ROBOT
         ),
     }
-
-
-def _view(name: str):
-    import dqcontrol.figures
-
-    return getattr(dqcontrol.figures, name)

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from dqcontrol import algebra
+from dqcontrol import algebra, figures
 from dqcontrol.experiments import PreparedExperiment, Run, prepare
 from dqcontrol.loop import Record, simulate, simulate_prepared
 from dqcontrol.plants import Camera, Integrator, MobilePlant
@@ -25,7 +25,9 @@ from dqcontrol_theses.silva2017.goal_runs import (
     BASE_TURN_ACCELERATION,
     JOINT_ACCELERATION,
     UNLIMITED,
+    RaceOutcome,
     beyond_limits,
+    until_good_enough,
     with_acceleration_limits,
 )
 from dqcontrol_theses.silva2017.inverses import (
@@ -36,14 +38,8 @@ from dqcontrol_theses.silva2017.inverses import (
     judge_inverses,
     with_each_inverse,
 )
-from dqcontrol_theses.silva2017.pictures import ghosted_strip, if_drawable
-from dqcontrol_theses.silva2017.race import RaceOutcome, until_good_enough
-from dqcontrol_theses.silva2017.random_races import (
-    Races,
-    overshooting,
-    race_on_random_goals,
-    random_tables,
-)
+from dqcontrol_theses.silva2017.pictures import ghosted_strip, if_drawable, told_inputs
+from dqcontrol_theses.silva2017.random_races import Races, overshooting, race_on_random_goals, random_tables
 from dqcontrol_theses.silva2017.specs import GOOD_ENOUGH, OURS, S17, printed, spec_data, verdicts
 
 CLASSIC, MATCHED = "classic", "classic, matched to S17's"
@@ -53,13 +49,6 @@ CAMERA = Camera(
 _SIMILAR, _CLEARLY_LESS, _OVERSHOOT = 0.2, 0.6, 0.01
 _LAST = 100  # samples, 5 s
 _PRINTED_AS = {S17: "nonlinear", CLASSIC: CLASSIC}
-_BESIDE_PRINT = (
-    Column("Iterations, published", "", ".4g"),
-    Column("Ours", "", ".4g"),
-    Column("Effort, published", "rad/√s", ".3g"),
-    Column("Ours", "rad/√s", ".3g"),
-    Column("Over classic", "", ".3g"),
-)
 
 
 def reproduce(conditions: Conditions, count: int = 100, in_physics: bool = True) -> Reproduced:
@@ -119,46 +108,39 @@ def _named(runs: dict[tuple[str, ...], Run], data: dict[str, Any]) -> dict[tuple
     }
 
 
-def _beside_print(label: str, first: RaceOutcome, iterations: float, classic: RaceOutcome) -> list[Cell]:
-    """Return the cells of `_BESIDE_PRINT`: of a run to its first good sample, and the classic law's effort to its."""
+def _beside_print(
+    label: str, first: RaceOutcome, iterations: float, classic: RaceOutcome
+) -> list[tuple[Column, Cell]]:
+    """Return cells of a run to its first good sample, beside the printed ones, and over the classic law's effort."""
     law, arrived = _PRINTED_AS.get(label), math.isfinite(first.settling)
     return [
-        printed("comparison", law, "iterations") if law else None,
-        iterations,
-        printed("comparison", law, "effort") if law else None,
-        first.effort if arrived else None,
-        first.effort / classic.effort if arrived else None,
+        (
+            Column("Iterations, published", "", ".4g"),
+            printed("comparison", law, "iterations") if law else None,
+        ),
+        (Column("Ours", "", ".4g"), iterations),
+        (Column("Effort, published", "rad/√s", ".3g"), printed("comparison", law, "effort") if law else None),
+        (Column("Ours", "rad/√s", ".3g"), first.effort if arrived else None),
+        (Column("Over classic", "", ".3g"), first.effort / classic.effort if arrived else None),
     ]
 
 
 def _table(ideal: dict[str, Run], period: float, gain: float | None) -> Table:
-    rows: list[list[Cell]] = []
+    def row(label: str, record: Record) -> list[tuple[Column, Cell]]:
+        first, whole = (RaceOutcome.of(each, period) for each in (until_good_enough(record), record))
+        return [
+            (Column("Law"), label if label != MATCHED else f"{label}: K = {gain:.3g}"),
+            *_beside_print(label, first, first.settling, first_classic),
+            (Column("Iterations until it stays below", "", ".4g"), whole.settling),
+            (Column("Effort of 60 s", "rad/√s", ".3g"), whole.effort),
+            (Column("First command |u_f|", "rad/s", ".3g"), whole.first),
+            (Column("Largest change of u_f", "rad/s", ".3g"), whole.largest_change),
+            (Column("Overshoot", "%", ".2g"), 100 * whole.overshoot),
+        ]
+
     first_classic = RaceOutcome.of(until_good_enough(ideal[CLASSIC].record), period)
-    for label, run in ideal.items():
-        first = RaceOutcome.of(until_good_enough(run.record), period)
-        whole = RaceOutcome.of(run.record, period)
-        rows.append(
-            [
-                label if label != MATCHED else f"{label}: K = {gain:.3g}",
-                *_beside_print(label, first, first.settling, first_classic),
-                whole.settling,
-                whole.effort,
-                whole.first,
-                whole.largest_change,
-                100 * whole.overshoot,
-            ]
-        )
-    columns = [
-        Column("Law"),
-        *_BESIDE_PRINT,
-        Column("Iterations until it stays below", "", ".4g"),
-        Column("Effort of 60 s", "rad/√s", ".3g"),
-        Column("First command |u_f|", "rad/s", ".3g"),
-        Column("Largest change of u_f", "rad/s", ".3g"),
-        Column("Overshoot", "%", ".2g"),
-    ]
     title = f"S17 Table 5.1; iterations and effort until the error is first below {GOOD_ENOUGH}, as S17 stops"
-    return Table(columns, rows, title)
+    return Table.of((row(label, run.record) for label, run in ideal.items()), title)
 
 
 def _limited_table(setting: PreparedExperiment, free: dict[str, Record]) -> Table:
@@ -171,71 +153,59 @@ def _limited_table(setting: PreparedExperiment, free: dict[str, Record]) -> Tabl
         limited = msgspec.structs.replace(law, constraints=ALL_LIMITS).prepare(robot, None, period)
         runs[label] = simulate_prepared(limited, Integrator(), scene.start, scene.samples)
     firsts = {label: RaceOutcome.of(until_good_enough(run), period) for label, run in runs.items()}
-    rows: list[list[Cell]] = []
-    for label, run in runs.items():
+
+    def row(label: str, run: Record) -> list[tuple[Column, Cell]]:
         first, whole = firsts[label], RaceOutcome.of(run, period)
-        rows.append(
-            [
-                label,
-                *_beside_print(label, first, first.first_below, firsts[CLASSIC]),
-                whole.settling,
-                whole.first,
-                whole.largest_change,
-                whole.final,
-                100 * beyond_limits(robot, run, period),
-                100 * beyond_limits(robot, free[label], period),
-            ]
-        )
-    columns = [
-        Column("Law"),
-        *_BESIDE_PRINT,
-        Column("Iterations until it stays below", "", ".4g"),
-        Column("First command |u_f|", "rad/s", ".3g"),
-        Column("Largest change of u_f", "rad/s", ".3g"),
-        Column("Last error", "", ".2g"),
-        Column("Beyond a limit", "%", ".2g"),
-        Column("Beyond one without them", "%", ".3g"),
-    ]
+        return [
+            (Column("Law"), label),
+            *_beside_print(label, first, first.first_below, firsts[CLASSIC]),
+            (Column("Iterations until it stays below", "", ".4g"), whole.settling),
+            (Column("First command |u_f|", "rad/s", ".3g"), whole.first),
+            (Column("Largest change of u_f", "rad/s", ".3g"), whole.largest_change),
+            (Column("Last error", "", ".2g"), whole.final),
+            (Column("Beyond a limit", "%", ".2g"), 100 * beyond_limits(robot, run, period)),
+            (Column("Beyond one without them", "%", ".3g"), 100 * beyond_limits(robot, free[label], period)),
+        ]
+
     title = (
         "The same with all limits on, as constraints around each law: joints, wheels, rims, and accelerations of "
         f"{BASE_ACCELERATION:g} m/s² and {BASE_TURN_ACCELERATION:g} rad/s² of the base and {JOINT_ACCELERATION:g} "
         "rad/s² of the joints, which are our assumption"
     )
-    return Table(columns, rows, title)
+    return Table.of((row(*each) for each in runs.items()), title)
 
 
 def _physics_table(setting: PreparedExperiment) -> Table:
     """Return S17's law and the classic one on wheels and servos in MuJoCo, the base seen by the camera."""
-    scene, period = setting.scene, setting.spec.period
-    rows: list[list[Cell]] = []
-    efforts: list[float] = []
+    scene, spec = setting.scene, setting.spec
+    runs: dict[str, tuple[RaceOutcome, RaceOutcome]] = {}
     for label in (S17, CLASSIC, f"{S17} with (4.19)", OURS):
-        law = setting.spec.law_by_label[label]
-        plant = MobilePlant(location="camera", camera=CAMERA)
         record = simulate(
             scene.robot,
             scene.reference,
-            law,
-            plant,
+            spec.law_by_label[label],
+            MobilePlant(location="camera", camera=CAMERA),
             scene.start,
-            period,
-            setting.spec.duration,
+            spec.period,
+            spec.duration,
             limits=UNLIMITED,
         )
-        first, whole = (RaceOutcome.of(each, period) for each in (until_good_enough(record), record))
-        efforts.append(first.effort)
-        rows.append([label, first.first_below, whole.settling, first.effort, whole.final])
-    rows = [[*row, effort / efforts[1]] for row, effort in zip(rows, efforts, strict=True)]
-    columns = [
-        Column("Law"),
-        Column("Iterations to first below 0.04", "", ".4g"),
-        Column("Until it stays below", "", ".4g"),
-        Column("Effort until first below", "rad/√s", ".3g"),
-        Column("Last error", "", ".2g"),
-        Column("Effort over classic", "", ".3g"),
+        first = RaceOutcome.of(until_good_enough(record), spec.period)
+        runs[label] = first, RaceOutcome.of(record, spec.period)
+    classic, _ = runs[CLASSIC]
+    rows: list[list[tuple[Column, Cell]]] = [
+        [
+            (Column("Law"), label),
+            (Column("Iterations to first below 0.04", "", ".4g"), first.first_below),
+            (Column("Until it stays below", "", ".4g"), whole.settling),
+            (Column("Effort until first below", "rad/√s", ".3g"), first.effort),
+            (Column("Last error", "", ".2g"), whole.final),
+            (Column("Effort over classic", "", ".3g"), first.effort / classic.effort),
+        ]
+        for label, (first, whole) in runs.items()
     ]
     title = f"In MuJoCo, the base seen by a camera ({CAMERA.rate:g} Hz, 5 mm, 0.01 rad, 1 % outliers of 10 cm), seed 0"
-    return Table(columns, rows, title)
+    return Table.of(rows, title)
 
 
 def _ahead(nonlinear: Run, linear: Run, until: float) -> int:
@@ -324,25 +294,12 @@ def _as_error(run: Run) -> Record:
 
 
 def _figures(ideal: dict[str, Run], camera: dict[str, Run]) -> dict[str, Draw]:
-    two = (S17, CLASSIC)
-
-    def told():
-        from dqcontrol.figures import compare_inputs
-
-        signals = {label: ideal[label].record.readings["actuator_command"] for label in two}
-        inputs = {label: (ideal[label].record.time, each.values) for label, each in signals.items()}
-        return compare_inputs(inputs, [f"{name} [rad/s]" for name in signals[S17].parts])
-
-    def view(name: str):
-        import dqcontrol.figures
-
-        return getattr(dqcontrol.figures, name)
-
-    body = ideal[S17].robot
+    two, body = (S17, CLASSIC), ideal[S17].robot
+    records = {label: run.record for label, run in ideal.items()}
     return {
-        "figure-5.4-lines": lambda: view("superimposed")(body, {label: ideal[label].record for label in two}),
-        "figure-5.5": lambda: view("compare_poses")({label: _as_error(camera[label]) for label in two}),
-        "figure-5.6": lambda: view("compare_errors")({label: _as_seen(camera[label]) for label in two}),
-        "figure-5.7": told,
-        "base-paths": lambda: view("base_path")(body, {label: run.record for label, run in ideal.items()}),
+        "figure-5.4-lines": lambda: figures.superimposed(body, {label: records[label] for label in two}),
+        "figure-5.5": lambda: figures.compare_poses({label: _as_error(camera[label]) for label in two}),
+        "figure-5.6": lambda: figures.compare_errors({label: _as_seen(camera[label]) for label in two}),
+        "figure-5.7": lambda: told_inputs({label: records[label] for label in two}),
+        "base-paths": lambda: figures.base_path(body, records),
     }

@@ -8,6 +8,7 @@ from typing import cast
 import numpy as np
 from msgspec.structs import replace
 
+from dqcontrol import figures
 from dqcontrol.experiments import PreparedExperiment
 from dqcontrol.laws import FeedbackLinearization
 from dqcontrol.loop import Record, simulate_prepared
@@ -17,7 +18,7 @@ from dqcontrol.references import SetPoint
 from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.reproduced import Draw, Reproduced
-from dqcontrol_theses.silva2017.race import RaceOutcome
+from dqcontrol_theses.silva2017.goal_runs import RaceOutcome
 from dqcontrol_theses.silva2017.specs import GOOD_ENOUGH, setting_of, spec_data
 
 PERIODS = (0.0125, 0.025, 0.05, 0.1, 0.2, 0.4)  # s
@@ -32,9 +33,10 @@ def reproduce(conditions: Conditions) -> Reproduced:
     settings = {period: setting_of("discretisation", period=period) for period in PERIODS}
     records = {period: _record(setting) for period, setting in settings.items()}
     law = cast(FeedbackLinearization, settings[PERIODS[0]].cases[0].variant.law)
-    figures: dict[str, Draw] = {"periods": lambda: _errors(records)}
+    named = {f"T = {1e3 * period:g} ms": record for period, record in records.items()}
+    drawn: dict[str, Draw] = {"periods": lambda: figures.compare_errors(named)}
     tables = [_table(settings, records, law), _limit_table(settings[PERIODS[0]], law)]
-    return Reproduced("silva2017/discretisation", tables, {"discretisation": study}, figures)
+    return Reproduced("silva2017/discretisation", tables, {"discretisation": study}, drawn)
 
 
 def largest_period(law: FeedbackLinearization) -> float:
@@ -53,35 +55,23 @@ def _record(setting: PreparedExperiment) -> Record:
 def _table(
     settings: dict[float, PreparedExperiment], records: dict[float, Record], law: FeedbackLinearization
 ) -> Table:
-    rows: list[list[Cell]] = []
-    for period, record in records.items():
-        robot = settings[period].scene.robot
-        found, each = certificate(robot, record, law), RaceOutcome.of(record, period)
-        rows.append(
-            [
-                1e3 * period,
-                each.settling * period,
-                each.settling,
-                found.largest_rise,
-                each.first,
-                each.first / period,
-                each.effort,
-                100 * each.overshoot,
-                each.final,
-            ]
-        )
-    columns = [
-        Column("T", "ms", ".4g"),
-        Column("Settling", "s", ".4g"),
-        Column("Iterations", "", ".4g"),
-        Column("Largest rise of V/V₀ a sample", "", ".2e"),
-        Column("First command |u_f|", "rad/s", ".3g"),
-        Column("Over T", "rad/s²", ".3g"),
-        Column("Effort", "rad/√s", ".3g"),
-        Column("Overshoot", "%", ".3g"),
-        Column("Error at the end", "", ".1e"),
-    ]
-    return Table(columns, rows, f"S17 chapter 6: effect of the period; settled below {GOOD_ENOUGH}")
+    def row(period: float, record: Record) -> list[tuple[Column, Cell]]:
+        found = certificate(settings[period].scene.robot, record, law)
+        each = RaceOutcome.of(record, period)
+        return [
+            (Column("T", "ms", ".4g"), 1e3 * period),
+            (Column("Settling", "s", ".4g"), each.settling * period),
+            (Column("Iterations", "", ".4g"), each.settling),
+            (Column("Largest rise of V/V₀ a sample", "", ".2e"), found.largest_rise),
+            (Column("First command |u_f|", "rad/s", ".3g"), each.first),
+            (Column("Over T", "rad/s²", ".3g"), each.first / period),
+            (Column("Effort", "rad/√s", ".3g"), each.effort),
+            (Column("Overshoot", "%", ".3g"), 100 * each.overshoot),
+            (Column("Error at the end", "", ".1e"), each.final),
+        ]
+
+    title = f"S17 chapter 6: effect of the period; settled below {GOOD_ENOUGH}"
+    return Table.of((row(*each) for each in records.items()), title)
 
 
 def _limit_table(setting: PreparedExperiment, law: FeedbackLinearization) -> Table:
@@ -91,26 +81,19 @@ def _limit_table(setting: PreparedExperiment, law: FeedbackLinearization) -> Tab
     inputs = np.zeros(scene.robot.input_size)
     inputs[0] = _NEAR
     goal = SetPoint(scene.robot.fkm(scene.robot.integrate(scene.start, inputs, 1.0)))
-    rows: list[list[Cell]] = []
-    for share in _SHARES:
+
+    def row(share: float) -> list[tuple[Column, Cell]]:
         period = share * limit
         samples = goal.samples(period * np.arange(_STEPS))
         record = simulate_prepared(law.prepare(scene.robot, None, period), Integrator(), scene.start, samples)
-        error = record.error
-        half = len(error) // 2
-        rows.append([share, period, float(error[:20].max()), float(error[half:].max()), record.stopped])
-    columns = [
-        Column("T over the limit", "", ".2f"),
-        Column("T", "s", ".3f"),
-        Column("Largest error of the first 20 samples", "", ".1e"),
-        Column("Of the second half", "", ".1e"),
-        Column("Ended by"),
-    ]
+        error, half = record.error, len(record) // 2
+        return [
+            (Column("T over the limit", "", ".2f"), share),
+            (Column("T", "s", ".3f"), period),
+            (Column("Largest error of the first 20 samples", "", ".1e"), float(error[:20].max())),
+            (Column("Of the second half", "", ".1e"), float(error[half:].max())),
+            (Column("Ended by"), record.stopped),
+        ]
+
     title = f"Stability limit (k̄/4) T² = 4 − 2 k_v T: T = {limit:.3f} s; a goal 1 mm ahead, {_STEPS} samples"
-    return Table(columns, rows, title)
-
-
-def _errors(records: dict[float, Record]):
-    from dqcontrol.figures import compare_errors
-
-    return compare_errors({f"T = {1e3 * period:g} ms": record for period, record in records.items()})
+    return Table.of(map(row, _SHARES), title)

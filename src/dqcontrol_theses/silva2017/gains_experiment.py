@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dqcontrol import figures
 from dqcontrol.experiments import Run
 from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.catalogue import Conditions
 from dqcontrol_theses.judgement import Judgement, listed
 from dqcontrol_theses.reproduced import Draw, Reproduced
 from dqcontrol_theses.silva2017.specs import OURS, S17, spec_data, verdicts
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 DAMPED: dict[str, tuple[float, float]] = {
     "k̄ = 0.6, k_v = 1": (0.6, 1),
@@ -32,12 +37,12 @@ def reproduce(conditions: Conditions) -> Reproduced:
     data = spec_data("gains")
     study = conditions.run_study("gains", data)
     runs = {law: {label: _run(study.runs, law, label) for label in DAMPED | STIFF} for law in data["laws"]}
-    figures: dict[str, Draw] = {
-        "figure-5.2": lambda: _poses({label: runs[S17][label] for label in DAMPED}),
-        "figure-5.3": lambda: _poses({label: runs[S17][label] for label in STIFF}),
+    drawn: dict[str, Draw] = {
+        "figure-5.2": lambda: _poses(runs[S17], DAMPED),
+        "figure-5.3": lambda: _poses(runs[S17], STIFF),
     }
     tables = [_table(runs), verdicts("gains", _judge(runs[S17]), _judge(runs[OURS]))]
-    return Reproduced("silva2017/gains", tables, {"gains": study}, figures)
+    return Reproduced("silva2017/gains", tables, {"gains": study}, drawn)
 
 
 def _run(runs: dict[str, Run], law: str, label: str) -> Run:
@@ -55,37 +60,22 @@ def overshoot(run: Run) -> float:
 
 
 def _table(runs: dict[str, dict[str, Run]]) -> Table:
-    rows: list[list[Cell]] = []
-    for law, each in runs.items():
-        for label, gains in (DAMPED | STIFF).items():
-            metrics = each[label].metrics
-            rows.append(
-                [
-                    law,
-                    label,
-                    damping_ratio(*gains),
-                    metrics.settling_time,
-                    metrics.samples,
-                    100 * overshoot(each[label]),
-                    metrics.hand_acceleration.peak,
-                    metrics.effort,
-                    each[label].record.stopped,
-                ]
-            )
-    columns = [
-        Column("Law"),
-        Column("Set"),
-        Column("ζ", "", ".3g"),
-        Column("Settling to 2 %", "s", ".4g"),
-        Column("Samples"),
-        Column("Overshoot", "%", ".2g"),
-        Column("Peak acceleration", "m/s²", ".3g"),
-        Column("Effort", "rad/√s", ".3g"),
-        Column("Ended by"),
-    ]
-    return Table(
-        columns, rows, "S17 Figs 5.2–5.3; a run ends after 50 samples in a row with an error below 1e-4"
-    )
+    def row(law: str, label: str, run: Run) -> list[tuple[Column, Cell]]:
+        metrics = run.metrics
+        return [
+            (Column("Law"), law),
+            (Column("Set"), label),
+            (Column("ζ", "", ".3g"), damping_ratio(*(DAMPED | STIFF)[label])),
+            (Column("Settling to 2 %", "s", ".4g"), metrics.settling_time),
+            (Column("Samples"), metrics.samples),
+            (Column("Overshoot", "%", ".2g"), 100 * overshoot(run)),
+            (Column("Peak acceleration", "m/s²", ".3g"), metrics.hand_acceleration.peak),
+            (Column("Effort", "rad/√s", ".3g"), metrics.effort),
+            (Column("Ended by"), run.record.stopped),
+        ]
+
+    title = "S17 Figs 5.2–5.3; a run ends after 50 samples in a row with an error below 1e-4"
+    return Table.of((row(law, *each) for law, sets in runs.items() for each in sets.items()), title)
 
 
 def _judge(runs: dict[str, Run]) -> dict[str, Judgement]:
@@ -121,7 +111,5 @@ def _judge(runs: dict[str, Run]) -> dict[str, Judgement]:
     }
 
 
-def _poses(runs: dict[str, Run]):
-    from dqcontrol.figures import compare_poses
-
-    return compare_poses({label: run.record for label, run in runs.items()})
+def _poses(runs: dict[str, Run], sets: Iterable[str]) -> Figure:
+    return figures.compare_poses({label: runs[label].record for label in sets})

@@ -12,7 +12,7 @@ from dqcontrol.experiments import PreparedExperiment
 from dqcontrol.laws import DampedPoseInverse, FilteredInverse, Law
 from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.judgement import Judgement
-from dqcontrol_theses.silva2017.race import RaceOutcome, matched_gain, outcome
+from dqcontrol_theses.silva2017.goal_runs import RaceOutcome, matched_gain, outcome
 from dqcontrol_theses.silva2017.specs import GOOD_ENOUGH
 
 FILTERED, EXACT = "filtered", "undamped"
@@ -99,36 +99,31 @@ def with_each_inverse(setting: PreparedExperiment, nonlinear: Law, classic: Law)
 def inverse_table(pairs: Sequence[Compared]) -> Table:
     """Return one row an inverse: of both laws, and how their efforts compare where one of them has it or both."""
     first = pairs[0]
-    rows: list[list[Cell]] = [
+    rows: list[list[tuple[Column, Cell]]] = [
         [
-            each.inverse,
-            each.nonlinear.settling,
-            each.nonlinear.effort if each.arrives else None,
-            each.classic.settling,
-            each.classic.effort,
-            first.nonlinear.effort / each.classic.effort,
-            each.efforts[0] if each.arrives else None,
-            each.gain,
-            each.efforts[1] if each.matched else None,
+            (Column("Inverse"), each.inverse),
+            (Column("S17: iterations", "", ".4g"), each.nonlinear.settling),
+            (Column("Effort", "rad/√s", ".3g"), each.nonlinear.effort if each.arrives else None),
+            (Column("Classic: iterations", "", ".4g"), each.classic.settling),
+            (Column("Effort", "rad/√s", ".3g"), each.classic.effort),
+            (
+                Column("S17 as above over the classic law with this N†", "", ".3g"),
+                first.nonlinear.effort / each.classic.effort,
+            ),
+            (
+                Column("S17 over classic, both with this inverse", "", ".3g"),
+                each.efforts[0] if each.arrives else None,
+            ),
+            (Column("Classic law's gain for equal times", "1/s", ".3g"), each.gain),
+            (Column("S17 over classic then", "", ".3g"), each.efforts[1] if each.matched else None),
         ]
         for each in pairs
-    ]
-    columns = [
-        Column("Inverse"),
-        Column("S17: iterations", "", ".4g"),
-        Column("Effort", "rad/√s", ".3g"),
-        Column("Classic: iterations", "", ".4g"),
-        Column("Effort", "rad/√s", ".3g"),
-        Column("S17 as above over the classic law with this N†", "", ".3g"),
-        Column("S17 over classic, both with this inverse", "", ".3g"),
-        Column("Classic law's gain for equal times", "1/s", ".3g"),
-        Column("S17 over classic then", "", ".3g"),
     ]
     title = (
         f"Table 5.1 with inverses that S17 leaves open, to the first error below {GOOD_ENOUGH}; with λ: "
         "Jᵀ(JJᵀ + λ²I)⁻¹ of eight rows as S17 writes it, J in (4.19) and N in (4.46)"
     )
-    return Table(columns, rows, title)
+    return Table.of(rows, title)
 
 
 def judge_inverses(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dqcontrol import algebra
+from dqcontrol import algebra, films
 from dqcontrol.robots import load_robot
 from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.catalogue import Conditions
@@ -68,33 +68,23 @@ def _held(done: PickAndDrop) -> list[float]:
 
 
 def _set_points_table(by_law: Mapping[str, PickAndDrop]) -> Table:
-    rows: list[list[Cell]] = [
+    places = ("above the cube", "at it", "above it", "above the basket")
+    rows: list[list[tuple[Column, Cell]]] = [
         [
-            label,
-            *_held(done),
-            1e3 * float(done.path[:, 2].max()),
-            "yes" if done.is_in_basket else "no",
-            1e3 * _aside(done),
-            done.record.stopped,
+            (Column("Law"), label),
+            *((Column(f"Error {where}", "", ".2g"), e) for where, e in zip(places, _held(done), strict=True)),
+            (Column("Cube, greatest height", "mm", ".3g"), 1e3 * float(done.path[:, 2].max())),
+            (Column("In the basket"), "yes" if done.is_in_basket else "no"),
+            (Column("Beside its middle", "mm", ".3g"), 1e3 * _aside(done)),
+            (Column("Ended by"), done.record.stopped),
         ]
         for label, done in by_law.items()
-    ]
-    columns = [
-        Column("Law"),
-        *(
-            Column(f"Error {where}", "", ".2g")
-            for where in ("above the cube", "at it", "above it", "above the basket")
-        ),
-        Column("Cube, greatest height", "mm", ".3g"),
-        Column("In the basket"),
-        Column("Beside its middle", "mm", ".3g"),
-        Column("Ended by"),
     ]
     title = (
         f"By set-points of {', '.join(f'{hold:g}' for hold in HOLDS)} s, S17's gains, cube, basket and base measured "
         f"by the camera at {CAMERA.rate:g} Hz all the time, in MuJoCo, seed 0"
     )
-    return Table(columns, rows, title)
+    return Table.of(rows, title)
 
 
 def _regulated(by_law: Mapping[str, PickAndDrop], labels: Sequence[str]) -> Judgement:
@@ -150,28 +140,19 @@ def _judge(runs: Sequence[PickAndDrop]) -> Judgement:
 
 def _files(done: PickAndDrop, by_law: Mapping[str, PickAndDrop]) -> dict[str, Write]:
     """Return what draws the clip and the strip; nothing, and a warning, where there is no OpenGL."""
-    from dqcontrol.films import render_strip
-
     end = float(done.record.time[-1])
     closed, opened = (event.time for event in done.errand.schedule)
     times = [0.0, closed, closed + 2.5, 0.5 * (closed + opened) + 1.0, opened, end]
 
     def set_points(path: Path) -> None:
         first, second = by_law[S17], by_law[CLASSIC]
-        ends = np.cumsum(HOLDS)
-        render_strip(
+        ends = np.cumsum(HOLDS).tolist()
+        films.render_strip(
             load_robot(ROBOT),
             first.plant,
             first.record,
             path,
-            [
-                0.0,
-                4.0,
-                float(ends[1]) - 3.0,
-                float(ends[2]),
-                float(ends[2]) + 4.0,
-                float(first.record.time[-1]),
-            ],
+            [0.0, 4.0, ends[1] - 3.0, ends[2], ends[2] + 4.0, float(first.record.time[-1])],
             width=440,
             height=330,
             further=[(second.plant, second.record)],

@@ -5,7 +5,9 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from dqcontrol import figures, films
 from dqcontrol.errors import MissingExtraError
 from dqcontrol.loop import Record
 from dqcontrol.plants import Plant
@@ -13,15 +15,16 @@ from dqcontrol.robots import Robot, load_robot
 from dqcontrol_theses.reproduced import Write
 from dqcontrol_theses.silva2017.pick_and_drop_task import ROBOT
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 _AZIMUTH, _ELEVATION = 100.0, -25.0  # degrees; across the way of the base
 
 
 def if_drawable(files: Mapping[str, Write]) -> dict[str, Write]:
     """Return the files, or none and a warning where MuJoCo or OpenGL is missing."""
-    from dqcontrol.films import offscreen
-
     try:
-        with offscreen(16, 16):
+        with films.offscreen(16, 16):
             return dict(files)
     except MissingExtraError as error:
         warnings.warn(str(error), stacklevel=2)
@@ -35,14 +38,12 @@ def filmed(
     robot = load_robot(ROBOT)
 
     def clip(path: Path) -> None:
-        from dqcontrol.films import render_clip
-
-        render_clip(robot, plant, record, path, speed=speed, rate=12.5, width=480, height=360, overwrite=True)
+        films.render_clip(
+            robot, plant, record, path, speed=speed, rate=12.5, width=480, height=360, overwrite=True
+        )
 
     def strip(path: Path) -> None:
-        from dqcontrol.films import render_strip
-
-        render_strip(robot, plant, record, path, times, width=440, height=330, overwrite=True)
+        films.render_strip(robot, plant, record, path, times, width=440, height=330, overwrite=True)
 
     return {f"{name}.webp": clip, f"{name}.png": strip}
 
@@ -51,10 +52,8 @@ def ghosted_strip(robot: Robot, records: Mapping[str, Record], times: Sequence[f
     """Return what draws runs at some times in one scene, others through the first. [S17 Fig. 5.4]"""
 
     def write(path: Path) -> None:
-        from dqcontrol.films import render_strip
-
         first, *others = records.values()
-        render_strip(
+        films.render_strip(
             robot,
             None,
             first,
@@ -70,3 +69,11 @@ def ghosted_strip(robot: Robot, records: Mapping[str, Record], times: Sequence[f
         )
 
     return write
+
+
+def told_inputs(records: Mapping[str, Record]) -> Figure:
+    """Return the inputs that wheels and joints are told, law beside law."""
+    signals = {label: record.readings["actuator_command"] for label, record in records.items()}
+    inputs = {label: (records[label].time, each.values) for label, each in signals.items()}
+    parts = next(iter(signals.values())).parts
+    return figures.compare_inputs(inputs, [f"{name} [rad/s]" for name in parts])

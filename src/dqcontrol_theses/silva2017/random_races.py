@@ -17,8 +17,8 @@ from dqcontrol.laws import DampedPoseInverse, Law
 from dqcontrol.references import SetPoint, random_goals
 from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.catalogue import Conditions
+from dqcontrol_theses.silva2017.goal_runs import RaceOutcome, guided_outcome, matched_gain, outcome
 from dqcontrol_theses.silva2017.inverses import UNDAMPED
-from dqcontrol_theses.silva2017.race import RaceOutcome, guided_outcome, matched_gain, outcome
 from dqcontrol_theses.silva2017.specs import GOOD_ENOUGH, S17, setting_of
 
 _SEED = 2017
@@ -141,24 +141,11 @@ def _goals(box: GoalBox, count: int) -> Array:
 
 def _table(box: GoalBox, count: int, heats: Sequence[HeatOutcome]) -> Table:
     found = {label: [outcome for heat in heats for outcome in heat.found[label]] for label in heats[0].found}
-    rows = [_row(label, found[label], found[_CLASSIC], found[S17]) for label in found]
-    columns = [
-        Column("Law"),
-        Column(f"First below {GOOD_ENOUGH}: S17's stop"),
-        Column(f"Settled below {GOOD_ENOUGH}"),
-        Column(f"Below {_SETTLED:g} at the end"),
-        Column("Iterations, median", "", ".4g"),
-        Column("Effort over classic, median", "", ".3g"),
-        Column("Quartiles"),
-        Column("Effort of S17 over it, median", "", ".3g"),
-        Column("First command over classic, median", "", ".3g"),
-        Column("Overshoot above 1 %"),
-    ]
     title = (
         f"{count} {box.name} goals: base within ±{box.reach:g} m and ±{math.degrees(box.heading):.0f}°, any arm within "
         f"its limits, hand above 5 cm, seed {_SEED}; {_SECONDS:g} s without limits"
     )
-    return Table(columns, rows, title)
+    return Table.of((_row(label, found[label], found[_CLASSIC], found[S17]) for label in found), title)
 
 
 def _row(
@@ -166,22 +153,26 @@ def _row(
     mine: list[RaceOutcome | None],
     classic: list[RaceOutcome | None],
     nonlinear: list[RaceOutcome | None],
-) -> list[Cell]:
+) -> list[tuple[Column, Cell]]:
     runs = [each for each in mine if each is not None]
     effort = _ratios(mine, classic, "effort")
     quartiles = f"{np.quantile(effort, 0.25):.3g} … {np.quantile(effort, 0.75):.3g}" if effort else ""
     settled = [each.settling for each in runs if math.isfinite(each.settling)]
+    first = _median(_ratios(mine, classic, "first"))
     return [
-        label,
-        sum(math.isfinite(each.first_below) for each in runs),
-        len(settled),
-        sum(each.final < _SETTLED for each in runs),
-        float(np.median(settled)) if settled else None,
-        _median(effort),
-        quartiles,
-        _median(_ratios(nonlinear, mine, "effort")),
-        _median(_ratios(mine, classic, "first")),
-        sum(each.overshoot > 0.01 for each in runs),
+        (Column("Law"), label),
+        (
+            Column(f"First below {GOOD_ENOUGH}: S17's stop"),
+            sum(math.isfinite(each.first_below) for each in runs),
+        ),
+        (Column(f"Settled below {GOOD_ENOUGH}"), len(settled)),
+        (Column(f"Below {_SETTLED:g} at the end"), sum(each.final < _SETTLED for each in runs)),
+        (Column("Iterations, median", "", ".4g"), _median(settled)),
+        (Column("Effort over classic, median", "", ".3g"), _median(effort)),
+        (Column("Quartiles"), quartiles),
+        (Column("Effort of S17 over it, median", "", ".3g"), _median(_ratios(nonlinear, mine, "effort"))),
+        (Column("First command over classic, median", "", ".3g"), first),
+        (Column("Overshoot above 1 %"), sum(each.overshoot > 0.01 for each in runs)),
     ]
 
 

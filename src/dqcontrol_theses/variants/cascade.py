@@ -11,17 +11,7 @@ from msgspec import Meta
 from dqcontrol.arrays import Array
 from dqcontrol.compiled import LAW, MemoryLayout, inline, kernel
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.laws import PoseLaw
-from dqcontrol.laws.parts import (
-    drive_table,
-    inverse_parameters,
-    linearization_parameters,
-    linearization_state,
-    pose_error,
-    pose_parameters,
-    solve_hand_twist,
-    twist_work,
-)
+from dqcontrol.laws import PoseLaw, parts
 from dqcontrol.robots import Robot
 from dqcontrol_theses.variants.classic_proportional import classic_twist
 from dqcontrol_theses.variants.published_linearization import (
@@ -46,14 +36,14 @@ class CascadeParameters(NamedTuple):
 class CascadeState(NamedTuple):
     """What it keeps: the state of the outer loop, and x, y and φ of the virtual bases."""
 
-    outer: Annotated[Array, linearization_state.sized("columns")]
+    outer: Annotated[Array, parts.linearization_state.sized("columns")]
     virtual: Annotated[Array, "drives", 3]
 
 
 class ClassicCascadeParameters(NamedTuple):
     """What compiled code knows of the law with the classic outer loop."""
 
-    inverse: Annotated[Array, inverse_parameters.size()]
+    inverse: Annotated[Array, parts.inverse_parameters.size()]
     hysteresis: float
     gain: Annotated[Array, 8]
     inner_gain: float
@@ -76,7 +66,7 @@ class ClassicCascadeWork(NamedTuple):
     jacobian: Annotated[Array, 6, "columns"]
     rates: Annotated[Array, "columns"]
     preferred_rates: Annotated[Array, "columns"]
-    solver: Annotated[Array, twist_work.sized("columns")]
+    solver: Annotated[Array, parts.twist_work.sized("columns")]
 
 
 cascade_parameters: MemoryLayout[CascadeParameters] = MemoryLayout(CascadeParameters, "drives")
@@ -123,8 +113,8 @@ def cascade(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, w
     """Write the rates of the outer law, those of bases as the inner loop follows them."""
     m, k = out.shape[0], q.shape[0] - out.shape[0]
     given, kept = cascade_parameters(parameters, k), cascade_state(state, m + k, k)
-    outer, last = published_parameters(given.outer, k), linearization_state(kept.outer, m + k)
-    own, period = published_work(work, m, m + k), linearization_parameters(outer.linear).period
+    outer, last = published_parameters(given.outer, k), parts.linearization_state(kept.outer, m + k)
+    own, period = published_work(work, m, m + k), parts.linearization_parameters(outer.linear).period
     rates = own.rates
     status = linearize_sideways(pose, twist_jacobian, sample, outer, last, own)
     follow_virtual_bases(q, kept.virtual, rates, outer.drives, given.inner_gain, period, out)
@@ -144,11 +134,11 @@ def classic_cascade(q, pose, pose_jacobian, twist_jacobian, sample, parameters, 
     for i in range(m + k):
         own.preferred_rates[i] = own.preferred[i] if i < m else 0.0
     twist = classic_twist(pose, sample, given.gain, given.hysteresis, kept.sign, own.rate)
-    status = solve_hand_twist(
+    status = parts.solve_hand_twist(
         pose,
         own.jacobian,
         twist,
-        pose_error(pose, sample),
+        parts.pose_error(pose, sample),
         own.preferred_rates,
         given.inverse,
         own.solver,
@@ -160,7 +150,7 @@ def classic_cascade(q, pose, pose_jacobian, twist_jacobian, sample, parameters, 
 
 def _constrained_drives(robot: Robot, name: str) -> np.ndarray:
     """Return the robot's table of drives, or raise a `ValueRangeError` if its bases move sideways in its own model."""
-    drives = drive_table(robot)
+    drives = parts.drive_table(robot)
     if len(drives) < len(robot.drives):
         raise ValueRangeError(f"law: {name} is for the constrained form of {robot.name}, got the other")
     return drives
@@ -260,7 +250,7 @@ class ClassicCascade(PoseLaw, frozen=True, kw_only=True, tag="classic-cascade"):
     def rows(self, robot: Robot, reference: Reference | None, period: float) -> np.ndarray:
         """Return inverse, hysteresis, gain diagonal, κ, period and the table of drives at each time."""
         drives = _constrained_drives(robot, "classic-cascade")
-        given = pose_parameters(super().rows(robot, reference, period))
+        given = parts.pose_parameters(super().rows(robot, reference, period))
         inner_gain = self.inner_gain
         return classic_cascade_parameters.pack(
             **given._asdict(), inner_gain=inner_gain, period=period, drives=drives
@@ -271,7 +261,7 @@ class ClassicCascade(PoseLaw, frozen=True, kw_only=True, tag="classic-cascade"):
 
     def work_size(self, robot: Robot) -> int:
         """Return room for the preferred motion and scratch, with a sideways speed for each drive."""
-        return classic_cascade_work.size(robot.input_size, robot.input_size + len(drive_table(robot)))
+        return classic_cascade_work.size(robot.input_size, robot.input_size + len(parts.drive_table(robot)))
 
     def state_size(self, robot: Robot) -> int:
         """Return room for the sign of x_d and a virtual base for each drive."""

@@ -8,14 +8,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled import LAW, MemoryLayout, inline, kernel
-from dqcontrol.laws import IntegralPoseLaw, LoopRates
-from dqcontrol.laws.parts import (
-    hand_twist_of_rate,
-    integral_work,
-    pose_parameters,
-    short_sign,
-    solve_with_integral,
-)
+from dqcontrol.laws import IntegralPoseLaw, LoopRates, parts
 
 
 class ClassicWork(NamedTuple):
@@ -23,7 +16,7 @@ class ClassicWork(NamedTuple):
 
     preferred: Annotated[Array, "m"]
     rate: Annotated[Array, 8]
-    solver: Annotated[Array, integral_work.sized("m")]
+    solver: Annotated[Array, parts.integral_work.sized("m")]
 
 
 classic_work: MemoryLayout[ClassicWork] = MemoryLayout(ClassicWork, "m")
@@ -33,18 +26,18 @@ classic_work: MemoryLayout[ClassicWork] = MemoryLayout(ClassicWork, "m")
 def classic_twist(pose, sample, gain, hysteresis, sign_kept, rate):
     """Return the hand's twist nearest to K vec8(x_d − x), which is written to ``rate``, the short way round."""
     dot = pose[0] * sample[0] + pose[1] * sample[1] + pose[2] * sample[2] + pose[3] * sample[3]
-    sign = short_sign(dot, hysteresis, sign_kept)
+    sign = parts.short_sign(dot, hysteresis, sign_kept)
     for i in range(8):
         rate[i] = gain[i] * (sign * sample[i] - pose[i])
-    return hand_twist_of_rate(rate, pose)
+    return parts.hand_twist_of_rate(rate, pose)
 
 
 @kernel(LAW)
 def classic_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write q̇ = J⁺ (K e + k_I ∫ε dt) with e = vec8(x_d − x)."""
-    given, own = pose_parameters(parameters), classic_work(work, out.shape[0])
+    given, own = parts.pose_parameters(parameters), classic_work(work, out.shape[0])
     twist = classic_twist(pose, sample, given.gain, given.hysteresis, state, own.rate)
-    return solve_with_integral(
+    return parts.solve_with_integral(
         pose, twist_jacobian, twist, sample, parameters, state, own.preferred, own.solver, out
     )
 
@@ -86,5 +79,5 @@ class ClassicProportional(IntegralPoseLaw, frozen=True, kw_only=True, tag="class
 
     def loop_rates(self, parameters: np.ndarray) -> LoopRates:
         """Return the largest entry of K, a bound for both: how it is shared depends on the pose."""
-        largest = pose_parameters(parameters).gain.max(axis=1)
+        largest = parts.pose_parameters(parameters).gain.max(axis=1)
         return LoopRates(position=largest, orientation=largest, integral=self.integral_gain)

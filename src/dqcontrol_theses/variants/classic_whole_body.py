@@ -9,29 +9,15 @@ import numpy as np
 from dqcontrol.algebra.dual_quaternion_kernels import position
 from dqcontrol.arrays import Array
 from dqcontrol.compiled import LAW, MemoryLayout, inline, kernel
-from dqcontrol.laws import DampedPoseInverse, FilteredInverse, Inverse, PoseLaw
-from dqcontrol.laws.parts import (
-    DAMPED_POSE,
-    drive_table,
-    inverse_parameters,
-    left_error,
-    left_error_twist,
-    pose_parameters,
-    solve_left_error,
-    solve_pose_rows,
-    twist_work,
-)
+from dqcontrol.laws import DampedPoseInverse, FilteredInverse, Inverse, PoseLaw, parts
 from dqcontrol.robots import Robot
-from dqcontrol_theses.variants.sideways_drives import (
-    feasible_inputs,
-    twist_jacobian_with_sideways,
-)
+from dqcontrol_theses.variants.sideways_drives import feasible_inputs, twist_jacobian_with_sideways
 
 
 class WholeBodyParameters(NamedTuple):
     """What compiled code knows of the law."""
 
-    inverse: Annotated[Array, inverse_parameters.size()]
+    inverse: Annotated[Array, parts.inverse_parameters.size()]
     hysteresis: float
     gain: Annotated[Array, 8]
     drives: Annotated[Array, "drives", 2]
@@ -46,7 +32,7 @@ class WholeBodyWork(NamedTuple):
     jacobian: Annotated[Array, 6, "columns"]
     rates: Annotated[Array, "columns"]
     preferred_rates: Annotated[Array, "columns"]
-    solver: Annotated[Array, twist_work.sized("columns")]
+    solver: Annotated[Array, parts.twist_work.sized("columns")]
 
 
 whole_body_parameters: MemoryLayout[WholeBodyParameters] = MemoryLayout(WholeBodyParameters, "drives")
@@ -69,17 +55,17 @@ def classic_whole_body(q, pose, pose_jacobian, twist_jacobian, sample, parameter
     for i in range(m + k):
         own.preferred_rates[i] = own.preferred[i] if i < m else 0.0
 
-    left_error(pose, sample, given.hysteresis, state, own.error)
+    parts.left_error(pose, sample, given.hysteresis, state, own.error)
     for i in range(8):
         own.target[i] = given.gain[i] * own.error[i]
-    if inverse_parameters(given.inverse).kind == DAMPED_POSE:
-        twist = left_error_twist(own.target, own.error, pose, given.inverse)
+    if parts.inverse_parameters(given.inverse).kind == parts.DAMPED_POSE:
+        twist = parts.left_error_twist(own.target, own.error, pose, given.inverse)
         lever = from_goal(pose, sample)
-        status = solve_pose_rows(
+        status = parts.solve_pose_rows(
             pose, lever, own.jacobian, twist, own.preferred_rates, given.inverse, own.solver, own.rates
         )
     else:
-        status = solve_left_error(
+        status = parts.solve_left_error(
             own.target,
             own.error,
             pose,
@@ -133,9 +119,9 @@ class ClassicWholeBody(PoseLaw, frozen=True, kw_only=True, tag="classic-whole-bo
 
     def parameter_rows(self, robot: Robot, times: np.ndarray) -> np.ndarray:
         """Return inverse, hysteresis, gain diagonal and the table of drives at each time."""
-        rows = pose_parameters(super().parameter_rows(robot, times))
-        return whole_body_parameters.pack(**rows._asdict(), drives=drive_table(robot))
+        rows = parts.pose_parameters(super().parameter_rows(robot, times))
+        return whole_body_parameters.pack(**rows._asdict(), drives=parts.drive_table(robot))
 
     def work_size(self, robot: Robot) -> int:
         """Return room for the preferred motion and scratch, with a sideways speed for each drive."""
-        return whole_body_work.size(robot.input_size, robot.input_size + len(drive_table(robot)))
+        return whole_body_work.size(robot.input_size, robot.input_size + len(parts.drive_table(robot)))

@@ -10,16 +10,7 @@ from dqcontrol.algebra.dual_quaternion_kernels import adjoint_twist, conjugate, 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled import LAW, MemoryLayout, inline, kernel
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.laws import AnyNullSpace, FeedbackLinearization, LoopRates
-from dqcontrol.laws.parts import (
-    drive_table,
-    linearization_parameters,
-    linearization_state,
-    linearization_work,
-    motion_errors,
-    solve_rates,
-    twist_of_inputs,
-)
+from dqcontrol.laws import AnyNullSpace, FeedbackLinearization, LoopRates, parts
 from dqcontrol.robots import Robot
 from dqcontrol_theses.variants.sideways_drives import (
     feasible_inputs,
@@ -53,7 +44,7 @@ class PublishedParameters(NamedTuple):
         Of those that cannot move sideways, see `drive_table`.
     """
 
-    linear: Annotated[Array, linearization_parameters.size()]
+    linear: Annotated[Array, parts.linearization_parameters.size()]
     is_commanded: float
     logarithm: float
     drives: Annotated[Array, "drives", 2]
@@ -65,7 +56,7 @@ class PublishedWork(NamedTuple):
     preferred: Annotated[Array, "m"]
     jacobian: Annotated[Array, 6, "columns"]
     rates: Annotated[Array, "columns"]
-    linear: Annotated[Array, linearization_work.sized("columns")]
+    linear: Annotated[Array, parts.linearization_work.sized("columns")]
 
 
 published_parameters: MemoryLayout[PublishedParameters] = MemoryLayout(PublishedParameters, "drives")
@@ -111,30 +102,30 @@ def spring(relative, error_twist, stiffness, damping, logarithm, out):
 def linearize_sideways(pose, twist_jacobian, sample, given, kept, own):
     """Write into ``rates`` z + J⁺ (ξ_b + T U − J z), J with a sideways column for each drive, ξ_b = J q̇(k−1)."""
     m, n = twist_jacobian.shape[1], own.rates.shape[0]
-    linear, inner = linearization_parameters(given.linear), linearization_work(own.linear, n)
+    linear, inner = parts.linearization_parameters(given.linear), parts.linearization_work(own.linear, n)
     twist_jacobian_with_sideways(given.drives, twist_jacobian, own.jacobian)
     for i in range(n):
         inner.preferred[i] = own.preferred[i] if i < m else 0.0
     conjugate(pose, inner.opposite)
-    twist_of_inputs(own.jacobian, kept.last, inner.twist)
+    parts.twist_of_inputs(own.jacobian, kept.last, inner.twist)
     adjoint_twist(inner.opposite, inner.twist, kept.twist)
-    motion_errors(pose, sample, linear, kept, inner)
+    parts.motion_errors(pose, sample, linear, kept, inner)
     spring(
         inner.relative, inner.error_twist, linear.stiffness, linear.damping, int(given.logarithm), inner.twist
     )
-    return solve_rates(pose, own.jacobian, sample, linear, kept, inner, own.rates)
+    return parts.solve_rates(pose, own.jacobian, sample, linear, kept, inner, own.rates)
 
 
 @kernel(LAW)
 def published_linearization(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write what drives can do of the rates, and remember what was asked of them or what they do."""
     m, k = out.shape[0], q.shape[0] - out.shape[0]
-    given, kept = published_parameters(parameters, k), linearization_state(state, m + k)
+    given, kept = published_parameters(parameters, k), parts.linearization_state(state, m + k)
     own = published_work(work, m, m + k)
     status = linearize_sideways(pose, twist_jacobian, sample, given, kept, own)
     feasible_inputs(given.drives, own.rates, out)
     if given.is_commanded != 0.0:
-        turn_rates(given.drives, out, linearization_parameters(given.linear).period, own.rates)
+        turn_rates(given.drives, out, parts.linearization_parameters(given.linear).period, own.rates)
         for i in range(m + k):
             kept.last[i] = own.rates[i]
     else:
@@ -185,7 +176,7 @@ class PublishedLinearization(FeedbackLinearization, frozen=True, kw_only=True, t
 
     def rows(self, robot: Robot, reference: Reference | None, period: float) -> np.ndarray:
         """Return one row: that of `FeedbackLinearization`, the choices, and the table of drives."""
-        drives = drive_table(robot)
+        drives = parts.drive_table(robot)
         if len(drives) < len(robot.drives) and self.velocity_state == "realised":
             raise ValueRangeError(
                 f"velocity_state: 'realised' is for the constrained form of {robot.name}, got the other"
@@ -204,8 +195,8 @@ class PublishedLinearization(FeedbackLinearization, frozen=True, kw_only=True, t
 
     def state_size(self, robot: Robot) -> int:
         """Return room for the sign, the hand's twist and the last inputs, with a sideways speed for each drive."""
-        return linearization_state.size(robot.input_size + len(drive_table(robot)))
+        return parts.linearization_state.size(robot.input_size + len(parts.drive_table(robot)))
 
     def work_size(self, robot: Robot) -> int:
         """Return room for the preferred motion and scratch, with a sideways speed for each drive."""
-        return published_work.size(robot.input_size, robot.input_size + len(drive_table(robot)))
+        return published_work.size(robot.input_size, robot.input_size + len(parts.drive_table(robot)))

@@ -6,17 +6,7 @@ from typing import Annotated, NamedTuple
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled import LAW, OK, MemoryLayout, inline, kernel
-from dqcontrol.laws import PoseLaw
-from dqcontrol.laws.parts import (
-    inverse_parameters,
-    left_error,
-    left_error_twist,
-    pose_error,
-    pose_parameters,
-    solve_hand_twist,
-    twist_at_end_effector,
-    twist_work,
-)
+from dqcontrol.laws import PoseLaw, parts
 from dqcontrol.robots import Robot
 
 _KEPT = 2.0  # times that a pivot in use counts: the choice changes only for a clearly better one
@@ -42,7 +32,7 @@ class ReducedGradientWork(NamedTuple):
     nothing: Annotated[Array, "r"]
     task_inputs: Annotated[Array, "r"]
     share: Annotated[Array, "r"]
-    solver: Annotated[Array, twist_work.sized("r")]
+    solver: Annotated[Array, parts.twist_work.sized("r")]
 
 
 reduced_gradient_state: MemoryLayout[ReducedGradientState] = MemoryLayout(ReducedGradientState, "m")
@@ -55,7 +45,7 @@ def choose_inputs(twist_jacobian, pose, length, own, in_use):
     matrix, row_done, chosen = own.matrix, own.row_done, own.chosen
     m, r = matrix.shape[1], own.nothing.shape[0]
     for j in range(m):
-        column = twist_at_end_effector(twist_jacobian[:, j], pose)
+        column = parts.twist_at_end_effector(twist_jacobian[:, j], pose)
         for i in range(6):
             matrix[i, j] = length * column[i] if i < 3 else column[i]
         chosen[j] = 0.0
@@ -84,13 +74,13 @@ def choose_inputs(twist_jacobian, pose, length, own, in_use):
 def reduced_gradient(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
     """Write u_b = z_b − Aᵀ z_a and u_a = J_a⁺ y − A u_b, A = J_a⁺ J_b, y the twist of N⁺ K vec8(e)."""
     m = out.shape[0]
-    given, kept = pose_parameters(parameters), reduced_gradient_state(state, m)
+    given, kept = parts.pose_parameters(parameters), reduced_gradient_state(state, m)
     own = reduced_gradient_work(work, m, min(m, 6))
-    left_error(pose, sample, given.hysteresis, kept.sign, own.error)
+    parts.left_error(pose, sample, given.hysteresis, kept.sign, own.error)
     for i in range(8):
         own.target[i] = given.gain[i] * own.error[i]
-    twist = left_error_twist(own.target, own.error, pose, given.inverse)
-    choose_inputs(twist_jacobian, pose, inverse_parameters(given.inverse).length, own, kept.in_use)
+    twist = parts.left_error_twist(own.target, own.error, pose, given.inverse)
+    choose_inputs(twist_jacobian, pose, parts.inverse_parameters(given.inverse).length, own, kept.in_use)
     used = 0
     for j in range(m):
         if own.chosen[j] == 1.0:
@@ -98,14 +88,14 @@ def reduced_gradient(q, pose, pose_jacobian, twist_jacobian, sample, parameters,
                 own.basis[i, used] = twist_jacobian[i, j]
             own.nothing[used] = 0.0
             used += 1
-    missing = pose_error(pose, sample)
-    status = solve_hand_twist(
+    missing = parts.pose_error(pose, sample)
+    status = parts.solve_hand_twist(
         pose, own.basis, twist, missing, own.nothing, given.inverse, own.solver, own.task_inputs
     )
     for j in range(m):
         if own.chosen[j] == 0.0 and status == OK:
-            column = twist_at_end_effector(twist_jacobian[:, j], pose)
-            status = solve_hand_twist(
+            column = parts.twist_at_end_effector(twist_jacobian[:, j], pose)
+            status = parts.solve_hand_twist(
                 pose, own.basis, column, missing, own.nothing, given.inverse, own.solver, own.share
             )
             free, a = own.preferred[j], 0

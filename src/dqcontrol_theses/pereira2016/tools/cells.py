@@ -1,8 +1,10 @@
 """Count which printed cells of K, K+FF and the linear quadratic laws a complete reproduction of [P16] comes near.
 
 `python -m dqcontrol_theses.pereira2016.tools.cells` reads docs/pereira2016-tables.md, which `tools/update_theses.py`
-writes. Cells that a table prints again count once; predictions are the simulated numbers that differ from each other
-and that nothing was fitted on, and such a one is near if all of its cells are. Cells of laws that did not keep their
+writes. Table 5.9 reprints Tables 5.3 and 5.4: cells that a table prints again count once. Predictions are the simulated
+numbers that differ from each other and that nothing was fitted on, and such a one is near if all of its cells are: sets
+of weights with one ratio are one controller and so one simulated number, and K+FF has K's error, as the sag that makes
+it is not the lag that feed-forward removes. Cells of laws that did not keep their
 period count at the nominal one, over the durations that Table 61 prints, and as run at the printed period.
 """
 
@@ -10,11 +12,15 @@ from __future__ import annotations
 
 import re
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from dqcontrol.tables import Column, Table
-from dqcontrol_theses.pereira2016.predictions import ComparedCell, distinct, predictions
-from dqcontrol_theses.printed_comparison import NAMES
+from dqcontrol_theses.pereira2016.calibration import FITS
+from dqcontrol_theses.pereira2016.pereira2016_catalogue import PHYSICS
+from dqcontrol_theses.pereira2016.published_numbers import FIXED
+from dqcontrol_theses.results import NAMES
 
 LAWS = ("K", "K+FF", "LQR-R8", "LQR-DQ")
 NEAR = {"error": 0.1, "control": 0.2, "hand_speed": 0.2, "hand_acceleration": 0.3}
@@ -22,6 +28,72 @@ PATHS = {"lqr": "circle", "circle": "circle", "spiral": "spiral", "circle-and-sq
 METRICS = {name: metric for metric, name in NAMES.items()}
 PAGE = Path("docs/pereira2016-tables.md")  # from the repository's root
 OVER_DURATION, AT_PERIOD = 7, 9  # columns of ours
+_SAME = 0.002  # relative: K+FF's error is within it of K's in five of six sets
+
+
+class ComparedCell(NamedTuple):
+    """A printed number and ours, on a path of a robot."""
+
+    path: str
+    law: str
+    set: str
+    metric: str
+    printed: float
+    ours: float
+
+    @property
+    def ratio(self) -> float:
+        """Ours over the printed one."""
+        return self.ours / self.printed
+
+
+def distinct(cells: Sequence[ComparedCell]) -> list[ComparedCell]:
+    """Return the cells without those that another table prints again.
+
+    Examples
+    --------
+    >>> once = ComparedCell("circle", "LQR-R8", "q=1 r=0.001", "error", 4.882, 4.883)
+    >>> distinct([once, once._replace(law="LQR-DQ"), once]) == [once, once._replace(law="LQR-DQ")]
+    True
+    """
+    return list({cell[:5]: cell for cell in cells}.values())
+
+
+def predictions(cells: Sequence[ComparedCell]) -> list[list[ComparedCell]]:
+    """Return the distinct cells in groups of one simulated number, without those that hold a fitted cell.
+
+    Examples
+    --------
+    >>> k = ComparedCell("circle", "K", "", "error", 3.16, 3.178)
+    >>> exact = ComparedCell("circle", "LQR-R8", "q=1 r=0.001", "error", 4.882, 4.883)
+    >>> groups = predictions([k, k._replace(law="K+FF", ours=3.179), exact, exact._replace(set="q=10 r=0.01")])
+    >>> [[cell.law for cell in group] for group in groups]
+    [['K', 'K+FF'], ['LQR-R8', 'LQR-R8']]
+    """
+    groups: list[list[ComparedCell]] = []
+    for cell in distinct(cells):
+        alike = (
+            group
+            for group in groups
+            if (group[0].path, group[0].metric) == (cell.path, cell.metric)
+            and abs(group[0].ours / cell.ours - 1) <= _SAME
+        )
+        group = next(alike, None)
+        if group is None:
+            groups.append([cell])
+        else:
+            group.append(cell)
+    return [group for group in groups if not any(map(is_fitted, group))]
+
+
+def is_fitted(cell: ComparedCell) -> bool:
+    """Tell whether a number of the plant was fitted on the cell."""
+    return any(
+        (cell.path, cell.law, cell.set, cell.metric)
+        == (fit.experiment or fit.spec, "K", "" if fit.set == FIXED else fit.set, fit.metric)
+        for fit in FITS[PHYSICS]
+    )
+
 
 Cells = dict[tuple[str, ...], ComparedCell]
 

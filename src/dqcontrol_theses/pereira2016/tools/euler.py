@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.experiments import execute, measure, prepare
+from dqcontrol.experiments import measure, prepare
 from dqcontrol.laws.parts import at_times, moving_target
 from dqcontrol.tables import Column, Table
 from dqcontrol_theses.pereira2016 import published_cells, published_spec
 from dqcontrol_theses.pereira2016.own_periods import late_record, stretch
-from dqcontrol_theses.pereira2016.pereira2016_catalogue import PHYSICS
+from dqcontrol_theses.pereira2016.pereira2016_catalogue import PHYSICS, run_once
+from dqcontrol_theses.pereira2016.published_numbers import published_mean
 from dqcontrol_theses.variants import EulerLinearQuadraticR8
 
 LAW, SETS = "LQR-R8", ("ln2", "best")
@@ -88,25 +89,16 @@ def ratios(reading: dict[str, Any], chosen: str) -> list[float]:
     solved = {key: value for key, value in reading.items() if key != "plant"}
     data = published_spec("spiral", PHYSICS)
     data["plant"] |= reading.get("plant", {})
-    law = data["laws"][LAW] | data.pop("parameter_sets")[chosen][LAW]
-    data |= {"laws": {LAW: law}, "repeats": 1}
     own = EulerLinearQuadraticR8.riccati_solution
     EulerLinearQuadraticR8.riccati_solution = solver(**solved)
     try:
-        setting = prepare(data)
-        record = execute(setting, setting.cases[0])
+        found = run_once(data, LAW, chosen).metrics
     finally:
         EulerLinearQuadraticR8.riccati_solution = own
-    found = measure(record, setting.scene.robot, setting.spec.skip_initial, setting.spec.metrics_from)
-    ours = {
-        "error": found.error.integral,
-        "control": found.control.integral,
-        "hand_speed": found.hand_speed.integral,
-    }
-    printed = {
-        cell.metric: cell.mean for cell in published_cells("spiral") if (cell.law, cell.set) == (LAW, chosen)
-    }
-    return [value / printed[metric] for metric, value in ours.items()]
+    return [
+        getattr(found, metric).integral / published_mean("spiral", LAW, chosen, metric)
+        for metric in ("error", "control", "hand_speed")
+    ]
 
 
 def late_ratios(label: str, law: str) -> list[float]:

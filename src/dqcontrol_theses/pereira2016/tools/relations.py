@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from itertools import pairwise
 
 import numpy as np
 from scipy.stats import ttest_rel
@@ -18,6 +17,7 @@ from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses import PublishedCell
 from dqcontrol_theses.pereira2016 import REPRODUCTIONS, disagreements, published_cells, published_runs
 
+Cells = list[tuple[Column, Cell]]
 LAWS = ("K", "K+FF", "LQR-R8", "LQR-DQ", "HIR", "HIRT")
 SERIES = ("q=1 r=0.001", "q=10 r=0.01", "q=100 r=0.1", "q=1000 r=1")
 SPIRALS = ("best", "ln2", "ln2²")
@@ -44,17 +44,8 @@ WEIGHTS = {"best": 270.0, "ln2": 187.15, "ln2²": 129.722}
 
 def main() -> None:
     """Print all tables as Markdown."""
-    for table in (
-        levels(),
-        steps(),
-        shares(),
-        feedforward(),
-        sessions(),
-        drift(),
-        repeatability(),
-        misprints(),
-    ):
-        print(table.markdown())
+    for table in (levels, steps, shares, feedforward, sessions, drift, repeatability, misprints):
+        print(table().markdown())
 
 
 def gain(cell: PublishedCell) -> float:
@@ -71,55 +62,71 @@ def levels() -> Table:
 
     The control of Appendix C is taken as |T u| instead of |u|: its commanded paths are then as long as those elsewhere.
     """
-    rows: list[list[Cell]] = []
+    rows: list[Cells] = []
     for name in ("lqr", "circle", "h-infinity", "spiral", "circle-and-square"):
         runs: dict[tuple[str, str, str], dict[str, PublishedCell]] = {}
         for cell in published_cells(name):
             if name != "circle" or not cell.set:  # the circle's other cells are those of lqr
                 runs.setdefault((cell.experiment or name, cell.law, cell.set), {})[cell.metric] = cell
-        for run, cells in runs.items():
-            samples, period, path = RUNS[run[0]]
+        for (experiment, law, chosen), cells in runs.items():
+            samples, period, path = RUNS[experiment]
             share = ERROR_SHARE.get(name, 1.0)
             scaled = cells["error"].mean / (samples * share) * gain(cells["error"])
             commanded = cells["control"].mean / (period if name == "circle-and-square" else 1)
-            moved = cells["joint_step"].mean / period
-            hand = cells["hand_speed"].mean
-            ratio = scaled * samples / commanded
-            rows.append([*run, scaled, commanded / samples, ratio, commanded / moved, hand / path])
-    columns = [Column("experiment"), Column("law"), Column("set"), Column("mean e k T", "", ".4f")]
-    columns += [Column("mean T u", "rad", ".4f"), Column("e k / u", "", ".3f")]
-    columns += [Column("commanded / moved", "", ".1f")]
-    return Table([*columns, Column("hand's path / desired", "", ".2f")], rows, "Levels")
+            rows.append(
+                [
+                    (Column("experiment"), experiment),
+                    (Column("law"), law),
+                    (Column("set"), chosen),
+                    (Column("mean e k T", "", ".4f"), scaled),
+                    (Column("mean T u", "rad", ".4f"), commanded / samples),
+                    (Column("e k / u", "", ".3f"), scaled * samples / commanded),
+                    (Column("commanded / moved", "", ".1f"), commanded / (cells["joint_step"].mean / period)),
+                    (Column("hand's path / desired", "", ".2f"), cells["hand_speed"].mean / path),
+                ]
+            )
+    return Table.of(rows, "Levels")
 
 
 def steps() -> Table:
     """Divide the error of each gain set of the spiral by that of the set above it."""
     errors = {(c.law, c.set): mean(values) for c, values in cells_of("spiral", "error")}
     control = {(c.law, c.set): mean(values) for c, values in cells_of("spiral", "control")}
-    rows: list[list[Cell]] = []
-    for law in LAWS:
+
+    def row(law: str) -> Cells:
+        best, second, third = (errors[law, chosen] for chosen in SPIRALS)
         expected = 1 / math.sqrt(math.log(2)) if law.startswith("LQR") else 1 / math.log(2)
-        found = [errors[law, low] / errors[law, high] for high, low in pairwise(SPIRALS)]
-        rows.append([law, expected, *found, *(control[law, chosen] / 3000 for chosen in SPIRALS)])
-    columns = [Column("law"), Column("1 / gain ratio", "", ".3f"), Column("ln2 / best", "", ".3f")]
-    columns += [Column("ln2² / ln2", "", ".3f")]
-    columns += [Column(f"mean T u, {chosen}", "rad", ".4f") for chosen in SPIRALS]
-    return Table(columns, rows, "Error of a gain set over that of the next higher one")
+        return [
+            (Column("law"), law),
+            (Column("1 / gain ratio", "", ".3f"), expected),
+            (Column("ln2 / best", "", ".3f"), second / best),
+            (Column("ln2² / ln2", "", ".3f"), third / second),
+            *((Column(f"mean T u, {each}", "rad", ".4f"), control[law, each] / 3000) for each in SPIRALS),
+        ]
+
+    return Table.of(map(row, LAWS), "Error of a gain set over that of the next higher one")
 
 
 def shares() -> Table:
     """Multiply the errors of the H∞ laws by their share of the full gain."""
     cells = [cell for cell in published_cells("h-infinity") if cell.metric == "error"]
-    columns = [Column("law"), *(Column(cell.set, "", ".3f") for cell in cells[:5])]
-    products = {law: [c.mean * float(c.set[:-2]) / 100 for c in cells if c.law == law] for law in LAWS[4:]}
-    return Table(
-        columns, [[law, *values] for law, values in products.items()], "Error × share of the full gain"
-    )
+    rows: list[Cells] = [
+        [
+            (Column("law"), law),
+            *(
+                (Column(cell.set, "", ".3f"), cell.mean * float(cell.set[:-2]) / 100)
+                for cell in cells
+                if cell.law == law
+            ),
+        ]
+        for law in LAWS[4:]
+    ]
+    return Table.of(rows, "Error × share of the full gain")
 
 
 def feedforward() -> Table:
     """Test laws with feed-forward against those without, paired by repeat."""
-    rows: list[list[Cell]] = []
+    rows: list[Cells] = []
     for name, sets in (("circle", SERIES), ("spiral", SPIRALS)):
         runs = by_cell(name, "error")
         for plain, fed in (("K", "K+FF"), ("HIR", "HIRT")):
@@ -129,58 +136,55 @@ def feedforward() -> Table:
                 low, high = test.confidence_interval(0.95)
                 scale = 100 / without.mean()
                 together = float(np.corrcoef(without, with_it)[0, 1])
-                difference = (with_it - without).mean() * scale
-                row = [float(x) for x in (difference, low * scale, high * scale, test.pvalue, together)]
-                rows.append([name, f"{fed} − {plain}", chosen, *row])
-    columns = [
-        Column("experiment"),
-        Column("laws"),
-        Column("set"),
-        Column("difference of errors", "%", "+.2f"),
-    ]
-    columns += [Column("95 % from", "%", "+.2f"), Column("to", "%", "+.2f"), Column("p", "", ".2g")]
-    return Table(
-        [*columns, Column("correlation over repeats", "", ".2f")], rows, "Feed-forward, paired t-test"
-    )
+                rows.append(
+                    [
+                        (Column("experiment"), name),
+                        (Column("laws"), f"{fed} − {plain}"),
+                        (Column("set"), chosen),
+                        (Column("difference of errors", "%", "+.2f"), (with_it - without).mean() * scale),
+                        (Column("95 % from", "%", "+.2f"), float(low * scale)),
+                        (Column("to", "%", "+.2f"), float(high * scale)),
+                        (Column("p", "", ".2g"), float(test.pvalue)),
+                        (Column("correlation over repeats", "", ".2f"), together),
+                    ]
+                )
+    return Table.of(rows, "Feed-forward, paired t-test")
 
 
 def sessions() -> Table:
     """Show the four series of the circle: K's gain is the same in all of them."""
     runs = by_cell("circle", "error")
     errors = {key: mean(values) for key, values in runs.items()}
-    first = SERIES[0]
-    rows: list[list[Cell]] = [
+    rows: list[Cells] = [
         [
-            law,
-            *(errors[law, s] / errors[law, first] for s in SERIES),
-            *(errors[law, s] / errors["K", s] for s in SERIES),
+            (Column("law"), law),
+            *((Column(s, "", ".3f"), errors[law, s] / errors[law, SERIES[0]]) for s in SERIES),
+            *((Column(f"over K, {s}", "", ".3f"), errors[law, s] / errors["K", s]) for s in SERIES),
         ]
         for law in LAWS
     ]
-    columns = [Column("law"), *(Column(s, "", ".3f") for s in SERIES)]
-    columns += [Column(f"over K, {s}", "", ".3f") for s in SERIES]
-    return Table(columns, rows, "Error on the circle over that of the first series")
+    return Table.of(rows, "Error on the circle over that of the first series")
 
 
 def drift() -> Table:
     """Compare first and last repeats of the spiral, and the deviation with that of neighbouring repeats."""
-    rows: list[list[Cell]] = []
-    for chosen in SPIRALS:
-        for law in LAWS:
-            errors = array(by_cell("spiral", "error")[law, chosen])
-            tens = (float(errors[:10].mean()), float(errors[-10:].mean()))
-            overall = errors.std(ddof=1) / errors.mean() * 100
-            nearby = math.sqrt(np.mean(np.diff(errors) ** 2) / 2) / errors.mean() * 100
-            rows.append(
-                [law, chosen, float(errors[:3].mean()), *tens, tens[1] / tens[0], float(overall), nearby]
-            )
-    columns = [Column("law"), Column("set"), Column("repeats 1–3", "", ".3f"), Column("1–10", "", ".3f")]
-    columns += [
-        Column("41–50", "", ".3f"),
-        Column("41–50 / 1–10", "", ".3f"),
-        Column("deviation", "%", ".2f"),
-    ]
-    return Table([*columns, Column("deviation of neighbours", "%", ".2f")], rows, "Error over fifty spirals")
+
+    def row(law: str, chosen: str) -> Cells:
+        errors = array(by_cell("spiral", "error")[law, chosen])
+        first, last = float(errors[:10].mean()), float(errors[-10:].mean())
+        nearby = math.sqrt(np.mean(np.diff(errors) ** 2) / 2) / errors.mean() * 100
+        return [
+            (Column("law"), law),
+            (Column("set"), chosen),
+            (Column("repeats 1–3", "", ".3f"), float(errors[:3].mean())),
+            (Column("1–10", "", ".3f"), first),
+            (Column("41–50", "", ".3f"), last),
+            (Column("41–50 / 1–10", "", ".3f"), last / first),
+            (Column("deviation", "%", ".2f"), float(errors.std(ddof=1) / errors.mean() * 100)),
+            (Column("deviation of neighbours", "%", ".2f"), nearby),
+        ]
+
+    return Table.of((row(law, chosen) for chosen in SPIRALS for law in LAWS), "Error over fifty spirals")
 
 
 def repeatability() -> Table:
@@ -191,22 +195,22 @@ def repeatability() -> Table:
         for metric in METRICS
         for c, values in cells_of("spiral", metric)
     }
-    rows: list[list[Cell]] = []
-    for law in LAWS[2:]:
-        below = []
-        for table, base in ((deviations, "K"), (deviations, "K+FF"), (relative, "K"), (relative, "K+FF")):
-            compared = [(table[law, s, m], table[base, s, m]) for s in SPIRALS for m in METRICS]
-            below.append(f"{sum(a < b for a, b in compared)} of {len(compared)}")
-        rows.append([law, *below])
-    columns = [
-        Column("law"),
-        Column("below K"),
-        Column("below K+FF"),
-        Column("relative to the mean: below K"),
+
+    def below(law: str, table: dict[tuple[str, str, str], float], base: str) -> str:
+        compared = [(table[law, s, m], table[base, s, m]) for s in SPIRALS for m in METRICS]
+        return f"{sum(a < b for a, b in compared)} of {len(compared)}"
+
+    rows: list[Cells] = [
+        [
+            (Column("law"), law),
+            (Column("below K"), below(law, deviations, "K")),
+            (Column("below K+FF"), below(law, deviations, "K+FF")),
+            (Column("relative to the mean: below K"), below(law, relative, "K")),
+            (Column("below K+FF"), below(law, relative, "K+FF")),
+        ]
+        for law in LAWS[2:]
     ]
-    return Table(
-        [*columns, Column("below K+FF")], rows, "Deviations of fifty spirals below those of K and K+FF"
-    )
+    return Table.of(rows, "Deviations of fifty spirals below those of K and K+FF")
 
 
 def misprints() -> Table:

@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 import yaml
 
-from dqcontrol.experiments import execute, measure, prepare
 from dqcontrol.files import read_yaml
 from dqcontrol.loop import has_failed
 from dqcontrol.tables import Cell, Column, Table
-from dqcontrol_theses.pereira2016 import published_cells, published_spec
+from dqcontrol_theses.pereira2016 import published_spec
 from dqcontrol_theses.pereira2016.gain_x100 import SUFFIX, with_gain_x100
-from dqcontrol_theses.pereira2016.pereira2016_catalogue import MEKA_CONTROLLERS
+from dqcontrol_theses.pereira2016.pereira2016_catalogue import MEKA_CONTROLLERS, run_once
+from dqcontrol_theses.pereira2016.published_numbers import published_mean
 
 SEED, COUNT, SHOWN = 17, 40, 8
 CELLS = (
@@ -100,29 +100,19 @@ def ratios(plant: dict[str, Any]) -> list[Cell]:
     found: list[Cell] = []
     for name, law, label in CELLS:
         run = law if law == "K" else law + SUFFIX
-        data = with_gain_x100(published_spec(name))
-        sets = data.pop("parameter_sets")
-        data |= {"plant": plant, "repeats": 1, "laws": {run: data["laws"][run] | sets[label][run]}}
-        setting = prepare(data)
+        spec = with_gain_x100(published_spec(name)) | {"plant": plant}
         try:
-            record = execute(setting, setting.cases[0])
+            _, record, metrics = run_once(spec, run, label)
         except Exception as error:  # a draw that is no arm at all
             print(error, file=sys.stderr)
             found += [None, None]
             continue
-        metrics = measure(record, setting.scene.robot, setting.spec.skip_initial, "measured")
-        printed = {
-            cell.metric: cell.mean
-            for cell in published_cells(name)
-            if (cell.law, cell.set) == (law, "" if label == "fixed" else label)
-        }
         error = metrics.settled_error if name == "h-infinity" else metrics.error
-        failed = has_failed(record.stopped)
-        found += (
-            [None, None]
-            if failed
-            else [error.integral / printed["error"], metrics.hand_speed.integral / printed["hand_speed"]]
-        )
+        pairs = {"error": error, "hand_speed": metrics.hand_speed}
+        found += [
+            None if has_failed(record.stopped) else each.integral / published_mean(name, law, label, metric)
+            for metric, each in pairs.items()
+        ]
     return found
 
 

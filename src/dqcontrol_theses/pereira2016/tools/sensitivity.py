@@ -23,14 +23,14 @@ from typing import Any
 
 from scipy.optimize import root_scalar
 
-from dqcontrol.experiments import execute, measure, prepare
 from dqcontrol.loop import has_failed
 from dqcontrol.measures import Metrics
 from dqcontrol.tables import Column, Table
-from dqcontrol_theses.pereira2016 import PLANTS, published_cells, published_spec
+from dqcontrol_theses.pereira2016 import PLANTS, published_spec
 from dqcontrol_theses.pereira2016.calibration import FITS
 from dqcontrol_theses.pereira2016.gain_x100 import SUFFIX, with_gain_x100
-from dqcontrol_theses.pereira2016.pereira2016_catalogue import MEKA_CONTROLLERS, PHYSICS, SERVO
+from dqcontrol_theses.pereira2016.pereira2016_catalogue import MEKA_CONTROLLERS, PHYSICS, SERVO, run_once
+from dqcontrol_theses.pereira2016.published_numbers import published_mean
 
 PERIOD = 0.008  # s, of the spiral
 USUAL_SPRINGS = [150, 150, 75, 75, 20, 20, 20]  # N·m/rad, a usual guess for the arm's springs
@@ -109,29 +109,21 @@ DAMPINGS = (1e-6, 0.03, 0.1, 0.2)  # λ of the damped pseudoinverse
 
 def metrics(spec: dict[str, Any], law: str, parameters: dict[str, Any], variant: Variant) -> Metrics | None:
     """Run one law of a published spec on a variant of its plant; None if it fails."""
-    data = spec | {"laws": {law: spec["laws"][law] | parameters}, "repeats": 1}
-    data.pop("parameter_sets", None)
+    data = dict(spec)
     changes = dict(variant)
     start = {OF_THE_START[key]: changes.pop(key) for key in OF_THE_START if key in changes}
     if start:
         reference = data["reference"]
         data["reference"] = reference | {"offset": reference["offset"] | start}
     if changes.pop("riccati", None) and data["laws"][law]["kind"] == "linear-quadratic-r8-euler":
-        data["laws"][law]["kind"] = "linear-quadratic-r8"
+        parameters = parameters | {"kind": "linear-quadratic-r8"}
     if "null_space" in changes:
         del data["null_space"], changes["null_space"]
     elif "posture" in changes:
         data["null_space"] = data["null_space"] | {"gain": changes.pop("posture")}
     data["plant"] = data["plant"] | changes
-    setting = prepare(data)
-    record = execute(setting, setting.cases[0])
-    return None if has_failed(record.stopped) else measure(record, setting.scene.robot, 0.0, "measured")
-
-
-def published(spec: str, law: str, parameters: str, metric: str = "error") -> float:
-    """Return a printed number."""
-    wanted = (law, "" if parameters == "fixed" else parameters, metric)
-    return next(cell.mean for cell in published_cells(spec) if (cell.law, cell.set, cell.metric) == wanted)
+    _, record, found = run_once(data, law, **parameters)
+    return None if has_failed(record.stopped) else found
 
 
 def cell(plant: str, place: tuple[str, str, str], variant: Variant) -> Metrics | None:
@@ -148,7 +140,7 @@ def error(found: Metrics | None) -> float:
 
 def fitted(plant: str, variant: Variant) -> float | None:
     """Return the plant's one number, fitted to the error of K; None where runs fail on the way."""
-    target, key = published(*FITTED), FITS[plant][0].key
+    target, key = published_mean(*FITTED), FITS[plant][0].key
 
     def distance(value: float) -> float:
         found = cell(plant, FITTED, variant | {key: value})
@@ -195,7 +187,7 @@ def row(plant: str, label: str, variant: Variant, number: float | None) -> list[
         number = published_spec("spiral", plant)["plant"][key]
     else:
         variant = variant | {key: number}
-    ratios = [error(cell(plant, place, variant)) / published(*place) for place in (FITTED, *CELLS)]
+    ratios = [error(cell(plant, place, variant)) / published_mean(*place) for place in (FITTED, *CELLS)]
     best = cell(plant, FITTED, variant)
     share = math.nan if best is None else PERIOD * best.control.mean
     if plant == SERVO:
@@ -203,7 +195,7 @@ def row(plant: str, label: str, variant: Variant, number: float | None) -> list[
         return [label, number, *ratios, share, beyond]
     circle = cell(plant, ("circle", "K", "fixed"), variant)
     rough = [
-        math.nan if found is None else getattr(found, metric).integral / published(*place, metric)
+        math.nan if found is None else getattr(found, metric).integral / published_mean(*place, metric)
         for found, place, metric in (
             (best, ("spiral", "K", "best"), "hand_acceleration"),
             *(
@@ -247,8 +239,8 @@ def robust_laws() -> Table:
         for parameters in ({}, even):
             found = metrics(spec, f"HIR{SUFFIX}", parameters, {})
             speed = math.nan if found is None else found.hand_speed.integral
-            cells += [error(found) / published("spiral", "HIR", "best")]
-            cells += [speed / published("spiral", "HIR", "best", "hand_speed")]
+            cells += [error(found) / published_mean("spiral", "HIR", "best")]
+            cells += [speed / published_mean("spiral", "HIR", "best", "hand_speed")]
         rows.append(cells)
     names = ("Err", "L.Vel", "Err, turning as fast", "L.Vel, turning as fast")
     columns = [Column("HIR, gains times", "", "g"), Column("k T of its position", "", ".2f")]
@@ -263,11 +255,11 @@ def damped_inverse() -> Table:
         for law in ("K", "LQR-R8", "LQR-DQ"):
             spec = published_spec("spiral", PHYSICS)
             found = metrics(spec, law, {"inverse": {"kind": "damped", "damping": damping}}, {})
-            row += [error(found) / published("spiral", law, "best")]
+            row += [error(found) / published_mean("spiral", law, "best")]
             row += [
                 math.nan
                 if found is None
-                else found.control.integral / published("spiral", law, "best", "control")
+                else found.control.integral / published_mean("spiral", law, "best", "control")
             ]
         rows.append([*row, row[5] / row[1]])
     names = [f"{law}: {metric}" for law in ("K", "LQR-R8", "LQR-DQ") for metric in ("Err", "θ̇")]
@@ -287,21 +279,14 @@ def iiwa() -> Table:
             spec = published_spec(f"iiwa-{shape}")
             for law, parameters in IIWA_LAWS.items():
                 found = metrics(spec, law, spec["parameter_sets"][parameters][law], variant)
-                cells.append(error(found) / printed_of_iiwa(shape, law, parameters))
+                cells.append(
+                    error(found)
+                    / published_mean("circle-and-square", law, parameters, "error", f"iiwa {shape}")
+                )
         rows.append(cells)
     names = [f"{shape}: {law}" for shape in ("circle", "square") for law in IIWA_LAWS]
     columns = [Column("Simulator"), *(Column(name, "", ".2f") for name in names)]
     return Table(columns, rows, "Err on the iiwa over print")
-
-
-def printed_of_iiwa(shape: str, law: str, parameters: str) -> float:
-    """Return a printed error of appendix C's iiwa."""
-    wanted = (f"iiwa {shape}", law, "" if parameters == "fixed" else parameters, "error")
-    return next(
-        cell.mean
-        for cell in published_cells("circle-and-square")
-        if (cell.experiment, cell.law, cell.set, cell.metric) == wanted
-    )
 
 
 def with_feedforward(folder: str) -> str:

@@ -8,27 +8,21 @@ from itertools import pairwise
 import numpy as np
 
 from dqcontrol.measures import evaluate
-from dqcontrol_theses.judgement import (
-    ABOUT_THE_ROBOT,
-    Judgement,
-    by_cases,
-    listed,
-)
-from dqcontrol_theses.pereira2016.verdicts.circle_verdicts import ONE_CONTROLLER
+from dqcontrol_theses.judgement import ABOUT_THE_ROBOT, Judgement, by_cases, listed
+from dqcontrol_theses.pereira2016.verdicts.circle_verdicts import NO_DIFFERENCE, ONE_CONTROLLER, span_of
 from dqcontrol_theses.pereira2016.verdicts.evidence import (
     PROPORTIONAL,
     Cases,
     Evidence,
     agreed,
     decides,
+    grid_of,
     record_of,
 )
-from dqcontrol_theses.pereira2016.verdicts.grid import grid_of
 
 IIWA, MEKA = ("iiwa circle", "iiwa square"), ("meka circle", "meka square")
 _ROBOTS = ("iiwa", "meka")
 _LQR = "LQR-R8"
-_NO_DIFFERENCE = 0.01  # as of the circle's sets
 
 
 def _over(evidence: Evidence, experiments: tuple[str, ...], metric: str) -> list[float]:
@@ -39,14 +33,6 @@ def _over(evidence: Evidence, experiments: tuple[str, ...], metric: str) -> list
         for each in evidence.ours.sets(_LQR, where)
         for law in PROPORTIONAL
     ]
-
-
-def _range(values: list[float]) -> str:
-    return f"{min(values):.3f} … {max(values):.3f}"
-
-
-def _by_set(evidence: Evidence, metric: str, where: str) -> list[float]:
-    return [evidence.mean(_LQR, each, metric, where) for each in evidence.ours.sets(_LQR, where)]
 
 
 @decides("robot-varies-more-than-simulation")
@@ -70,7 +56,7 @@ def _worse(evidence: Evidence) -> Judgement:
 @decides("simulated-lqr-slower-hand")
 def _slower(evidence: Evidence) -> Judgement:
     return _by_both_simulators(
-        evidence, "hand_speed", lambda ratios: max(ratios) < 1 - _NO_DIFFERENCE, "L.Vel"
+        evidence, "hand_speed", lambda ratios: max(ratios) < 1 - NO_DIFFERENCE, "L.Vel"
     )
 
 
@@ -90,7 +76,7 @@ def _by_both_simulators(
         )
         integrated = [lqr / other for other in others]
         cases[where] = agreed("what a target is counted from", holds(chosen), holds(integrated))
-        texts.append(f"{where} {_range(chosen)} and {_range(integrated)}")
+        texts.append(f"{where} {span_of(chosen)} and {span_of(integrated)}")
     return by_cases(
         cases,
         f"{name} over K's and K+FF's by targets from the measured angle, and from the last target: {'; '.join(texts)}",
@@ -99,10 +85,10 @@ def _by_both_simulators(
 
 @decides("simulated-error-rises-with-r")
 def _rises(evidence: Evidence) -> Judgement:
-    errors, steps = (_by_set(evidence, key, IIWA[0]) for key in ("error", "joint_step"))
+    errors, steps = (evidence.by_set(_LQR, key, IIWA[0]) for key in ("error", "joint_step"))
     return by_cases(
         {
-            "an error that rises": all(b > (1 + _NO_DIFFERENCE) * a for a, b in pairwise(errors)),
+            "an error that rises": all(b > (1 + NO_DIFFERENCE) * a for a, b in pairwise(errors)),
             "Eff that barely changes": max(steps) / min(steps) <= 1.02,
         },
         f"circle: Err {listed(errors, '.4f')}, Eff {listed(steps, '.4f')}: {ONE_CONTROLLER}",
@@ -115,9 +101,9 @@ def _faster(evidence: Evidence) -> Judgement:
         b / a - 1
         for where in IIWA
         for metric in ("hand_speed", "hand_acceleration")
-        for a, b in pairwise(_by_set(evidence, metric, where))
+        for a, b in pairwise(evidence.by_set(_LQR, metric, where))
     ]
-    count = sum(step > _NO_DIFFERENCE for step in steps)
+    count = sum(step > NO_DIFFERENCE for step in steps)
     return Judgement(
         count > len(steps) / 2,
         f"{count} of {len(steps)} steps rise by more than 1 %, the most by {100 * max(steps):.1g} %: {ONE_CONTROLLER}",
@@ -135,12 +121,10 @@ def _less_error(evidence: Evidence) -> Judgement:
 
 
 def _first_to_last(evidence: Evidence, metric: str, name: str) -> Judgement:
-    changes = {}
-    for where in MEKA:
-        values = _by_set(evidence, metric, where)
-        changes[where] = values[-1] / values[0] - 1
+    values = {where: evidence.by_set(_LQR, metric, where) for where in MEKA}
+    changes = {where: each[-1] / each[0] - 1 for where, each in values.items()}
     return by_cases(
-        {where: change < -_NO_DIFFERENCE for where, change in changes.items()},
+        {where: change < -NO_DIFFERENCE for where, change in changes.items()},
         f"{name} last over first set {listed([100 * each for each in changes.values()], '+.2f')} %: {ONE_CONTROLLER}",
     )
 
@@ -150,7 +134,7 @@ def _less_both(evidence: Evidence) -> Judgement:
     steps, speeds = (_over(evidence, MEKA, key) for key in ("joint_step", "hand_speed"))
     return by_cases(
         {"Eff": max(steps) < 1, "L.Vel": max(speeds) < 1},
-        f"Eff {_range(steps)}, L.Vel {_range(speeds)} of K's and K+FF's",
+        f"Eff {span_of(steps)}, L.Vel {span_of(speeds)} of K's and K+FF's",
     )
 
 
@@ -159,7 +143,7 @@ def _less_precise(evidence: Evidence) -> Judgement:
     ratios = {where: _over(evidence, (where,), "error") for where in MEKA}
     return by_cases(
         {where: min(each) > 1 for where, each in ratios.items()},
-        f"Err over K's and K+FF's: {', '.join(map(_range, ratios.values()))}; the gains give 1.58",
+        f"Err over K's and K+FF's: {', '.join(map(span_of, ratios.values()))}; the gains give 1.58",
     )
 
 
@@ -185,7 +169,7 @@ def _lower_peaks(evidence: Evidence, *, later: bool) -> Judgement:
         for where in MEKA
         for name, key in (("L.Vel", "hand_speed"), ("L.Acc", "hand_acceleration"))
     }
-    found = "; ".join(f"{name} {_range(each)}" for name, each in ratios.items())
+    found = "; ".join(f"{name} {span_of(each)}" for name, each in ratios.items())
     return by_cases(
         {name: max(each) < 1 for name, each in ratios.items()},
         f"{'later' if later else 'first'} peaks over K's and K+FF's: {found}",
@@ -206,10 +190,8 @@ def _surface(evidence: Evidence, robot: str, metric: str) -> tuple[list[float], 
 
 @decides("surface-larger-r-less-effort")
 def _surface_effort(evidence: Evidence) -> Judgement:
-    shares = []
-    for robot in _ROBOTS:
-        steps = np.diff(_surface(evidence, robot, "joint_step")[2], axis=1)
-        shares.append(100 * float((steps < 0).sum() / np.isfinite(steps).sum()))
+    steps = [np.diff(_surface(evidence, robot, "joint_step")[2], axis=1) for robot in _ROBOTS]
+    shares = [100 * float((each < 0).sum() / np.isfinite(each).sum()) for each in steps]
     return by_cases(
         {"iiwa": shares[0] > 50, "meka, of which the reverse is said": shares[1] < 50},
         f"steps of r in which Eff falls: iiwa {shares[0]:.0f} %, meka, of which the reverse is said, {shares[1]:.0f} %",

@@ -21,7 +21,7 @@ from dqcontrol_theses.pereira2016.verdicts.evidence import (
 
 _PRINTED_BOUND = 0.12  # rad s
 # sets whose numbers differ by less are one controller with noise: repeats deviate by 0.8 %
-_NO_DIFFERENCE = 0.01
+NO_DIFFERENCE = 0.01
 ONE_CONTROLLER = "with q/r = 1000 in all four they are one controller"
 
 
@@ -30,9 +30,7 @@ def _trade(evidence: Evidence) -> Judgement:
     cases: Cases = {}
     spreads = []
     for law in LQR:
-        sets = evidence.ours.sets(law)
-        errors = [evidence.mean(law, each) for each in sets]
-        steps = [evidence.mean(law, each, "joint_step") for each in sets]
+        errors, steps = evidence.by_set(law), evidence.by_set(law, "joint_step")
         spreads.append(100 * np.ptp(errors) / np.mean(errors))
         cases[law] = _falls(errors) and _falls(steps[::-1])
     number = f"errors of the four sets differ by {listed(spreads, '.2g')} % (R8, DQ)"
@@ -41,7 +39,7 @@ def _trade(evidence: Evidence) -> Judgement:
 
 @decides("dq-error-rises-with-r")
 def _rises(evidence: Evidence) -> Judgement:
-    errors = [evidence.mean("LQR-DQ", each) for each in evidence.ours.sets("LQR-DQ")]
+    errors = evidence.by_set("LQR-DQ")
     return by_cases({"LQR-DQ": _falls(errors[2::-1])}, f"errors {listed(errors)}: {ONE_CONTROLLER}")
 
 
@@ -50,7 +48,7 @@ def _lower_r(evidence: Evidence) -> Judgement:
     cases: Cases = {}
     ratios = []
     for law in LQR:
-        first, second, *_ = (evidence.mean(law, each, "joint_step") for each in evidence.ours.sets(law))
+        first, second, *_ = evidence.by_set(law, "joint_step")
         ratios.append(first / second)
         cases[law] = _falls([first, second])
     number = f"Eff at r = 0.001, q = 1 over r = 0.01, q = 10: {listed(ratios)} (R8, DQ)"
@@ -59,19 +57,19 @@ def _lower_r(evidence: Evidence) -> Judgement:
 
 def _falls(values: list[float]) -> bool:
     """Tell whether each value is below the one before it by more than noise."""
-    return all(after < (1 - _NO_DIFFERENCE) * before for before, after in pairwise(values))
+    return all(after < (1 - NO_DIFFERENCE) * before for before, after in pairwise(values))
 
 
 @decides("lqr-effort-bounded")
 def _bounded(evidence: Evidence) -> Judgement:
     """Judge the cause by K, which has no r."""
-    steps = [evidence.mean(law, each, "joint_step") for law in LQR for each in evidence.ours.sets(law)]
+    steps = [each for law in LQR for each in evidence.by_set(law, "joint_step")]
     without = evidence.mean("K", "", "joint_step")
     cases: Cases = {
         "Eff below 0.12": max(steps) < _PRINTED_BOUND,
         "that r keeps it there": max(steps) < _PRINTED_BOUND <= without,
     }
-    return by_cases(cases, f"Eff {_range(steps)}; of K, which has no r, {without:.3f}")
+    return by_cases(cases, f"Eff {span_of(steps)}; of K, which has no r, {without:.3f}")
 
 
 @decides("lqr-lower-torques")
@@ -88,7 +86,7 @@ def _torques(evidence: Evidence) -> Judgement:
     for law in LQR:
         load, step = loads(law, evidence.ours.sets(law)[0])
         ratios = {"torques": load / whole, "their steps": step / steps}
-        cases |= {f"{law}'s {what}": ratio < 1 - _NO_DIFFERENCE for what, ratio in ratios.items()}
+        cases |= {f"{law}'s {what}": ratio < 1 - NO_DIFFERENCE for what, ratio in ratios.items()}
         texts.append(f"{law} {listed(list(ratios.values()))}")
     return by_cases(
         cases,
@@ -114,19 +112,16 @@ def _commanded(evidence: Evidence) -> Judgement:
 @decides("lqr-lower-effort")
 def _effort(evidence: Evidence) -> Judgement:
     ratios = {law: _over_k(evidence, law, "joint_step") for law in LQR}
-    cases: Cases = {law: max(values) < 1 - _NO_DIFFERENCE for law, values in ratios.items()}
+    cases: Cases = {law: max(values) < 1 - NO_DIFFERENCE for law, values in ratios.items()}
     return by_cases(cases, f"Eff over K's: {_ranges(ratios)}")
 
 
 @decides("lqr-worst-error-on-circle")
 def _worst(evidence: Evidence) -> Judgement:
-    least = min(evidence.mean(law, each) for law in LQR for each in evidence.ours.sets(law))
-    cases: Cases = {law: least > (1 + _NO_DIFFERENCE) * evidence.mean(law) for law in PROPORTIONAL}
+    least = min(min(evidence.by_set(law)) for law in LQR)
+    cases: Cases = {law: least > (1 + NO_DIFFERENCE) * evidence.mean(law) for law in PROPORTIONAL}
     of_robust, text = evidence.of_robust(
-        lambda laws, _: (
-            least > max(map(evidence.mean, laws)),
-            f"Err {listed(list(map(evidence.mean, laws)))}",
-        )
+        lambda laws, _: (least > max(map(evidence.mean, laws)), f"Err {listed(map(evidence.mean, laws))}")
     )
     ratios = {law: _over_k(evidence, law, "error") for law in LQR}
     return by_cases(
@@ -138,10 +133,7 @@ def _worst(evidence: Evidence) -> Judgement:
 @decides("h-infinity-lowest-error-on-circle")
 def _lowest(evidence: Evidence) -> Judgement:
     def look(laws: tuple[str, ...], _: str) -> tuple[bool, str]:
-        errors = {
-            law: min(evidence.mean(law, each) for each in evidence.ours.sets(law))
-            for law in (*PROPORTIONAL, *LQR, *laws)
-        }
+        errors = {law: min(evidence.by_set(law)) for law in (*PROPORTIONAL, *LQR, *laws)}
         first = min(errors, key=errors.__getitem__) in laws
         rise = evidence.mean(laws[0], "", "joint_step") - evidence.mean("K", "", "joint_step")
         return first and rise <= 0.025, f"Err HIR {errors[laws[0]]:.3g}, K {errors['K']:.3g}; Eff {rise:+.3f}"
@@ -157,13 +149,13 @@ def _dq_over_r8(evidence: Evidence) -> Judgement:
     at_a_time = [evidence.ours.mean("LQR-DQ", each) / evidence.ours.mean("LQR-R8", each) for each in sets]
     integrals = [longer * ratio for ratio in at_a_time]
     cases: Cases = {
-        "a higher integral": min(integrals) > 1 + _NO_DIFFERENCE,
-        "a worse tracking": min(at_a_time) > 1 + _NO_DIFFERENCE,
+        "a higher integral": min(integrals) > 1 + NO_DIFFERENCE,
+        "a worse tracking": min(at_a_time) > 1 + NO_DIFFERENCE,
     }
     return by_cases(
         cases,
-        f"Err of DQ over R8 at equal times {_range(at_a_time)}, as the same gain gives; as integrals over the printed "
-        f"durations, of which DQ's is {100 * (longer - 1):.1f} % longer, {_range(integrals)}",
+        f"Err of DQ over R8 at equal times {span_of(at_a_time)}, as the same gain gives; as integrals over the printed "
+        f"durations, of which DQ's is {100 * (longer - 1):.1f} % longer, {span_of(integrals)}",
     )
 
 
@@ -247,7 +239,7 @@ def _decoupled(evidence: Evidence) -> Judgement:
         "acceleration peak": _peak(decoupled, 2) / _peak(usual, 2),
         "Eff": _steps(decoupled) / _steps(usual),
     }
-    cases: Cases = {f"a larger {name}": ratio > 1 + _NO_DIFFERENCE for name, ratio in ratios.items()}
+    cases: Cases = {f"a larger {name}": ratio > 1 + NO_DIFFERENCE for name, ratio in ratios.items()}
     found = ", ".join(f"{name} {ratio:.3f}" for name, ratio in ratios.items())
     return by_cases(cases, f"decoupled over K, k = 50 1/s, circle: {found}")
 
@@ -265,14 +257,13 @@ def _steps(record: Record) -> float:
 
 
 def _over_k(evidence: Evidence, law: str, metric: str) -> list[float]:
-    return [
-        evidence.mean(law, each, metric) / evidence.mean("K", "", metric) for each in evidence.ours.sets(law)
-    ]
+    return [each / evidence.mean("K", "", metric) for each in evidence.by_set(law, metric)]
 
 
 def _ranges(values: dict[str, list[float]]) -> str:
-    return ", ".join(f"{law} {_range(each)}" for law, each in values.items())
+    return ", ".join(f"{law} {span_of(each)}" for law, each in values.items())
 
 
-def _range(values: list[float]) -> str:
+def span_of(values: list[float]) -> str:
+    """Return the least and the largest number as text."""
     return f"{min(values):.3f} … {max(values):.3f}"

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from dqcontrol.arrays import Array
 from dqcontrol.experiments import PreparedExperiment, execute, prepare
-from dqcontrol.loop import Record
+from dqcontrol.loop import Record, has_failed
 from dqcontrol_theses.judgement import Case, Judgement, by_cases
 from dqcontrol_theses.pereira2016.gain_x100 import SUFFIX, with_gain_x100
-from dqcontrol_theses.pereira2016.pereira2016_catalogue import PLANTS
+from dqcontrol_theses.pereira2016.pereira2016_catalogue import PLANTS, published_spec
 from dqcontrol_theses.pereira2016.published_numbers import published_cells
-from dqcontrol_theses.pereira2016.published_specs import published_spec
-from dqcontrol_theses.results import Results
+from dqcontrol_theses.results import Results, Row
 
 PROPORTIONAL, LQR, ROBUST = ("K", "K+FF"), ("LQR-R8", "LQR-DQ"), ("HIR", "HIRT")
 LAWS = (*PROPORTIONAL, *LQR, *ROBUST)
@@ -98,9 +99,14 @@ class Evidence:
             cases[f"HIR and HIRT{' ' * bool(each)}{each}"] = holds
         return cases, "; ".join(texts)
 
-    def judged_by_robust(self, look: Look, sets: Sequence[str] = ("",)) -> Judgement:
-        """Return the verdict on a sentence that is about HIR and HIRT alone; see `of_robust`."""
-        return by_cases(*self.of_robust(look, sets))
+    def judged_by_robust(self, look: Look, sets: Sequence[str] = ("",), what: str = "") -> Judgement:
+        """Return the verdict on a sentence that is about HIR and HIRT alone, its numbers named; see `of_robust`."""
+        cases, text = self.of_robust(look, sets)
+        return by_cases(cases, what + text)
+
+    def by_set(self, law: str, metric: str = "error", experiment: str = "") -> list[float]:
+        """Return the mean of a metric with each set that a law ran with."""
+        return [self.mean(law, each, metric, experiment) for each in self.ours.sets(law, experiment)]
 
     def period(self, experiment: str = "") -> float:
         """Return the control period, s."""
@@ -188,3 +194,16 @@ def record_of(
         if case.names.law == law and case.names.set == parameters and plant in (None, case.names.plant):
             return execute(setting, case)
     raise LookupError(f"{law} · {parameters}")
+
+
+def grid_of(rows: Sequence[Row], key: str) -> tuple[list[float], list[float], Array]:
+    """Return the values of q and r and the metric for each pair, shape (len(q), len(r)); NaN where a run failed."""
+    qs, rs = (
+        sorted({row[f"parameter.{name}"] for row in rows}) for name in ("error_weight", "control_weight")
+    )
+    grid = np.full((len(qs), len(rs)), math.nan)
+    for row in rows:
+        if not has_failed(str(row["stopped"])):
+            place = qs.index(row["parameter.error_weight"]), rs.index(row["parameter.control_weight"])
+            grid[place] = row[key]
+    return qs, rs, grid

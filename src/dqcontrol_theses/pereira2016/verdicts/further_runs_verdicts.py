@@ -10,16 +10,9 @@ import numpy as np
 from dqcontrol.experiments import PreparedExperiment
 from dqcontrol.measures import evaluate
 from dqcontrol.references import Sample
-from dqcontrol_theses.judgement import (
-    ABOUT_THE_PROGRAM,
-    ABOUT_THE_ROBOT,
-    Judgement,
-    by_cases,
-    listed,
-)
+from dqcontrol_theses.judgement import ABOUT_THE_PROGRAM, ABOUT_THE_ROBOT, Judgement, by_cases, listed
 from dqcontrol_theses.pereira2016.own_periods import stretch
-from dqcontrol_theses.pereira2016.pereira2016_catalogue import EXACT, PHYSICS
-from dqcontrol_theses.pereira2016.published_specs import published_spec
+from dqcontrol_theses.pereira2016.pereira2016_catalogue import EXACT, PHYSICS, published_spec
 from dqcontrol_theses.pereira2016.verdicts.evidence import (
     LAWS,
     LQR,

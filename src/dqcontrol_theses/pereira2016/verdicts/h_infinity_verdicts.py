@@ -22,8 +22,9 @@ def _proportional(evidence: Evidence) -> Judgement:
         products = [SHARES[each] * mean(law, each) / (SHARES[_FIRST] * mean(law, _FIRST)) for law in laws]
         return all(abs(product - 1) <= 0.1 for product in products), listed(products, ".2f")
 
-    cases, text = evidence.of_robust(look, [each for each in SHARES if each != _FIRST])
-    return by_cases(cases, f"Err × gain over that at 20 %, HIR and HIRT: {text}")
+    return evidence.judged_by_robust(
+        look, [each for each in SHARES if each != _FIRST], "Err × gain over that at 20 %, HIR and HIRT: "
+    )
 
 
 @decides("gain-doubled-error-halved")
@@ -34,8 +35,9 @@ def _halved(evidence: Evidence) -> Judgement:
         ratios = [evidence.ours.mean(law, _HALF[each]) / evidence.ours.mean(law, each) for law in laws]
         return all(abs(ratio / 2 - 1) <= 0.05 for ratio in ratios), listed(ratios)
 
-    cases, text = evidence.of_robust(look, list(_HALF))
-    return by_cases(cases, f"Err at half of the gain over that at 40 and 80 %, HIR and HIRT: {text}")
+    return evidence.judged_by_robust(
+        look, list(_HALF), "Err at half of the gain over that at 40 and 80 %, HIR and HIRT: "
+    )
 
 
 _HALF = {"40 %": "20 %", "80 %": "40 %"}

@@ -3,13 +3,7 @@
 from __future__ import annotations
 
 from dqcontrol_theses.judgement import ABOUT_THE_PROGRAM, Judgement, by_cases
-from dqcontrol_theses.pereira2016.operation_counts import (
-    DUAL_QUATERNION,
-    OPERATIONS,
-    TWELVE,
-    WHOLE,
-    count,
-)
+from dqcontrol_theses.pereira2016.operation_counts import DUAL_QUATERNION, OPERATIONS, TWELVE, WHOLE, count
 from dqcontrol_theses.pereira2016.verdicts.evidence import LAWS, Evidence, decides
 
 PERIODS = {"8 ms": 0.008, "20 ms": 0.02}  # s

@@ -6,12 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dqcontrol_theses.judgement import (
-    ABOUT_THE_ROBOT,
-    Judgement,
-    by_cases,
-    listed,
-)
+from dqcontrol_theses.judgement import ABOUT_THE_ROBOT, Judgement, by_cases, listed
 from dqcontrol_theses.pereira2016.gain_x100 import SUFFIX
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import EXACT
 from dqcontrol_theses.pereira2016.published_numbers import published_cells
@@ -85,8 +80,7 @@ def _best(evidence: Evidence) -> Judgement:
         ranked = sorted((*PROPORTIONAL, *LQR, *laws), key=lambda law: evidence.mean(law, each))
         return set(ranked[:2]) == set(laws), f"place {1 + min(ranked.index(law) for law in laws)}"
 
-    cases, text = evidence.of_robust(look, SETS)
-    return by_cases(cases, f"place of the better of HIR and HIRT by mean error: {text}")
+    return evidence.judged_by_robust(look, SETS, "place of the better of HIR and HIRT by mean error: ")
 
 
 @decides("h-infinity-without-excessive-speed")
@@ -98,8 +92,7 @@ def _speed(evidence: Evidence) -> Judgement:
         ]
         return max(ratios) <= _EXCESSIVE, listed(ratios)
 
-    cases, text = evidence.of_robust(look, SETS)
-    return by_cases(cases, f"L.Vel and Eff of HIR over K's: {text}")
+    return evidence.judged_by_robust(look, SETS, "L.Vel and Eff of HIR over K's: ")
 
 
 @decides("h-infinity-lower-effort")
@@ -109,8 +102,7 @@ def _lower_effort(evidence: Evidence) -> Judgement:
         ratios = [steps[laws[0]] / steps[law] for law in ("K", "LQR-R8")]
         return max(ratios) < 1, listed(ratios)
 
-    cases, text = evidence.of_robust(look, SETS)
-    return by_cases(cases, f"Eff of HIR over K's and R8's: {text}")
+    return evidence.judged_by_robust(look, SETS, "Eff of HIR over K's and R8's: ")
 
 
 @decides("lqrs-better-error")
@@ -271,5 +263,4 @@ def _tracking(evidence: Evidence) -> Judgement:
         ratio = evidence.mean(laws[1], each) / evidence.mean(laws[0], each)
         return _near([ratio], 1.0, 0.01), f"{ratio:.4f}"
 
-    cases, text = evidence.of_robust(look, SETS)
-    return by_cases(cases, f"Err of HIRT over HIR: {text}")
+    return evidence.judged_by_robust(look, SETS, "Err of HIRT over HIR: ")
