@@ -112,8 +112,8 @@ def test_a_link_is_pulled_by_the_mouse_where_there_is_physics(page_of):
     (body,) = np.flatnonzero(plant.data.xfrc_applied.any(axis=1))
     moves, turns = np.zeros((3, 7)), np.zeros((3, 7))
     mujoco.mj_jacBodyCom(plant.model, plant.data, moves, turns, body)
-    felt = plant.data.xfrc_applied[body] @ np.vstack([moves, turns])
-    np.testing.assert_allclose(felt, expected, atol=0.1)  # the data's are a time step old
+    contact_wrench = plant.data.xfrc_applied[body] @ np.vstack([moves, turns])
+    np.testing.assert_allclose(contact_wrench, expected, atol=0.1)  # the data's are a time step old
     farthest = 0.0
     for _ in range(50):
         session.step()
@@ -311,7 +311,7 @@ def test_damping_and_force_of_a_contact_change_while_it_presses(page_of):
     session, panel = page.session, page._robot._contact
     for _ in range(900):
         session.step()
-    assert session.live.control.felt[5] == pytest.approx(2.0, abs=0.03)
+    assert session.live.control.contact_wrench[5] == pytest.approx(2.0, abs=0.03)
     assert re.fullmatch(r"presses [\d.]+ N along z, 2.00 asked", session.words)
     panel._advise()
     (case,) = session.setting.cases
@@ -333,13 +333,13 @@ def test_damping_and_force_of_a_contact_change_while_it_presses(page_of):
     assert f"{sliders['board [N/m]'].mark:g} N/m" in panel._bears.content
     assert (sliders["Damping [N·s/m]"].node.value, sliders["board [N/m]"].node.value) == (100, 2000)
 
-    before = session.live.control.felt.copy()
+    before = session.live.control.contact_wrench.copy()
     sliders["Force along z [N]"].node.value = 3.0
     session.step()
-    assert abs(session.live.control.felt[5] - before[5]) < 0.05  # the frame stays where it is
+    assert abs(session.live.control.contact_wrench[5] - before[5]) < 0.05  # the frame stays where it is
     for _ in range(900):
         session.step()
-    assert session.live.control.felt[5] == pytest.approx(3.0, abs=0.03)
+    assert session.live.control.contact_wrench[5] == pytest.approx(3.0, abs=0.03)
     assert re.fullmatch(r"presses [\d.]+ N along z, 3.00 asked", session.words)
     sliders["Damping [N·s/m]"].node.value = 60.0
     assert session.live.law.contact.translation.damping == [0, 0, 60.0]
@@ -350,10 +350,10 @@ def test_damping_and_force_of_a_contact_change_while_it_presses(page_of):
     assert sliders["Damping [N·s/m]"].node.value == 60.0
     panel._sliders["board [N/m]"].node.value = 3000.0  # another board: from the air again
     assert session.spec["world"]["board"]["stiffness"] == 3000.0, session.told
-    assert session.live.control.felt[5] == 0.0
+    assert session.live.control.contact_wrench[5] == 0.0
     for _ in range(900):
         session.step()
-    assert session.live.control.felt[5] == pytest.approx(3.0, abs=0.03)
+    assert session.live.control.contact_wrench[5] == pytest.approx(3.0, abs=0.03)
     assert re.fullmatch(r"presses [\d.]+ N along z, 3.00 asked", session.words)
     panel._sliders["board [N/m]"].node.value = 8000.0
     assert "not done: contact: world.board has 8000 N/m, but" in session.told[-1]
@@ -363,4 +363,4 @@ def test_damping_and_force_of_a_contact_change_while_it_presses(page_of):
 def test_without_contact_its_panel_is_not_there(page_of):
     page = page_of(SPEC)
     assert not page._robot._contact._folder.visible
-    assert page.session.live.control.felt.tolist() == [0.0] * 6
+    assert page.session.live.control.contact_wrench.tolist() == [0.0] * 6

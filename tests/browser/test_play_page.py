@@ -231,13 +231,15 @@ def test_a_slider_presses_harder_and_the_limit_is_marked(browser, tmp_path):
         tab.get_by_role("tab", name="Robot").click()
         playing.until(lambda: "limit 6030" in tab.content())  # as `check` says it
         playing.until(lambda: "least 33.2" in tab.content())
-        playing.until(lambda: abs(session.live.control.felt[5] - 2.0) < 0.05)
+        playing.until(lambda: abs(session.live.control.contact_wrench[5] - 2.0) < 0.05)
         slider = tab.get_by_role("slider").nth(1)  # damping, then force
         slider.focus()
         for _ in range(5):
             tab.keyboard.press("ArrowRight")
         playing.until(lambda: session.live.law.contact.force.z > 2.0)
-        playing.until(lambda: abs(session.live.control.felt[5] - session.live.law.contact.force.z) < 0.02)
+        playing.until(
+            lambda: abs(session.live.control.contact_wrench[5] - session.live.law.contact.force.z) < 0.02
+        )
         playing.until(lambda: f"{session.live.law.contact.force.z:.2f} asked" in tab.content())
     finally:
         playing.close()

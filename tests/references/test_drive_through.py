@@ -19,7 +19,7 @@ def robot():
 
 def test_inputs_lead_along_the_configurations_and_the_law_follows(robot):
     there = DriveTo(robot, HOME, AWAY)
-    way = DriveThrough([there, DriveTo(robot, AWAY, HOME)], rests=[1.0, 0.5])
+    way = DriveThrough([there, DriveTo(robot, AWAY, HOME)], pauses=[1.0, 0.5])
     np.testing.assert_allclose(way.arrivals, [there.duration, way.duration - 0.5])
     times = np.arange(0.0, way.duration + T, T)
     q, u = way.configurations(times), way.mean_inputs(times, T)
@@ -37,10 +37,10 @@ def test_inputs_lead_along_the_configurations_and_the_law_follows(robot):
 
 def test_ways_that_do_not_fit_are_refused(robot):
     there = DriveTo(robot, HOME, AWAY)
-    for ways, rests, error, message in (
-        ([there], [0.0, 1.0], ShapeError, "rests: expected 1 numbers, one a way, got 2"),
-        ([there], [-1.0], ValueRangeError, "rests: must be ≥ 0, got -1"),
+    for ways, pauses, error, message in (
+        ([there], [0.0, 1.0], ShapeError, "pauses: expected 1 numbers, one a way, got 2"),
+        ([there], [-1.0], ValueRangeError, "pauses: must be ≥ 0, got -1"),
         ([there, there], [0.0, 0.0], ValueRangeError, r"ways\[1\]: must begin where ways\[0\] ends"),
     ):
         with pytest.raises(error, match=message):
-            DriveThrough(ways, rests)
+            DriveThrough(ways, pauses)

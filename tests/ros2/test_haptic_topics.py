@@ -143,7 +143,7 @@ def test_leader_and_arm_are_quiet_below_what_it_says_and_swing_above(spec, limit
         sent, total = place, felt[3:] - [0, 0, PUSH]
         place, speed = place + step[1] * speed + step[2] * total, step[4] * speed + step[5] * total
         plant.step(control.command)
-        felt = sensor.felt(loaded.robot.fkm(plant.measured), plant.wrench)
+        felt = sensor.contact_wrench(loaded.robot.fkm(plant.measured), plant.wrench)
         forces.append(felt[5])
     assert control.phase is Phase.ACTIVE, control.reason
     swing = np.ptp(forces[-200:]) / PUSH

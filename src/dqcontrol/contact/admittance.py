@@ -13,7 +13,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, Kernel
 from dqcontrol.contact import contact_layout as layout
-from dqcontrol.contact.admittance_step import admittance, felt_wrench
+from dqcontrol.contact.admittance_step import admittance, contact_wrench_at
 from dqcontrol.contact.tool import Tool
 from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_positive
 from dqcontrol.named_fields import NamedFields, Three
@@ -46,7 +46,7 @@ class AdmittanceStage:
         self.state = layout.contact_state(self._state)
         self._k = 0
 
-    def felt(self, pose: Array, wrench: Array) -> Array:
+    def contact_wrench(self, pose: Array, wrench: Array) -> Array:
         """Return moment and force on the hand, shape (6,), along the axes of the base or its own, with nothing moved.
 
         Parameters
@@ -55,7 +55,7 @@ class AdmittanceStage:
             As for `step`; the tool's weight and bias, and what was tared, are taken off.
         """
         out = np.empty(6)
-        felt_wrench(pose, self._parameters, wrench, self.state.tare, out)
+        contact_wrench_at(pose, self._parameters, wrench, self.state.tare, out)
         return out
 
     def step(self, pose: Array, sample: Array, wrench: Array) -> Array:

@@ -103,7 +103,7 @@ def unloaded(pose, given, wrench, out):
 
 
 @inline
-def felt(pose, sample, given, tare, out):
+def contact_wrench(pose, sample, given, tare, out):
     """Replace force and torque at the sensor by moment and force on the hand in task axes, less what was tared."""
     rw, rx, ry, rz = pose[0], pose[1], pose[2], pose[3]
     sensor = given.sensor
@@ -122,11 +122,11 @@ def felt(pose, sample, given, tare, out):
 
 
 @kernel(STATUS(READ, READ, READ, READ, WRITE))
-def felt_wrench(pose, parameters, wrench, tare, out):
+def contact_wrench_at(pose, parameters, wrench, tare, out):
     """Write moment and force on the hand, axes of the base or its own, of force and torque at the sensor."""
     given = contact_parameters(parameters)
     unloaded(pose, given, wrench, out)
-    felt(pose, pose, given, tare, out)
+    contact_wrench(pose, pose, given, tare, out)
     return OK
 
 
@@ -270,7 +270,7 @@ def admittance(pose, desired, k, parameters, state, work):
                 own.tare[i] += (wrench[i] - own.tare[i]) / own.tared[0]
                 wrench[i] = 0.0
         else:
-            felt(pose, sample, given, own.tare, wrench)
+            contact_wrench(pose, sample, given, own.tare, wrench)
             if own.begin[0] == 0.0:
                 for i in range(6):
                     own.begun[i] = wrench[i]

@@ -37,7 +37,7 @@ from dqcontrol.compiled.compile import NOT_FINITE, OK, READ, READ2, SINGULAR, ST
 from dqcontrol.compiled.intrinsics import as_matrix, as_row
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.contact.admittance import AXES, ForceSensor
-from dqcontrol.contact.admittance_step import cross, felt, turned, turning, unloaded
+from dqcontrol.contact.admittance_step import contact_wrench, cross, turned, turning, unloaded
 from dqcontrol.contact.contact_layout import BASE
 from dqcontrol.contact.tool import Tool
 from dqcontrol.errors import DivergedError, ValueRangeError, as_array, as_each
@@ -297,7 +297,7 @@ def impedance_torque(bodies, parameters, motion, wrench, torque, work):
         room.column[j] = posture * (posture * (target[j] - q[j]) + 2.0 * (leads[j] - rates[j]))
     if shaped:
         unloaded(room.hand, given, wrench, room.wrench)
-        felt(room.hand, room.desired, given, room.nothing, room.wrench)
+        contact_wrench(room.hand, room.desired, given, room.nothing, room.wrench)
         back, moment = (-z[0], -z[1], -z[2]), (room.wrench[0], room.wrench[1], room.wrench[2])
         left_jacobian(back, moment, room.wrench)
         _write_shaped(moving, given, room)
@@ -483,8 +483,8 @@ class PreparedImpedance:
         """
         motion = self._motion
         motion[0], motion[1], motion[2], motion[3] = q, rates, target, target_rates
-        felt = self._wrench if wrench is None else wrench
-        if self._step(self._bodies, self._given, motion, felt, self._torque, self._work) != OK:
+        heard = self._wrench if wrench is None else wrench
+        if self._step(self._bodies, self._given, motion, heard, self._torque, self._work) != OK:
             missing = " 'mass' needs a measured wrench" if self.impedance.feels else ""
             raise DivergedError(f"impedance: the torque is not finite, q = {motion[0]};{missing}")
         return self._torque

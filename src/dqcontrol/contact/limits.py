@@ -159,7 +159,7 @@ def bears(
     start = as_array("q", q, (law.robot.configuration_size,))
     axes = np.flatnonzero(~admittance.rigid)
     loops = (_loop_of(admittance, law, model, start, int(i), soft) for i in axes if i >= 3)
-    return all(loop.radius(loop.felt(stiffness)) <= 1 + _ROUNDING for loop in loops)
+    return all(loop.radius(loop.effective_stiffness(stiffness)) <= 1 + _ROUNDING for loop in loops)
 
 
 def _lateness(model: LinearModel, joints: int, period: float) -> float:
@@ -279,15 +279,15 @@ class _Loop:
         (a, b), period = self._plant, self._period
         inner, by_begin, by_end, force, direct = _environment(stiffness, mass, self._filter, period)
         size, count, parts, axes = len(a), len(self._ways), len(inner), len(self._rows)
-        felt = size + count * parts  # then deflection and rate of each axis
-        total = felt + 2 * axes
+        by_force = size + count * parts  # then deflection and rate of each axis
+        total = by_force + 2 * axes
         forces = np.zeros((count, total))
         forces[:, :size] = direct * self._ways
-        forces[:, size:felt] = np.kron(np.eye(count), force)
+        forces[:, size:by_force] = np.kron(np.eye(count), force)
         command, step = np.zeros((b.shape[1], total)), np.zeros((total, total))
         command[:, :size] = self._by_joints
         for i, row in enumerate(self._rows):
-            c = felt + 2 * i
+            c = by_force + 2 * i
             f = self._steps[i] if factor == 1 else exact_step(row[0], factor * row[1], row[2], period)
             ahead, after = f[2] * self._acts[:, i] @ forces, f[5] * self._acts[:, i] @ forces
             ahead[c : c + 2] += f[:2]
@@ -302,23 +302,23 @@ class _Loop:
         step[:size, :size] = a
         step[:size] += b @ command
         if parts:
-            step[size:felt, size:felt] = np.kron(np.eye(count), inner)
-            step[size:felt, :size] += np.kron(self._ways, by_begin[:, None])
-            step[size:felt] += np.kron(self._ways @ step[:size], by_end[:, None])
+            step[size:by_force, size:by_force] = np.kron(np.eye(count), inner)
+            step[size:by_force, :size] += np.kron(self._ways, by_begin[:, None])
+            step[size:by_force] += np.kron(self._ways @ step[:size], by_end[:, None])
         return float(np.abs(np.linalg.eigvals(step)).max())
 
     def limit(self, mass: float = 0.0) -> float:
         """Return the stiffness from which on the loop is unstable, N/m or N·m/rad; infinite if none is."""
-        felt = _first_failure(lambda stiffness: self.radius(stiffness, mass))
-        return felt / (1 - self._soft * felt) if self._soft * felt < 1 else np.inf
+        limit = _first_failure(lambda stiffness: self.radius(stiffness, mass))
+        return limit / (1 - self._soft * limit) if self._soft * limit < 1 else np.inf
 
-    def felt(self, stiffness: float) -> float:
+    def effective_stiffness(self, stiffness: float) -> float:
         """Return the stiffness of what is touched and of the joints behind it."""
         return stiffness / (1 + self._soft * stiffness)
 
     def least_damping(self, stiffness: float) -> float:
         """Return the damping from which on a stiffness is borne, N·s/m or N·m·s/rad; infinite if none bears it."""
-        stiffness = self.felt(stiffness)
+        stiffness = self.effective_stiffness(stiffness)
         if (damping := self._rows[0, 1]) == 0:
             return np.nan
         share = _first_failure(lambda less: self.radius(stiffness, factor=1e4 / less), 1.0, 1e8)

@@ -130,10 +130,10 @@ def identify_tool(
     >>> round(found.mass, 9), round(found.center[2], 9), round(found.force_bias[0], 9)
     (0.8, 0.05, 0.3)
     """
-    placed, felt = _readings(poses, wrenches)
+    placed, measured = _readings(poses, wrenches)
     by_mass, by_moment = _columns(placed, as_array("gravity", gravity, (3,)))
-    mass, force_bias, force_left = _fit(by_mass, felt[:, :3], 1)
-    moment, torque_bias, torque_left = _fit(by_moment, felt[:, 3:], 3)
+    mass, force_bias, force_left = _fit(by_mass, measured[:, :3], 1)
+    moment, torque_bias, torque_left = _fit(by_moment, measured[:, 3:], 3)
     of_force, of_torque = _condition(by_mass), _condition(by_moment)
     if not max(of_force, of_torque) <= WORST_CONDITION:
         raise ValueRangeError(
@@ -170,10 +170,10 @@ def tare_tool(
     ShapeError
         If shapes do not fit.
     """
-    placed, felt = _readings(poses, wrenches)
+    placed, measured = _readings(poses, wrenches)
     by_mass, by_moment = _columns(placed, as_array("gravity", gravity, (3,)))
-    force = felt[:, :3] - known.mass * by_mass[:, :, 0]
-    torque = felt[:, 3:] - by_moment[:, :, :3] @ (known.mass * np.array(known.center))
+    force = measured[:, :3] - known.mass * by_mass[:, :, 0]
+    torque = measured[:, 3:] - by_moment[:, :, :3] @ (known.mass * np.array(known.center))
     biases = [rest.mean(axis=0) for rest in (force, torque)]
     left = [
         float(np.sqrt(np.mean((rest - bias) ** 2)))
@@ -204,10 +204,10 @@ def tool_orientations() -> Array:
 
 
 def _readings(poses: ArrayLike, wrenches: ArrayLike) -> tuple[Array, Array]:
-    placed, felt = as_array("poses", poses, (None, 8)), as_array("wrenches", wrenches, (None, 6))
-    if placed.ndim != 2 or placed.shape[0] != felt.shape[0] or felt.ndim != 2:
-        raise ShapeError(f"wrenches: expected one a pose, ({len(placed)}, 6), got {felt.shape}")
-    return placed, felt
+    placed, measured = as_array("poses", poses, (None, 8)), as_array("wrenches", wrenches, (None, 6))
+    if placed.ndim != 2 or placed.shape[0] != measured.shape[0] or measured.ndim != 2:
+        raise ShapeError(f"wrenches: expected one a pose, ({len(placed)}, 6), got {measured.shape}")
+    return placed, measured
 
 
 def _columns(poses: Array, fall: Array) -> tuple[Array, Array]:

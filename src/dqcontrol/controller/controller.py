@@ -308,7 +308,7 @@ class Controller:
                 getattr(own, name)[:] = 0.0
         return new
 
-    def felt(self, state: Array) -> Array:
+    def contact_wrench(self, state: Array) -> Array:
         """Return moment and force on the end effector in task axes as contact last heard them, (6,); 0 without it."""
         if not self._law.contact:
             return np.zeros(6)

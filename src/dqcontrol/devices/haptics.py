@@ -83,7 +83,7 @@ class Haptics:
         self._scale = as_positive("force_scale", force_scale)
         self._delay = round(as_positive("delay", delay, zero_allowed=True) / leader.period)
         self._sent = deque([leader.state.pose] * self._delay)
-        self._felt = deque([np.zeros(6)] * self._delay)
+        self._delayed = deque([np.zeros(6)] * self._delay)
         self._target = LeaderTarget(follower.speeds)
         self._target.start(follower.state.pose, follower.control.time)
         follower.control.target = self._target
@@ -93,9 +93,9 @@ class Haptics:
         leader, follower = self.leader, self.follower
         pose, hand = (live.robot.fkm(live.plant.measured) for live in (leader, follower))
         self._sent.append(pose)
-        self._felt.append(_turned(follower.plant.wrench, hand))
+        self._delayed.append(_turned(follower.plant.wrench, hand))
         self._target.ask(follower.control.time, self._sent.popleft())
-        leader.pushed = _turned(self.push + self._scale * self._felt.popleft(), algebra.conjugate(pose))
+        leader.pushed = _turned(self.push + self._scale * self._delayed.popleft(), algebra.conjugate(pose))
         leader.step()
         follower.step()
 

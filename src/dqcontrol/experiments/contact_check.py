@@ -84,9 +84,11 @@ def _check_tool(contact: Admittance, case: Combination, plant: RunningPlant, per
     if contact.sensor.tool is None or contact.sensor.tare:
         return
     plant.step(np.zeros(case.scene.robot.input_size))
-    felt = contact.start(period).felt(case.scene.robot.fkm(case.scene.start), plant.wrench)
+    contact_wrench = contact.start(period).contact_wrench(
+        case.scene.robot.fkm(case.scene.start), plant.wrench
+    )
     noise = getattr(getattr(case.plant, "wrist", None), "force_noise", 0.0)
-    left, allowed = float(np.linalg.norm(felt[3:])), 2 * contact.lost.below + _NOISES * noise
+    left, allowed = float(np.linalg.norm(contact_wrench[3:])), 2 * contact.lost.below + _NOISES * noise
     if left > allowed:
         raise ValueRangeError(
             f"contact.sensor.tool: leaves {left:.3g} N on the sensor at the start, where nothing touches (allowed: "

@@ -121,9 +121,9 @@ class Contacts:
         carried = [each for each in self._moving if each.frame >= self._first]
         self._carried = [each for each in carried if self._first > 1 or robot.parents[each.frame - 1] >= 0]
         self._levers = _levers(robot, self._bodies)
-        felt = world is not None and plant is not None and plant.touches_world
-        self._watched = [] if felt else [*self._floor(constraints, world), *self._itself(constraints)]
-        if not felt:
+        in_physics = world is not None and plant is not None and plant.touches_world
+        self._watched = [] if in_physics else [*self._floor(constraints, world), *self._itself(constraints)]
+        if not in_physics:
             self._watched += [*self._obstacles(constraints), *self._bodies_of(world, constraints)]
         shapes = list({id(each): each for pair in self._watched for each in pair[:2]}.values())
         number = {id(each): k for k, each in enumerate(shapes)}
@@ -272,7 +272,7 @@ class Contacts:
         return names
 
 
-def check_floor(robot: Robot, q0: Array, samples: Array) -> None:
+def check_floor(robot: Robot, start: Array, samples: Array) -> None:
     """Warn if a hand on a mobile base starts inside the base or below the floor, or is to go below it.
 
     Parameters
@@ -284,9 +284,9 @@ def check_floor(robot: Robot, q0: Array, samples: Array) -> None:
     """
     if not isinstance(robot, WholeBody) or not base_coordinates(robot)[0]:
         return
-    hand = algebra.translation(robot.fkm(q0))
+    hand = algebra.translation(robot.fkm(start))
     chassis = _chassis(robot)
-    inside = max(-hand[2], -np.inf if chassis is None else _inside(chassis, q0[None], hand[None])[0])
+    inside = max(-hand[2], -np.inf if chassis is None else _inside(chassis, start[None], hand[None])[0])
     if inside > 0:
         warnings.warn(
             f"start: the hand of {robot.name} is {1e3 * inside:.0f} mm inside its chassis or the floor",

@@ -275,7 +275,7 @@ def _of_path(scene: PreparedRobot) -> Iterator[str]:
             why = too_few_joints(robot)
         elif len(robot.drives):
             why = "a base with wheels cannot go sideways; start with another heading, nearer, or go slower"
-        share = SETTLED if demand.left.rests else FOLLOWED
+        share = SETTLED if demand.left.at_rest else FOLLOWED
         yield (
             f"reference: cannot be followed by {robot.name}: even with ideal joints the end effector "
             f"{demand.left.error}, more than {100 * share:.0f} % of the motion: {why}"

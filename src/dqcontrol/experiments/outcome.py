@@ -186,7 +186,7 @@ def _clear(given: Expectation, record: Record, robot: Robot, world: World, perio
     return Judged(near >= asked, f"{least} at {record.time[at]:.3g} s, {1e3 * asked:g} mm asked")
 
 
-def felt(record: Record, robot: Robot) -> list[str]:
+def hits(record: Record, robot: Robot) -> list[str]:
     """Return what links touched in physics, as ``"hit table: panda_link6 85 N, 1.2 mm deep at 2.1 s"``."""
     if FORCE not in record.readings:
         return []

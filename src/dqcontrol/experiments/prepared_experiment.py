@@ -74,7 +74,7 @@ _RESTARTS = 100  # of a search that ends with the first that is found
 _POSITION, _ORIENTATION = 1e-3, 1e-2  # m, rad: nearer than that is reached
 
 
-def check_reach(robot: Robot, q0: Array, samples: Array, *, orientation: bool = True) -> None:
+def check_reach(robot: Robot, start: Array, samples: Array, *, orientation: bool = True) -> None:
     """Raise if a reference leaves what the robot can reach; warn if it leaves what it can within its joint limits.
 
     First the distance from the first axis is held against the length of the stretched arm, unless it stands on a base
@@ -104,7 +104,7 @@ def check_reach(robot: Robot, q0: Array, samples: Array, *, orientation: bool = 
     chosen = samples[np.unique(np.linspace(0, len(samples) - 1, _POSES).astype(int))]
     found = robot.solve(
         chosen[:, POSE],
-        _driven_near(robot, q0, chosen[:, POSE]) if drives else q0,
+        _driven_near(robot, start, chosen[:, POSE]) if drives else start,
         position_tolerance=_POSITION,
         orientation_tolerance=_ORIENTATION if orientation and _turns_freely(robot) else np.inf,
         restarts=_RESTARTS,
@@ -137,12 +137,12 @@ def _check_length(robot: Robot, samples: Array) -> None:
         )
 
 
-def _driven_near(robot: Robot, q0: Array, poses: Array) -> Array:
+def _driven_near(robot: Robot, start: Array, poses: Array) -> Array:
     """Return q0 for each pose, a base that stands on the floor driven as far as the end effector has to go."""
-    starts = np.tile(q0, (len(poses), 1))
+    starts = np.tile(start, (len(poses), 1))
     first = next(parts_with_offsets(robot.parts))[0] if isinstance(robot, WholeBody) else 0
     if base_coordinates(robot)[first]:
-        way = algebra.translation(poses) - algebra.translation(robot.fkm(q0))
+        way = algebra.translation(poses) - algebra.translation(robot.fkm(start))
         starts[:, first : first + 2] += way[:, :2]
     return starts
 

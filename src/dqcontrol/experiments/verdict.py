@@ -15,7 +15,7 @@ from dqcontrol.constraints.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import SELF
 from dqcontrol.controller import PreparedTasks
 from dqcontrol.experiments.contacts import HAND, contacts_of
-from dqcontrol.experiments.outcome import Expectation, felt, judge, length_text
+from dqcontrol.experiments.outcome import Expectation, hits, judge, length_text
 from dqcontrol.experiments.spec import Spec
 from dqcontrol.experiments.spec.reference_spec import ReferenceSpec
 from dqcontrol.laws import Law, PartialProportional
@@ -190,7 +190,7 @@ class Judge:
             judge(each, record, self.robot, self._world, self._period, touched) for each in self._outcome
         ]
         met = [each.words for each in judged if each.holds]
-        hit, grip, missed = felt(record, self.robot), list(self._grip(record)), list(self._missed(record))
+        hit, grip, missed = hits(record, self.robot), list(self._grip(record)), list(self._missed(record))
         found: list[tuple[Failure, str]] = [
             *(("outcome", f"not so: {each.words}") for each in judged if not each.holds),
             *(("crossed", words) for words in (*self._crossed(record), *self._supervised(record))),
@@ -507,7 +507,7 @@ class Judge:
             shares = (record.readings[PRESSURE].values > 0).mean(axis=0)
             name = record.readings[PRESSURE].parts[int(shares.argmax())]
             yield f"pushed aside by {name} for {100 * shares.max():.2g} % of the time"
-        yield from (words for words in felt(record, self.robot) if self._may_be_hit(words))
+        yield from (words for words in hits(record, self.robot) if self._may_be_hit(words))
         if "wheel_slip" in record.readings:
             slip = np.abs(record.readings["wheel_slip"].values).max(axis=1)
             if (share := float(np.mean(slip > SLIDING))) > _OFTEN:
@@ -519,7 +519,7 @@ class Judge:
             yield f"saturated: {name} at its velocity limit for {100 * often.max():.2g} % of the time"
         if words := _braked(record):
             yield words
-        if result.rests and not result.is_moving:
+        if result.at_rest and not result.is_moving:
             yield from self._rests(record, metrics, result)
         elif behind := _behind(record, result, DesiredMotion.of(record.desired, self.desired)):
             yield f"too late: {length_text(behind)} behind"
@@ -556,7 +556,7 @@ def _behind(record: Record, result: TaskResult, desired: DesiredMotion) -> float
     Of a reference at rest only an end effector that comes nearer all the time is behind: others hang or sway beside
     their goal.
     """
-    if result.rests:
+    if result.at_rest:
         steps = np.diff(record.position_error[-max(2, len(record) // 20) :])
         comes = np.mean(steps < 0) > _STEADILY and result.position > result.position_tolerance
         return float(record.position_error[-1]) if comes else 0.0

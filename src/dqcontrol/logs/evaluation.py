@@ -341,19 +341,21 @@ def _from_topic(
     return reference, None if file is not None else (int(stamps[0]) - data.origin) / 1e9
 
 
-def _from_file(file: Path, robot: Robot, q0: Array, options: _LogOptions) -> tuple[Reference, float | None]:
+def _from_file(
+    file: Path, robot: Robot, start: Array, options: _LogOptions
+) -> tuple[Reference, float | None]:
     """Return the reference of a file, and the start that the errors leave out, s, if the file says so."""
     names = (*(options["joints"] or robot.joint_names), "q1")
     if file.suffix.lower() in (".yaml", ".yml"):
-        return _from_yaml(file, robot, q0)
+        return _from_yaml(file, robot, start)
     if not is_recording(file) and set(names).isdisjoint(column_names(file, names)):
-        return load_points(file, robot.fkm(q0)), None
+        return load_points(file, robot.fkm(start)), None
     options = {**options, "angles": None} if is_recording(file) else {**options, "joint_topic": None}
     taught = read_joint_log(file, robot, **options)
     return Points(taught.time, robot.fkm(taught.q)), None
 
 
-def _from_yaml(file: Path, robot: Robot, q0: Array) -> tuple[Reference, float | None]:
+def _from_yaml(file: Path, robot: Robot, start: Array) -> tuple[Reference, float | None]:
     data = parse_yaml(file, read_text(file))
     whole = isinstance(data, dict) and not data.keys().isdisjoint({"name", "law", "laws", "plant", "plants"})
     folder = file.resolve().parent
@@ -363,5 +365,7 @@ def _from_yaml(file: Path, robot: Robot, q0: Array) -> tuple[Reference, float | 
         data = numbers_for_quantities(str(file), data, list(kinds_of(ReferenceFile)))
         spec = convert(file, data, ReferenceFile)
     if spec.start is not None:
-        q0 = start_configuration(spec.start, robot, f"{file}: start")
-    return spec.reference.build(robot.fkm(q0), folder), spec.skip_initial if isinstance(spec, Spec) else None
+        start = start_configuration(spec.start, robot, f"{file}: start")
+    return spec.reference.build(robot.fkm(start), folder), spec.skip_initial if isinstance(
+        spec, Spec
+    ) else None

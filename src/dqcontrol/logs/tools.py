@@ -330,7 +330,7 @@ def tool_from_logs(
     configurations, wrenches, readings, day = list[Array](), list[Array](), 0, 0
     for path in paths:
         data = read_joint_log(path, arm, **options)
-        times, felt = _wrenches(data, wrench_topic)
+        times, forces = _wrenches(data, wrench_topic)
         q = data.q if data.record is None else data.record.measured
         day = max(day, data.origin)
         for begin, end in rests(data.time, q):
@@ -338,7 +338,7 @@ def tool_from_logs(
             if rows.any():
                 still = (data.time >= begin + _SETTLED) & (data.time <= end)
                 configurations.append(q[still].mean(axis=0))
-                wrenches.append(felt[rows].mean(axis=0))
+                wrenches.append(forces[rows].mean(axis=0))
                 readings += int(rows.sum())
     if not wrenches:
         raise FileFormatError(

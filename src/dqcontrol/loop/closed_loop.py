@@ -247,7 +247,7 @@ def _rollout(steps: _Steps, plant: CompiledPlant, plant_pointer: int, stop: Stop
     finished = "duration" if steps.done == count else "settled"
     steps.was_sent = status == OK and not (stop and settling[0] >= stop.samples)
     if status == compiled.HALTED:
-        halted, steps.rests = _SUPERVISOR, True
+        halted, steps.at_rest = _SUPERVISOR, True
     elif status >= compiled.PLANT_FAILED:
         steps.done -= 1
         command = steps.records[2][steps.done]
@@ -289,7 +289,7 @@ class _Steps:
         self.records = long_array(size, n), long_array(size, n), long_array(size, m), kept
         self.realised = np.zeros((size if self.disturbance else 0, 6))
         self.law_state = law.initial_state(self.plant.q)
-        self.done, self.was_sent, self.rests = 0, True, False
+        self.done, self.was_sent, self.at_rest = 0, True, False
         self.readings = Readings(self.plant, size)
         self._fault, self.unanswered = "", ""
         if self.clock is not None:
@@ -341,7 +341,7 @@ class _Steps:
     def _why(self, supervision: Supervision, halted: str) -> str:
         """Say why the supervisor stopped the robot, if it did not only end what was over."""
         cause = "" if halted == _SUPERVISOR else halted
-        if self.done and not self.rests:
+        if self.done and not self.at_rest:
             cause = f"it still moves after {self.done - len(self.samples)} periods of braking"
         if self.recording and self.recording.failure:
             cause = self.recording.failure
@@ -373,7 +373,7 @@ class _Steps:
         else:
             supervision.finish()
         self._flush_command()
-        while not self.rests and self.done < len(self.desired):
+        while not self.at_rest and self.done < len(self.desired):
             if self.clock:
                 self.clock.await_step()
             self._rest_desired()
@@ -394,7 +394,7 @@ class _Steps:
                 failure = self._command(row)
                 if failure and self.supervision is None:
                     return failure, "", ""
-                if self.rests:
+                if self.at_rest:
                     return None, _SUPERVISOR, ""
                 if self.recording and self.recording.failure and not self.supervision:
                     return None, self.recording.failure, ""
@@ -434,7 +434,7 @@ class _Steps:
         self.done, self.was_sent = k + 1, False
         elapsed = self.clock.elapsed if self.clock else None
         if supervision:
-            self.rests = supervision.step(k, row[TIME], measured, command, self.senses, elapsed)
+            self.at_rest = supervision.step(k, row[TIME], measured, command, self.senses, elapsed)
             self.law.sent(self.law_state, command)
             code = supervision.codes[k]
             supervision.black_box.take(elapsed or supervision.period, row, q, measured, command, code)
@@ -491,7 +491,7 @@ class _Steps:
 
     def _stop_on_exception(self) -> None:
         """Come to rest while an exception is on its way; one interrupt does not end that, the next one does."""
-        self.was_sent = self.was_sent or not self.rests
+        self.was_sent = self.was_sent or not self.at_rest
         if self.supervision and self.done:
             with first_interrupt(self.supervision.stop), suppress(Exception):
                 self._come_to_rest(hard=True)

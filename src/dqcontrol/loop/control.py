@@ -168,9 +168,9 @@ class Control:
         self._request, self.phase = END, Phase.STOPPING
 
     @property
-    def felt(self) -> Array:
+    def contact_wrench(self) -> Array:
         """Moment and force on the end effector as the law's contact last heard them, task axes, shape (6,)."""
-        return self.law.felt(self._law_state)
+        return self.law.contact_wrench(self._law_state)
 
     def take_law(self, law: Controller) -> None:
         """Go on with another law for the same robot and period; its memory begins with the last measured joints.
@@ -254,11 +254,11 @@ class Control:
             self._ask_law(self.time)
         request, self._request = self._request, GO
         given = self.measured, self.wanted, self._state, age, request, self.command
-        rests = self.supervisor.step(*given, self._elapsed, effort, wrench, self._still)
+        at_rest = self.supervisor.step(*given, self._elapsed, effort, wrench, self._still)
         self.law.sent(self._law_state, self.command)
         code = self.supervisor.code(self._state)
         self.black_box.take(self._elapsed, self.desired, self.measured, self.measured, self.command, code)
-        self._follow_supervisor(rests)
+        self._follow_supervisor(at_rest)
 
     def record(self, recording: SampleSink, time: float, q: Array) -> None:
         """Hand the last step over to a recording, and stop the robot if that cannot be written.
@@ -294,7 +294,7 @@ class Control:
         except (DivergedError, FallenError, ValueRangeError):
             self.wanted[:] = math.nan  # the supervisor stops, and says why
 
-    def _follow_supervisor(self, rests: bool) -> None:
+    def _follow_supervisor(self, at_rest: bool) -> None:
         words = self.supervisor.reasons(self._state)
         if not self.supervisor.is_stopped(self._state):
             self.reason = ", ".join(words)
@@ -302,7 +302,7 @@ class Control:
         if self.phase in (Phase.ACTIVE, Phase.STOPPING):
             cause = [f"emergency stop: {self._cause}"] if self._cause else []
             self.reason, self.phase = ", ".join(cause or words), Phase.STOPPING
-            if rests:
+            if at_rest:
                 self.is_commanding = self._state[layout.FAULT] != SOFT_STOP
                 self.phase = Phase.STOPPED if self.is_commanding else Phase.INACTIVE
 

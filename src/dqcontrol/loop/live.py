@@ -168,7 +168,7 @@ class Live:
         at_work = None if isinstance(plant, Plant) else running_plant(plant)
         if start is None:
             start = most_dexterous(robot) if at_work is None else at_work.measured
-        q0 = as_array("start", start, (robot.configuration_size,)).copy()
+        start = as_array("start", start, (robot.configuration_size,)).copy()
         kind = plant if isinstance(plant, Plant) else None
         self._mode: CommandMode = lagging_mode(kind) if kind else "measured"
         self.lag: Lag = kind.lag(robot) if kind else AT_ONCE
@@ -180,9 +180,9 @@ class Live:
         self._aims: dict[int, PoseTarget] = {}  # of further tasks, by their numbers
         controller = self._prepared(law, robot, period)
         sample = np.zeros(SAMPLE_SIZE)
-        sample[POSE] = robot.fkm(q0)
-        warm_up(controller, guard, q0, sample)
-        moved = at_work if kind is None else running_plant(kind.start(robot, q0, period, NOISE, seed))
+        sample[POSE] = robot.fkm(start)
+        warm_up(controller, guard, start, sample)
+        moved = at_work if kind is None else running_plant(kind.start(robot, start, period, NOISE, seed))
         assert moved is not None
         self.plant: RunningPlant = moved
         self.law: Law = law

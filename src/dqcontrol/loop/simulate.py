@@ -124,16 +124,16 @@ def simulate(
         if not isinstance(value, kind):
             raise ShapeError(f"{field}: expected a {kind.__name__}, got {value!r:.80}")
     period = as_positive("period", period)
-    q0 = as_array("start", start, (robot.configuration_size,))
-    robot = robot.from_start(q0)
+    start = as_array("start", start, (robot.configuration_size,))
+    robot = robot.from_start(start)
     times = period * np.arange(step_count(reference, period, duration), dtype=np.float64)
     samples = reference.samples(times)
-    further = PreparedTasks(robot, list(tasks), q0, times) if tasks else None
+    further = PreparedTasks(robot, list(tasks), start, times) if tasks else None
     before, mode = limits_before(plant, limits, robot), lagging_mode(plant)
     return simulate_prepared(
         law.prepare(robot, reference, period, before, mode, further, plant.lag(robot)),
         plant,
-        q0,
+        start,
         samples,
         stop=stop,
         disturbance=disturbance,

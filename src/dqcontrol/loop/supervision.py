@@ -214,9 +214,9 @@ class Supervision:
     ) -> bool:
         """Replace the command of sample k by what leaves; return whether the robot is stopped and at rest."""
         age = senses.age if senses else 0.0
-        felt = (senses.effort, senses.wrench) if senses else (_NOTHING, _NOTHING)
+        sensed = (senses.effort, senses.wrench) if senses else (_NOTHING, _NOTHING)
         asked = measured, command, self.state, age, self.request, command
-        halted = self.supervisor.step(*asked, elapsed, *felt)
+        halted = self.supervisor.step(*asked, elapsed, *sensed)
         self.codes[k] = code = self.supervisor.code(self.state)
         if self._watch and code != (self.codes[k - 1] if k else 0):
             self._watch(time, reasons(code))

@@ -451,8 +451,8 @@ class DesiredMotion:
         _measure_motion(desired, np.empty(7), out)
         numbers = _Motion(*out.tolist())
         # It has all but stopped at its last step: samples beyond its end rest whatever it did.
-        rests = numbers.last_step <= _SLOW * numbers.largest_step + _SAME
-        return cls(times, poses, numbers, _first_of_rest(poses) if rests else None)
+        at_rest = numbers.last_step <= _SLOW * numbers.largest_step + _SAME
+        return cls(times, poses, numbers, _first_of_rest(poses) if at_rest else None)
 
     @cached_property
     def positions(self) -> Array:

@@ -65,7 +65,7 @@ class TaskResult:
         return self.outcome in ("reached", "followed", "kept")
 
     @property
-    def rests(self) -> bool:
+    def at_rest(self) -> bool:
         """Whether the reference ends at rest."""
         return self.outcome in ("reached", "not reached")
 
@@ -91,9 +91,9 @@ class TaskResult:
                 parts.append(text)
         if not parts:
             return ""
-        if self.rests:
+        if self.at_rest:
             where = " in a singularity" * self.is_singular
-            return f"{'still moves' if self.is_moving else 'rests'} {', '.join(parts)} off{where}"
+            return f"{'still moves' if self.is_moving else 'at_rest'} {', '.join(parts)} off{where}"
         return f"errs by {', '.join(parts)} RMS"
 
 
@@ -179,9 +179,9 @@ def task_result(
     if numbers is None or judged is not record:
         numbers = run_numbers(judged, skip_initial=skip_initial)
     record, asked = judged, _asked(judged, numbers)
-    part, rests = law.part if isinstance(law, PartialProportional) else "pose", asked.outcome == "reached"
-    distance = 1e-3 * (numbers.task.farthest if rests else numbers.task.distance)
-    orientation = math.radians(numbers.task.widest if rests else numbers.task.turn)
+    part, at_rest = law.part if isinstance(law, PartialProportional) else "pose", asked.outcome == "reached"
+    distance = 1e-3 * (numbers.task.farthest if at_rest else numbers.task.distance)
+    orientation = math.radians(numbers.task.widest if at_rest else numbers.task.turn)
     if part not in ("pose", "position"):
         distance = math.nan
     if part == "position":
@@ -194,7 +194,7 @@ def task_result(
         orientation = orientation if rigid[:3].all() else math.nan
     found = _judged(record, asked, distance, orientation, numbers.task.speed)
     if record.stopped == "settled" and not found.succeeded:  # what `stop` asked for is reached
-        return replace(found, outcome="reached" if found.rests else "followed")
+        return replace(found, outcome="reached" if found.at_rest else "followed")
     if robot is None or found.outcome != "not reached" or found.is_moving:
         return found
     lost = lost_share(robot, record.q[-1], record.desired[-1, POSE], part, inverse_of(law))

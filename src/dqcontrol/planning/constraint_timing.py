@@ -158,10 +158,10 @@ def is_braked(kept: PreparedConstraints, q: Array, u: Array, brake: Array) -> ND
     rates = (kept.values(ahead, times) - kept.values(behind, times)) / (2.0 * _INSTANT)
     short = (rates < -_KEPT_SHARE * kept.rate * (values - need)).any(axis=1)
     loss = brake * kept.period
-    rests = np.floor(np.abs(u) / loss)
+    steps_to_rest = np.floor(np.abs(u) / loss)
     needed = np.minimum(values, need)
     for share in np.arange(1, _STOPS + 1) / _STOPS:
-        count = np.minimum(np.ceil(share * rests.max(axis=1, keepdims=True)), rests)
+        count = np.minimum(np.ceil(share * steps_to_rest.max(axis=1, keepdims=True)), steps_to_rest)
         with np.errstate(invalid="ignore"):
             lost = np.where(count > 0, 0.5 * loss * count * (count + 1.0), 0.0)
         there = robot.integrate(q, np.sign(u) * ((count + 1.0) * np.abs(u) - lost), kept.period)

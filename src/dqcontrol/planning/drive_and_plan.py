@@ -226,7 +226,7 @@ def drive_and_plan(
             last = error
         else:
             timing = constraint_timing(path, kept, *limits, approach)
-            way = _without_rests(edges, folds, path, timing, arm)
+            way = _without_pauses(edges, folds, path, timing, arm)
             if way is not None:
                 return way
         if tried + 1 == _PLACES:
@@ -234,7 +234,7 @@ def drive_and_plan(
     raise last
 
 
-def _without_rests(
+def _without_pauses(
     edges: CertifiedEdges, folds: list[PlanTo], path: BasePath, timing: WayTiming, arm: PlanTo
 ) -> DriveAndPlan | None:
     """Return the way on which base and arm set off as early as it keeps everything; None if none does."""
@@ -371,10 +371,10 @@ Step: TypeAlias = Callable[[Robot, Array, World | None, PreparedConstraints], Pl
 
 
 class _Gone(NamedTuple):
-    """Steps so far: their ways and the rests behind them, where they end and when, and what the gripper did."""
+    """Steps so far: their ways and the pauses behind them, where they end and when, and what the gripper did."""
 
     ways: tuple[PlannedWay, ...]
-    rests: tuple[float, ...]
+    pauses: tuple[float, ...]
     q: Array
     time: float
     gripper: tuple[GripperStep, ...]
@@ -395,7 +395,7 @@ class StepsInTurn:
                 warnings.warn(
                     f"plan: {way.plan if isinstance(way, PlanTo) else way}", NoteWarning, stacklevel=2
                 )
-        return DriveThrough(self._gone.ways, self._gone.rests)
+        return DriveThrough(self._gone.ways, self._gone.pauses)
 
     def go(self, steps: Sequence[Step]) -> None:
         """Go on by steps, of which only the first may be a plan.
@@ -453,7 +453,7 @@ class StepsInTurn:
         gripper = tuple(each.later(gone.time) for each in way.gripper_steps)
         return _Gone(
             (*gone.ways, way),
-            (*gone.rests, max(whole - way.duration, 0.0)),
+            (*gone.pauses, max(whole - way.duration, 0.0)),
             way.configurations([way.duration])[0],
             gone.time + whole,
             (*gone.gripper, *gripper),

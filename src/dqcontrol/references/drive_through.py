@@ -1,4 +1,4 @@
-"""Several ways of a robot in a row, with rests between them."""
+"""Several ways of a robot in a row, with pauses between them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class DriveThrough(PlannedWay):
     ----------
     ways
         At least one, of one robot.
-    rests
+    pauses
         How long the robot stays at the end of each, s.
 
     Attributes
@@ -50,30 +50,30 @@ class DriveThrough(PlannedWay):
     >>> robot, start = dqc.load_robot("little-john"), [0, 0, 0, 0, -0.9, 0.9, 0.9, 0]
     >>> there = dqc.references.DriveTo(robot, start, [1, 0, 0, 0, -0.9, 0.9, 0.9, 0])
     >>> back = dqc.references.DriveTo(robot, there.goal, start)
-    >>> both = DriveThrough([there, back], rests=[2.0, 0.0])
+    >>> both = DriveThrough([there, back], pauses=[2.0, 0.0])
     >>> round(both.duration - 2 * there.duration, 9)
     2.0
     """
 
     ways: Sequence[PlannedWay]
-    rests: Sequence[float]
+    pauses: Sequence[float]
     robot: Robot = field(init=False, repr=False)
     arrivals: Array = field(init=False, repr=False)
     begins: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        ways, rests = tuple(self.ways), as_array("rests", self.rests)
-        if not ways or rests.shape != (len(ways),):
-            raise ShapeError(f"rests: expected {len(ways)} numbers, one a way, got {rests.size}")
-        if (rests < 0).any():
-            raise ValueRangeError(f"rests: must be ≥ 0, got {rests.min():g}")
+        ways, pauses = tuple(self.ways), as_array("pauses", self.pauses)
+        if not ways or pauses.shape != (len(ways),):
+            raise ShapeError(f"pauses: expected {len(ways)} numbers, one a way, got {pauses.size}")
+        if (pauses < 0).any():
+            raise ValueRangeError(f"pauses: must be ≥ 0, got {pauses.min():g}")
         for i, (before, way) in enumerate(pairwise(ways), 1):
             apart = np.abs(way.configurations([0.0]) - before.configurations([before.duration])).max()
             if way.robot.input_names != before.robot.input_names or apart > _SAME_PLACE:
                 raise ValueRangeError(f"ways[{i}]: must begin where ways[{i - 1}] ends")
-        ends = np.cumsum(np.array([way.duration for way in ways]) + rests)
+        ends = np.cumsum(np.array([way.duration for way in ways]) + pauses)
         vars(self).update(robot=ways[0].robot, duration=float(ends[-1]), corners=NO_CORNERS)
-        vars(self).update(arrivals=ends - rests, begins=np.r_[0.0, ends[:-1]])
+        vars(self).update(arrivals=ends - pauses, begins=np.r_[0.0, ends[:-1]])
 
     def configurations(self, times: ArrayLike) -> Array:
         """Return the robot's configurations at times (N,), s: shape (N, n)."""

@@ -102,7 +102,7 @@ def _task(task: TaskResult, *, gave_way: bool) -> Iterator[Row]:
     if task.error:
         allowed = [f"{1e3 * task.position_tolerance:.3g} mm"] * math.isfinite(task.position)
         allowed += [f"{math.degrees(task.orientation_tolerance):.2g}°"] * math.isfinite(task.orientation)
-        good = "reached" if task.rests else "followed"
+        good = "reached" if task.at_rest else "followed"
         verdict = VerdictCell(task.outcome, task.succeeded)
         if gave_way and not task.succeeded:
             verdict = VerdictCell("gave way to constraints", None)

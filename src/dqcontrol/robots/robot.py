@@ -196,11 +196,11 @@ class Robot(InverseKinematics):
         """Return the robot as it is for a run from a configuration, shape (n,): trees keep a sign from there on."""
         return self
 
-    def integrate(self, q: ArrayLike, u: ArrayLike, dt: float) -> Array:
+    def integrate(self, q: ArrayLike, u: ArrayLike, period: float) -> Array:
         """Return where constant inputs move the robot in a time.
 
-        Joints and holonomic bases move by u dt. A differential drive moves on its arc: with h = ω dt/2 and
-        c = v dt sin(h)/h, x by c cos(φ + h), y by c sin(φ + h) and φ by ω dt. So do cars and tricycles; where their
+        Joints and holonomic bases move by u T. A differential drive moves on its arc: with h = ωT/2 and
+        c = v T sin(h)/h, x by c cos(φ + h), y by c sin(φ + h) and φ by ωT. So do cars and tricycles; where their
         steering limit does not let them turn that sharply, ω is the largest that it does.
 
         Parameters
@@ -209,8 +209,8 @@ class Robot(InverseKinematics):
             Configurations, shape (…, n), rad or m.
         u
             Inputs, shape (…, m), rad/s or m/s; leading axes as those of q, or broadcast.
-        dt
-            s; negative goes back.
+        period
+            T, s; negative goes back.
 
         Returns
         -------
@@ -229,7 +229,7 @@ class Robot(InverseKinematics):
         >>> base.integrate([0, 0, 0], [1.0, np.pi / 2], 1.0).round(3).tolist()  # a quarter of a circle to the left
         [0.637, 0.637, 1.571]
         """
-        period = float(as_array("dt", dt, ()))
+        period = float(as_array("period", period, ()))
         batch_shape, starts, inputs = paired_rows(self._rows("q", q), "u", self._inputs("u", u))
         out = np.empty_like(starts)
         if driving.integrate(self.drives, starts, inputs, period, out):

@@ -349,14 +349,14 @@ class Following:
         if source == "servo":
             self._servo = ServoTopics(node, self, guarded)
         self.tracked = TrackedHand(node, tracker, self._base, guarded) if tracker else None
-        self._felt = WrenchInput(node, self._parts, self.joint_names, self._tool, guarded)
+        self._wrench_input = WrenchInput(node, self._parts, self.joint_names, self._tool, guarded)
         if (world := loaded.setting.spec.surroundings) is not None:
             self._world = WorldTopics(node, self.control, world, self._base, guarded)
         self._haptics: HapticTopics | None = None
         if isinstance(self.target, LeaderTarget):
             self._haptics = HapticTopics(node, loaded.law.contact, self.control, self.target, self._base)
-            self._felt.pass_on = self._haptics.hear
-        self._felt.listen(supervisor, self.control.law)
+            self._wrench_input.pass_on = self._haptics.hear
+        self._wrench_input.listen(supervisor, self.control.law)
         own = numbers_of(loaded, source)
         declare(node, own)
         self._numbers = [one.name for one in own]
@@ -406,9 +406,9 @@ class Following:
         if why_not := self._why_not():
             raise Error(f"activate: {why_not}")
         (heard, stamp), measured = self._latest, self._measured.copy()
-        if self._felt.age > self.loaded.stale_after:
+        if self._wrench_input.age > self.loaded.stale_after:
             raise Error(
-                f"activate: no wrench on {self._felt.topic}, which the supervisor bounds or contact needs"
+                f"activate: no wrench on {self._wrench_input.topic}, which the supervisor bounds or contact needs"
             )
         if self.tracked:
             self.tracked.check(stamp)
@@ -503,7 +503,7 @@ class Following:
         joints = by_name(what, names, message.position, wanted)
         if self._impedance is not None:
             self._velocities = by_name(what, names, message.velocity, wanted, "velocities")
-        self._felt.hear_efforts(message)
+        self._wrench_input.hear_efforts(message)
         self._hear(time.monotonic(), nanoseconds(message.header.stamp), self._parts.joints, joints)
 
     def hear_odometry(self, now: float, at: int) -> None:
@@ -591,13 +591,13 @@ class Following:
         if control.phase is Phase.ACTIVE and (cause := self._why_not()):
             control.emergency_stop(cause)
         self._passed, self._stepped = max(passed, self._passed), now
-        age, felt = max(self._periods.age(now), self._felt.wrench_age), self._felt
+        age, inputs = max(self._periods.age(now), self._wrench_input.wrench_age), self._wrench_input
         is_late = self._brakes_early and self.age >= 0.99 * self._patience
         if is_late or (self._localisation and self._localisation.silence):
             age = np.inf
-        if self._haptics and felt.age > self.loaded.stale_after:
+        if self._haptics and inputs.age > self.loaded.stale_after:
             self._haptics.let_go()
-        control.step(self._passed, measured, age, gap, felt.effort, felt.wrench)
+        control.step(self._passed, measured, age, gap, inputs.effort, inputs.wrench)
         # no effort by joints that nobody saw, nor after a fault: the springs may be what is wrong
         if self._impedance is None or (measured is not None and control.is_calm):
             self._send(control.rate)
@@ -640,7 +640,7 @@ class Following:
         if supervisor:
             self.control.supervisor = self.loaded.prepared_supervisor(self._interface)
             self.control.longest_advance = self.loaded.longest_advance
-            self._felt.listen(self.control.supervisor, self.control.law)
+            self._wrench_input.listen(self.control.supervisor, self.control.law)
         if isinstance(self.target, TwistTarget):
             self.target.timeout = said["twist_timeout"]
         if isinstance(self.target, PoseTarget):

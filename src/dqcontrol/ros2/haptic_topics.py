@@ -84,24 +84,24 @@ class HapticTopics:
     def hear(self, wrench: Array, stamp: Any) -> None:
         """Let the leader feel a wrench at the sensor, shape (6,), N and N·m, with its stamp, while it leads."""
         control = self._control
-        felt = np.zeros(6)
+        pushed = np.zeros(6)
         if control.phase is Phase.ACTIVE and self._target.is_led(control.time):
-            felt = self._sensor.felt(control.robot.fkm(control.measured), wrench)
-            felt = number(self._node, "force_scale") * felt
+            pushed = self._sensor.contact_wrench(control.robot.fkm(control.measured), wrench)
+            pushed = number(self._node, "force_scale") * pushed
         if control.is_commanding:
-            self._publish(felt, stamp)
+            self._publish(pushed, stamp)
 
     def let_go(self) -> None:
         """Let leader and end effector go where they are: nothing is felt any more."""
         self._target.ask(self._control.time, np.full(8, np.nan))
         self._publish(np.zeros(6), self._node.get_clock().now().to_msg())
 
-    def _publish(self, felt: Array, stamp: Any) -> None:
+    def _publish(self, pushed: Array, stamp: Any) -> None:
         """Publish moment and force, shape (6,)."""
         told = self._message.wrench
         for vector, values, limit in (
-            (told.torque, felt[:3], "torque_limit"),
-            (told.force, felt[3:], "force_limit"),
+            (told.torque, pushed[:3], "torque_limit"),
+            (told.force, pushed[3:], "force_limit"),
         ):
             share = min(1.0, number(self._node, limit) / max(float(np.linalg.norm(values)), 1e-12))
             write_parts(vector, share * values)

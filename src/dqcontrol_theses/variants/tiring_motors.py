@@ -92,7 +92,7 @@ class LiveMotors:
     """`TiringMotors` at work."""
 
     def __init__(self, plant: TiringMotors, robot: Robot, start: Array, period: float) -> None:
-        self._plant, self._robot, self._dt = plant, robot, period
+        self._plant, self._robot, self._period = plant, robot, period
         self.q = start
         self.measured: Array = start.copy()
         count = len(plant.masses)
@@ -112,9 +112,9 @@ class LiveMotors:
         """Move for one period, and tire."""
         obeyed = np.array(command, dtype=np.float64)
         obeyed[-len(self._gone) :][self._gone] = 0.0
-        self.q[:] = self._robot.integrate(self.q, obeyed, self._dt)
+        self.q[:] = self._robot.integrate(self.q, obeyed, self._period)
         self.measured[:] = self.q
         self.readings[:] = self._plant.gravity_torques(self._robot, self.q)
         beyond = self.readings > self._plant.torque
-        self._strained = np.where(beyond, self._strained + self._dt, 0.0)
+        self._strained = np.where(beyond, self._strained + self._period, 0.0)
         self._gone |= self._strained > self._plant.patience

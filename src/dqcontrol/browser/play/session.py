@@ -480,10 +480,10 @@ class PlaySession:
                 advice = "'Give way' in the tab Robot lets the end effector go along"
                 words.append(f"servos and law hold against it; {advice}")
         elif contact := self.live.law.contact:
-            words.append(_felt(contact, self.live.control.felt))
+            words.append(_force_text(contact, self.live.control.contact_wrench))
         elif np.isfinite(state.missing) and state.missing > 5e-3:
-            rests = np.abs(state.command).max(initial=0.0) < 0.02
-            words.append(f"{1e3 * state.missing:.0f} mm {'out of reach' if rests else 'to go'}")
+            at_rest = np.abs(state.command).max(initial=0.0) < 0.02
+            words.append(f"{1e3 * state.missing:.0f} mm {'out of reach' if at_rest else 'to go'}")
         if late := sum(moment.missed for moment in tuple(self.history)):  # the thread adds to it
             words.append(f"{late} periods late in the last 10 s: this machine is busy")
         return "; ".join(words) or "at its target"
@@ -636,7 +636,7 @@ class PlaySession:
         )
 
 
-def _felt(contact: Admittance, wrench: Array) -> str:
+def _force_text(contact: Admittance, wrench: Array) -> str:
     """Say what is pressed along the axes of a contact with a wanted force, or what the end effector feels, N."""
     wanted = zip("xyz", wrench[3:], contact.force.components[3:], strict=True)
     pressed = [

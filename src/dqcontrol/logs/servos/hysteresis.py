@@ -87,10 +87,10 @@ def fit_with_play(
         by_values = joint_fit.slopes_by_values(factors, slopes, pulls)
         driven = columns @ factors
         place = _places(segments, driven, float(trial[-1]))
-        carried, rests = _carried(segments, place)
+        carried, at_rest = _carried(segments, place)
         slopes = np.column_stack([by_values, columns, -np.ones(len(place))])[carried]
         slopes[:, -1] *= place[carried]
-        slopes[rests] = 0.0
+        slopes[at_rest] = 0.0
         residual = positions - driven + trial[-1] * place
         return float(residual @ residual), residual, slopes, place
 
@@ -135,5 +135,5 @@ def _carried(segments: list[joint_fit.Segment], place: Array) -> tuple[NDArray[n
     rows, sizes = np.arange(len(place)), [len(each.times) for each in segments]
     starts = np.repeat(np.cumsum(sizes) - sizes, sizes)
     carried = np.maximum.accumulate(np.where(np.abs(place) > 1 - 1e-9, rows, -1))
-    rests = carried < starts
-    return np.where(rests, rows, carried), rests
+    at_rest = carried < starts
+    return np.where(at_rest, rows, carried), at_rest

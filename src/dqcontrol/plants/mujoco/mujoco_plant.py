@@ -146,7 +146,7 @@ class RunningMujoco(RunningPlant):
         self._advance = self._wrist.advance if self._wrist else import_mujoco().mj_step
         self.drive = TorqueDrive(plant, robot, model, data) if plant.impedance else None
         if self.drive is not None:
-            self._advance = self.drive.advancing(self._advance, self._wrist.felt if self._wrist else None)
+            self._advance = self.drive.advancing(self._advance, self._wrist.filtered if self._wrist else None)
         self._substeps = substeps
         self._period = period
         self._from_measured = plant.command_mode == "measured"

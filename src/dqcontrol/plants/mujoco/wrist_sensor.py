@@ -87,7 +87,7 @@ class MujocoWrist:
     channels, readings
         That, and the force of what is touched, base axes, the mean of a period: contacts of hard things come and go
         from one time step to the next.
-    felt
+    filtered
         Behind the filter, without noise, updated at every time step.
     """
 
@@ -102,10 +102,10 @@ class MujocoWrist:
         self.channels: tuple[Channel, ...] = CHANNELS
         self.readings: Array = np.zeros(9)
         self.wrench: Array = self.readings[:6]
-        self.felt: Array = self._felt()
+        self.filtered: Array = self._unfiltered()
         self._touch, self._steps = np.zeros(3), 0
 
-    def _felt(self) -> Array:
+    def _unfiltered(self) -> Array:
         """Return force and torque that the tool exerts, and the bias; MuJoCo shows what acts on the tool."""
         return self._bias - np.concatenate(self._shown)
 
@@ -113,12 +113,12 @@ class MujocoWrist:
         """Take so many time steps, and feel at each."""
         for _ in range(count):
             self._step(model, data, 1)
-            self.felt += (1.0 - self._kept) * (self._felt() - self.felt)
+            self.filtered += (1.0 - self._kept) * (self._unfiltered() - self.filtered)
             self._touch += self._external
         self._steps += count
 
     def read(self) -> None:
         """Update what it shows."""
-        self.wrench[:] = self.felt + self._noise * self._rng.standard_normal(6)
+        self.wrench[:] = self.filtered + self._noise * self._rng.standard_normal(6)
         self.readings[6:] = self._touch / max(self._steps, 1)
         self._touch[:], self._steps = 0.0, 0

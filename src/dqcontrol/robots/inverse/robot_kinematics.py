@@ -87,12 +87,12 @@ def nearest_pose(robot: Robot, pose: ArrayLike, start: ArrayLike, seed: int = 0)
     True
     """
     free = robot.in_form("unconstrained") if isinstance(robot, WholeBody) else robot
-    target, q0 = unit_poses("pose", pose), as_array("start", start, (robot.configuration_size,))
+    target, start = unit_poses("pose", pose), as_array("start", start, (robot.configuration_size,))
     lower, upper = ranges(robot.limits, robot.joint_types)
-    starts = np.random.default_rng(seed).uniform(lower, upper, (_STARTS, len(q0)))
-    starts[0] = np.clip(q0, robot.limits.lower, robot.limits.upper)
+    starts = np.random.default_rng(seed).uniform(lower, upper, (_STARTS, len(start)))
+    starts[0] = np.clip(start, robot.limits.lower, robot.limits.upper)
     for first, _ in robot.bases:
-        starts[1:, first : first + 2] = q0[first : first + 2]
+        starts[1:, first : first + 2] = start[first : first + 2]
     found = robot.solve(np.tile(target, (_STARTS, 1)), starts, restarts=0)
     order = np.argsort(found.position_error + _ANGULAR * found.orientation_error)
     refined = [descended(free, target, found.q[i]) for i in order[:_REFINED]]

@@ -70,31 +70,31 @@ def rim_load(rollers, k, q, u):
 
 
 @inline
-def roll(v, omega, dt, q, i):
+def roll(v, omega, period, q, i):
     """Move x, y and φ at q[i], q[i + 1], q[i + 2] along the arc of constant v and ω."""
-    half = 0.5 * omega * dt
-    chord = v * dt * (math.sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0)
+    half = 0.5 * omega * period
+    chord = v * period * (math.sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0)
     q[i] += chord * math.cos(q[i + 2] + half)
     q[i + 1] += chord * math.sin(q[i + 2] + half)
-    q[i + 2] += omega * dt
+    q[i + 2] += omega * period
 
 
 @inline
-def advance(drives, u, dt, q):
-    """Move q by inputs that are constant for dt; exact, and for drives the same whether u has m or n numbers."""
+def advance(drives, u, period, q):
+    """Move q by inputs that are constant for a period; exact, and for drives the same whether u has m or n numbers."""
     projecting = u.shape[0] == q.shape[0]
     i, j = 0, 0
     for k in range(drives.shape[0]):
         while i < int(drives[k, 0]):
-            q[i] += dt * u[j]
+            q[i] += period * u[j]
             i, j = i + 1, j + 1
         v, omega = u[j], u[j + 1]
         if projecting:
             v, omega = feasible(u[j], u[j + 1], u[j + 2], q[i + 2], drives[k, 1])
-        roll(v, steered(v, omega, drives[k, TURNING_RADIUS]), dt, q, i)
+        roll(v, steered(v, omega, drives[k, TURNING_RADIUS]), period, q, i)
         i, j = i + 3, j + (3 if projecting else 2)
     while i < q.shape[0]:
-        q[i] += dt * u[j]
+        q[i] += period * u[j]
         i, j = i + 1, j + 1
 
 
@@ -115,13 +115,13 @@ def to_inputs(drives, q, rates, out):
 
 # drives, configurations (N × n), inputs (N × m or N × n), period, out
 @kernel(STATUS(READ2, READ2, READ2, types.float64, WRITE2))
-def integrate(drives, q, u, dt, out):
-    """Write where each configuration is after its inputs have acted for dt."""
+def integrate(drives, q, u, period, out):
+    """Write where each configuration is after its inputs have acted for a period."""
     for row in range(q.shape[0]):
         check = 0.0
         for i in range(q.shape[1]):
             out[row, i] = q[row, i]
-        advance(drives, u[row], dt, out[row])
+        advance(drives, u[row], period, out[row])
         for i in range(q.shape[1]):
             check += 0.0 * out[row, i]
         if check != 0.0:
