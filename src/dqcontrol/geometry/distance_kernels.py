@@ -101,19 +101,27 @@ def nearest_parameters(rx, ry, rz, dx, dy, dz, low, high, ex, ey, ez, first, las
         if first == -math.inf and best == math.inf:  # parallel lines: any pair across
             return 0.0, er * per_e
     else:
-        for end in range(2):
-            s = high if end else low
-            t = _clamp((er + s * de) * per_e, first, last)
-            gap = _gap(rx, ry, rz, dx, dy, dz, ex, ey, ez, s, t)
-            if gap < best:
-                best, best_s, best_t = gap, s, t
+        s = low
+        t = _clamp((er + s * de) * per_e, first, last)
+        gap = _gap(rx, ry, rz, dx, dy, dz, ex, ey, ez, s, t)
+        if gap < best:
+            best, best_s, best_t = gap, s, t
+        s = high
+        t = _clamp((er + s * de) * per_e, first, last)
+        gap = _gap(rx, ry, rz, dx, dy, dz, ex, ey, ez, s, t)
+        if gap < best:
+            best, best_s, best_t = gap, s, t
     if first != -math.inf:
-        for end in range(2):
-            t = last if end else first
-            s = _clamp((t * de - dr) * per_d, low, high)
-            gap = _gap(rx, ry, rz, dx, dy, dz, ex, ey, ez, s, t)
-            if gap < best:
-                best, best_s, best_t = gap, s, t
+        t = first
+        s = _clamp((t * de - dr) * per_d, low, high)
+        gap = _gap(rx, ry, rz, dx, dy, dz, ex, ey, ez, s, t)
+        if gap < best:
+            best, best_s, best_t = gap, s, t
+        t = last
+        s = _clamp((t * de - dr) * per_d, low, high)
+        gap = _gap(rx, ry, rz, dx, dy, dz, ex, ey, ez, s, t)
+        if gap < best:
+            best, best_s, best_t = gap, s, t
     return best_s, best_t
 
 

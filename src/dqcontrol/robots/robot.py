@@ -157,27 +157,27 @@ class Robot(InverseKinematics):
         """For each row of ``chain`` and `frames` the row that carries it, −1 for the base."""
         return np.arange(-1, len(self.chain) - 1)
 
-    @property
+    @cached_property
     def row_coordinates(self) -> NDArray[np.intp]:
         """Index of the coordinate that moves each joint, in the order of the rows of ``chain``."""
         return np.arange(self.configuration_size)
 
-    @property
+    @cached_property
     def row_names(self) -> tuple[str, ...]:
         """Names of the joints in the order of the rows of ``chain``."""
         return self.joint_names
 
-    @property
+    @cached_property
     def joint_factors(self) -> Array:
         """What the coordinate of each joint is multiplied by for its screw, in the order of ``chain``."""
         return np.ones(self.configuration_size)
 
-    @property
+    @cached_property
     def joint_offsets(self) -> Array:
         """What is added to the coordinate of each joint for its screw, rad or m, in the order of ``chain``."""
         return np.zeros(self.configuration_size)
 
-    @property
+    @cached_property
     def inertia_chain(self) -> Array:
         """The table of all joints by which ``gravity`` knows where the bodies are: the chain, or all of a tree."""
         return self.chain

@@ -225,7 +225,10 @@ class TreeRobot(Robot):
         used, factors = joints.coordinate.tolist(), joints.multiplier
         followed = {i for i, factor in zip(used, factors, strict=True) if factor != 1 or used.count(i) > 1}
         self.follows = tuple(name for i, name in enumerate(self.joint_names) if i in followed)
+        self.row_coordinates, self.row_names = joints.coordinate, joints.names or self.joint_names
+        self.joint_factors, self.joint_offsets = joints.multiplier, joints.offset
         self._tree = self._tree_table()
+        self.inertia_chain = self.joint_table
         self.chain: Array = self._tree[1:, :8]
         self.chain.flags.writeable = False
         self._tables: dict[PoseTask, Array] = {}
@@ -252,21 +255,11 @@ class TreeRobot(Robot):
         return self._tree[: 1 + len(self.joints.kind)]
 
     @property
-    def inertia_chain(self) -> Array:
-        """The joints' table; see `Robot.inertia_chain`."""
-        return self.joint_table
-
-    @property
     def table_with_hands(self) -> Array:
         """Those rows, and those of the frames of the task."""
         return np.vstack(
             [self.joint_table, *(_frame_row(self.named_frames[name]) for name in self.task.frames)]
         )
-
-    @property
-    def row_coordinates(self) -> NDArray[np.intp]:
-        """Index of the coordinate that moves each joint, in the order of the rows of ``chain``."""
-        return self.joints.coordinate
 
     @property
     def columns_outwards(self) -> list[int]:
@@ -297,21 +290,6 @@ class TreeRobot(Robot):
         leaves = set(last) - set(self.joints.parent.tolist()) - driven - {-1}
         rows = {count + names.index(name) for name in self.task.frames}
         return tuple(sorted(rows | {last[joint] for joint in leaves}))
-
-    @property
-    def row_names(self) -> tuple[str, ...]:
-        """Names of the joints in the order of the rows of ``chain``, those that follow others included."""
-        return self.joints.names or self.joint_names
-
-    @property
-    def joint_factors(self) -> Array:
-        """What the coordinate of each joint is multiplied by for its screw, in the order of ``chain``."""
-        return self.joints.multiplier
-
-    @property
-    def joint_offsets(self) -> Array:
-        """What is added to the coordinate of each joint for its screw, rad or m, in the order of ``chain``."""
-        return self.joints.offset
 
     def with_task(self, task: PoseTask | str) -> TreeRobot:
         """Return the same robot with something else to be driven.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, get_args
@@ -40,6 +40,7 @@ _LEVEL = 0.1  # sine of the angle by which an axle may be off level, and a steer
 _SAME_HEIGHT = 0.03  # m: wheels that are higher above the floor than that are none
 _LINE = 0.02  # m: so near to a line wheels are on one axle
 _WORDS = ("wheel", "tyre", "tire")
+_SPRINGS = ("suspension", "rocker", "bogie")
 
 
 @dataclass(frozen=True)
@@ -271,8 +272,7 @@ def _wheels(tree: LinkTree, shapes: Mapping[str, RoundLink]) -> list[Wheel]:
         )
         if not turns or abs(axis[2]) > _LEVEL or (below and not rollers) or not (named or shape):
             continue
-        carriers = _above(joint, above)
-        steering = _steering(carriers, places)
+        steering = _steering(_above(joint, above), places)
         if steering is None:
             continue
         middle = frame[4:]
@@ -293,25 +293,21 @@ def _below(link: str, children: Mapping[str, Sequence[LinkJoint]]) -> list[LinkJ
     return own + [each for joint in own for each in _below(joint.child, children)]
 
 
-def _above(joint: LinkJoint, above: Mapping[str, LinkJoint]) -> list[LinkJoint]:
-    """Return the moving joints between a joint and the root, the nearest first."""
-    found, link = [], joint.parent
+def _above(joint: LinkJoint, above: Mapping[str, LinkJoint]) -> Iterator[LinkJoint]:
+    """Yield the moving joints between a joint and the root, the nearest first."""
+    link = joint.parent
     while link in above:
         if above[link].kind in ("revolute", "prismatic"):
-            found.append(above[link])
+            yield above[link]
         link = above[link].parent
-    return found
 
 
-def _steering(carriers: Sequence[LinkJoint], places: Mapping[str, Array]) -> tuple[str, float] | None:
+def _steering(carriers: Iterable[LinkJoint], places: Mapping[str, Array]) -> tuple[str, float] | None:
     """Return by which joint a wheel is steered, and how far; None if it is carried as no wheel of a base is."""
     steering = ("", 0.0)
     for joint in carriers:
         axis = rotation_matrix(compose(places[joint.parent], joint.fixed))[:, 2]
-        springs = joint.kind == "prismatic" or any(
-            word in joint.name.lower() for word in ("suspension", "rocker", "bogie")
-        )
-        if springs:
+        if joint.kind == "prismatic" or any(word in joint.name.lower() for word in _SPRINGS):
             continue
         if steering[0] or math.hypot(axis[0], axis[1]) > _LEVEL:
             return None
@@ -325,9 +321,8 @@ class _Made:
 
     def __init__(self, tree: LinkTree, wheels: Sequence[Wheel], hints: DriveHints) -> None:
         self._tree, self._hints = tree, hints
-        self._fixed = [wheel for wheel in wheels if not wheel.steering]
+        self._wheels, self._fixed = wheels, [wheel for wheel in wheels if not wheel.steering]
         self._steered = [wheel for wheel in wheels if wheel.steering]
-        self._wheels = list(wheels)
         self.root = moving_root(tree)
         self._radius = self._common_radius(hints.wheel_radius)
         self._heading = self._facing()
