@@ -59,20 +59,20 @@ def entry_points(checkout: Path, folder: Path) -> Path:
     return folder
 
 
-def run(checkout: Path, arguments: list[str], out: Path) -> bool:
-    """Run one command of a checkout, whose results go to a folder; return whether it ended well."""
+def run(checkout: Path, arguments: list[str], out: Path) -> int:
+    """Run one command of a checkout, whose results go to a folder; return its status: 1 says that a task was missed."""
     with tempfile.TemporaryDirectory() as folder:
         return _run(checkout, arguments, out, entry_points(checkout, Path(folder)))
 
 
-def _run(checkout: Path, arguments: list[str], out: Path, information: Path) -> bool:
+def _run(checkout: Path, arguments: list[str], out: Path, information: Path) -> int:
     path = os.pathsep.join([str(checkout / "src"), str(information)])
     environment = {**os.environ, "PYTHONPATH": path}
     words = [sys.executable, "-m", "dqcontrol", *arguments, "--out", str(out)]
     done = subprocess.run(words, env=environment, cwd=checkout, capture_output=True, text=True, check=False)
-    if done.returncode:
+    if done.returncode > 1 or not out.exists():
         print(f"  {shlex.join(arguments)} in {checkout} exits with {done.returncode}: {done.stderr[-300:]}")
-    return not done.returncode
+    return done.returncode if out.exists() else 2
 
 
 def messages(path: Path) -> list[tuple[str, int, bytes]]:
@@ -135,7 +135,8 @@ def main() -> int:
                 run(side, words[name], out / label)
                 for side, words, label in zip(sides, (before, after), ("before", "after"), strict=True)
             ]
-            found = list(differences(out / "before", out / "after")) if all(ran) else ["cannot be compared"]
+            found = [f"ends with {ran[1]}, before with {ran[0]}"] if ran[0] != ran[1] else []
+            found += differences(out / "before", out / "after") if max(ran) <= 1 else ["cannot be compared"]
             alike = alike and not found
             print(f"{name}: {'equal' if not found else '; '.join(found)}", flush=True)
     return 0 if alike else 1
