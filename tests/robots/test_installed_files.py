@@ -71,6 +71,17 @@ def test_each_file_that_a_wheel_here_brings_loads_or_is_refused_in_a_line(record
     assert all(text and "\n" not in text for text in refused.values()), refused
 
 
+@pytest.mark.usefixtures("wheel")
+def test_an_unknown_name_is_looked_for_in_installed_files():
+    with pytest.raises(
+        UnknownNameError, match=r"; installed: toys:lever/lever.xml, toys:other"
+    ):
+        load_robot("Lever")
+    with pytest.raises(UnknownNameError) as found:
+        load_robot("spider")
+    assert "installed" not in str(found.value)
+
+
 def test_a_urdf_file_of_xacro_is_expanded_whatever_its_name(wheel):
     pytest.importorskip("xacro")
     assert load_robot("toys:arm.urdf").joint_names == ("turn",)

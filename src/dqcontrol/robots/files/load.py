@@ -382,8 +382,10 @@ def _read(source: str | Path, base_link: str | None, tip_link: str | None) -> Se
     if suffix == MJCF:
         return _links(text).chain(base_link, tip_link)
     if suffix not in (".yaml", ".yml") and text not in robot_names():
+        near = [name for name, path in installed_robot_files() if text and text.lower() in path.stem.lower()]
+        installed = f"; installed: {', '.join(near[:3])}" if near else ""  # three fit in a line
         raise UnknownNameError(
-            f"{unknown_name('robot', text, robot_names())}; or give the path of a "
+            f"{unknown_name('robot', text, robot_names())}{installed}; or give the path of a "
             f".yaml, .urdf, .xacro or .xml (MJCF) file, or {EXAMPLES}:PATH.urdf, PACKAGE:PATH or {MENAGERIE}:NAME"
         )
     for field, link in (("base_link", base_link), ("tip_link", tip_link)):
