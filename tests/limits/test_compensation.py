@@ -104,6 +104,21 @@ def test_check_knows_when_a_wrong_model_makes_it_unstable(tau, stable):
     assert (peak < 10) is stable
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.004, 0.02, 0.027])
+def test_the_linear_model_of_an_observer_with_the_true_model_is_that_of_the_plant(delay):
+    """Random commands move x as they do without an observer, which has nothing to take off."""
+    arm, rng = dqc.load_robot("iiwa7"), np.random.default_rng(20261128)
+    model = dqc.plants.Servo(time_constant=0.05, delay=delay).linear_model(arm, np.array(START), 0.01)
+    compensation = dqc.limits.Compensation(**OBSERVER | {"delay": delay})
+    transition, inputs = compensation.behind(model.transition, model.inputs, 7, 0.01)
+    size, m = model.inputs.shape
+    x, state = np.zeros(size), np.zeros(len(transition))
+    for _ in range(30):
+        command = rng.standard_normal(m)
+        x, state = model.transition @ x + model.inputs @ command, transition @ state + inputs @ command
+        np.testing.assert_allclose(state[:size], x, atol=1e-12)
+
+
 def test_a_true_model_leaves_the_loop_its_margin():
     (plain,) = check(SPEC)
     (observed,) = check(SPEC | compensated(**OBSERVER))

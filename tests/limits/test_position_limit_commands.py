@@ -171,6 +171,20 @@ def test_weighted_least_norm(arm, name, posture):
     assert 1 <= (weights > 1).sum() <= 6
 
 
+@pytest.mark.usefixtures("without_growth")
+def test_weighted_least_norm_integrates_an_error_once_however_often_it_asks_the_law(arm):
+    """With weights the law is asked twice and more; what it keeps is what it keeps when it is asked once."""
+    q = Q0 + np.array([1.0, 0.55, 0.9, 0.25, -1.1, 0.5, 1.6])
+    law = Proportional(gain=5.0, integral_gain=2.0)
+    sample, kept = dqc.Sample(arm.fkm(Q0)), []
+    for limits in (None, CommandLimits(position=WeightedLeastNorm())):
+        prepared = law.prepare(arm, None, T, limits)
+        kept.append(prepared.initial_state(q))
+        prepared.command(q, sample, kept[-1])
+    assert np.abs(kept[0]).max() > 0
+    np.testing.assert_allclose(kept[1][: len(kept[0])], kept[0], rtol=1e-12)
+
+
 @pytest.mark.parametrize(
     "null_space", [ManipulabilityAscent(gain=10.0), Posture(gain=2.0), LimitAvoidance(gain=1.0)]
 )

@@ -73,9 +73,7 @@ def test_each_file_that_a_wheel_here_brings_loads_or_is_refused_in_a_line(record
 
 @pytest.mark.usefixtures("wheel")
 def test_an_unknown_name_is_looked_for_in_installed_files():
-    with pytest.raises(
-        UnknownNameError, match=r"; installed: toys:lever/lever.xml, toys:other"
-    ):
+    with pytest.raises(UnknownNameError, match=r"; installed: toys:lever/lever.xml, toys:other"):
         load_robot("Lever")
     with pytest.raises(UnknownNameError) as found:
         load_robot("spider")
