@@ -174,7 +174,7 @@ def test_bad_arguments():
         body.from_wheel_speeds(np.zeros(3))
     with pytest.raises(ShapeError, match=r"u: leading axes \(2,\) do not fit those of q, \(3,\)"):
         body.integrate(np.zeros((3, 3)), np.zeros((2, 2)), 0.1)
-    with pytest.raises(ShapeError, match=r"dt: expected a single number, got shape \(2,\)"):
+    with pytest.raises(ShapeError, match=r"period: expected a single number, got shape \(2,\)"):
         body.integrate(np.zeros(3), np.zeros(2), [0.1, 0.2])
     with pytest.raises(ValueRangeError, match="dt: must be finite"):
         body.integrate(np.zeros(3), np.zeros(2), np.nan)

@@ -55,13 +55,13 @@ def test_it_presses_by_the_wrench_of_the_robot(spec, node):
     sizes = [channel.size for channel in channels]
     first = sum(sizes[: [channel.name for channel in channels].index(TOUCH_FORCE)])
     assert node.serve(lambda: abs(plant.readings[first + 2] - 2.0) < 0.2), controller.outcome
-    assert following._felt.wrench.shape == (6,)
+    assert following._wrench_input.wrench.shape == (6,)
     (done,) = controller.set_parameters([Parameter("contact.force.z", value=3.0)])  # goes on where it is
     assert done.successful, done.reason
     assert node.serve(lambda: abs(plant.readings[first + 2] - 3.0) < 0.2), controller.outcome
     (refused,) = controller.set_parameters([Parameter("contact.translation.damping", value=0.3)])
     assert "contact: unstable against the stiffest body" in refused.reason
     assert following.loaded.law.contact.translation.damping == 200.0
-    following._felt._heard = -np.inf  # the last one is long ago
-    assert following._felt.wrench.size == 0
-    assert following._felt.wrench_age == 0.0  # which stops nothing: the contact stage retreats
+    following._wrench_input._heard = -np.inf  # the last one is long ago
+    assert following._wrench_input.wrench.size == 0
+    assert following._wrench_input.wrench_age == 0.0  # which stops nothing: the contact stage retreats

@@ -88,7 +88,7 @@ class CountingController(ControllerNode):
         super().configure()
         following = self.following
         assert following is not None
-        step, hear = following._step, following._felt.hear_efforts
+        step, hear = following._step, following._wrench_input.hear_efforts
 
         def counted(passed, measured, now):
             step(passed, measured, now)
@@ -101,7 +101,7 @@ class CountingController(ControllerNode):
             self.steps_heard = len(self.rates)
             hear(message)
 
-        following._step, following._felt.hear_efforts = counted, noted
+        following._step, following._wrench_input.hear_efforts = counted, noted
 
 
 class Losses:

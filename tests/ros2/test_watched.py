@@ -202,7 +202,7 @@ def test_efforts_and_the_wrench_are_supervised_where_they_are_bounded_and_each_s
     assert controller.outcome == "stop category 1: contact"
     assert node.serve(lambda: diagnostics["/dqcontrol"][1]["stop category"].startswith("1: "))
     wrench.wrench.force.z -= 30.0
-    assert node.serve(lambda: following._felt.wrench[2] == pytest.approx(weight[2]))
+    assert node.serve(lambda: following._wrench_input.wrench[2] == pytest.approx(weight[2]))
     following.control.reset()
     assert node.serve(is_active)
     told.effort = [10.0] * 6 + [60.0]

@@ -93,7 +93,7 @@ class TaskResult:
             return ""
         if self.at_rest:
             where = " in a singularity" * self.is_singular
-            return f"{'still moves' if self.is_moving else 'at_rest'} {', '.join(parts)} off{where}"
+            return f"{'still moves' if self.is_moving else 'rests'} {', '.join(parts)} off{where}"
         return f"errs by {', '.join(parts)} RMS"
 
 
