@@ -176,7 +176,7 @@ def test_bad_arguments():
         body.integrate(np.zeros((3, 3)), np.zeros((2, 2)), 0.1)
     with pytest.raises(ShapeError, match=r"period: expected a single number, got shape \(2,\)"):
         body.integrate(np.zeros(3), np.zeros(2), [0.1, 0.2])
-    with pytest.raises(ValueRangeError, match="dt: must be finite"):
+    with pytest.raises(ValueRangeError, match="period: must be finite"):
         body.integrate(np.zeros(3), np.zeros(2), np.nan)
     with pytest.raises(ValueRangeError, match="u: must be finite"):
         body.integrate(np.zeros(3), [np.inf, 0], 0.1)
