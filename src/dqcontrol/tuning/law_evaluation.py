@@ -34,7 +34,7 @@ from dqcontrol.tuning.tune_spec import PlantFamily, Slack, StabilityJudge, TuneP
 _UNSTABLE, _DIVERGED = 1e3, 1e6  # violations, beside which those of numbers are small
 _NEARLY = 1e-3  # of a margin
 _OTHER_START = 0.1  # rad or m, as far are held-out starts from the spec's
-_HELD_OUT_STARTS, _TRIES = 2, 20
+_HELD_OUT_STARTS, _TRIES = 2, 20  # of ten drawn near a start that runs, one is to run as well
 _FIRST_HELD_OUT = 1_000_003  # seed, counted from the spec's
 
 

@@ -104,7 +104,7 @@ _LINES = 12  # frequencies of a multisine
 _LOWEST, _HIGHEST = 0.15, 4.0  # Hz
 _SMOOTH = 0.04  # s over which jumps of the acceleration are spread
 _LEAST_SHARE = 1e-3  # of the way to the wall: twelve halvings found none inside
-_TRADED, _UNSURE = 0.9, 0.15
+_TRADED, _UNSURE = 0.9, 0.15  # correlation of lag and delay, and of a lag its standard error
 
 
 class Expected(NamedTuple):

@@ -20,7 +20,8 @@ _MIN_PLAY_SIGMA = 5.0  # standard errors
 _LEAST = 1e-4  # rad or m
 _WIDTHS = (0.3, 0.5)  # of the encoder's step and of its noise; less is none
 _FARTHEST = 20.0  # times as wide or as narrow as it seemed
-_ITERATIONS, _HALVINGS = 40, 8
+_ITERATIONS = 40  # ends by itself at `_PROGRESS`
+_MORE_DAMPED = 8  # times 8 each: a step of steepest descent, 10⁷ times as short
 _PROGRESS = 1e-7  # of the sum of squares
 
 
@@ -101,7 +102,7 @@ def fit_with_play(
         sizes = np.maximum(np.linalg.norm(slopes, axis=0), 1e-12)
         scaled = slopes / sizes
         normal, gradient = scaled.T @ scaled, scaled.T @ residual
-        for _ in range(_HALVINGS):
+        for _ in range(_MORE_DAMPED):
             step = np.linalg.lstsq(normal + damping * np.eye(len(normal)), gradient, rcond=1e-13)[0] / sizes
             trial = np.clip(point + step, lower, upper)
             tried = at(trial)

@@ -72,6 +72,7 @@ NORMAL_95 = 1.96  # standard deviations: 95 % of a normal distribution
 # s, each 1.8 times the one before: all that `LEAST_LAG` … allow is near one
 _GRID_LAGS = np.geomspace(2e-3, 0.8, 11)
 _GRID_DELAYS = np.linspace(0.0, MOST_DELAY, 31)
+# most that a grid of 341 models and a descent from a start look at; the last descent takes all samples
 _GRID_SAMPLES, _START_SAMPLES = 800, 3000
 _STARTS = 3  # the best points of the grid, from which the fit descends
 _ITERATIONS = 60  # ends by itself at `_PRECISE`
@@ -81,7 +82,7 @@ _CLOSE = 1.02  # times the least sum of squares of a part of the samples, one th
 # of lag and delay of a fit of first order, that a second-order fit begins with as 2ζ/ω
 _SHARES = (0.3, 0.6, 0.9)
 _VALLEY = 0.9  # correlation of lag and delay
-_BEGIN_DAMPINGS = (0.5, 1.0)
+_BEGIN_DAMPINGS = (0.5, 1.0)  # one that rings, one that just does not
 
 
 class Segment(NamedTuple):

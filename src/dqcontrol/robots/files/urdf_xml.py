@@ -190,7 +190,7 @@ if __name__ == "__main__":
         sys.exit(str(error))
 
 
-_DEEPEST = 50
+_DEEPEST = 50  # elements; URDF nests six, and Python's own stack ends at a thousand calls
 _LARGEST = 20_000_000  # bytes; the largest that robots come with have one million
 _JOINT_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _NUMBERS = {  # element: attributes that hold numbers, and how many
