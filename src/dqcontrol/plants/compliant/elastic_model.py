@@ -167,7 +167,8 @@ def elastic_model(
 def _add_hand(spec: Any, robot: Robot, hand: Hand | None) -> None:
     tool = robot.chain[-1]
     body = spec.body(f"link_{len(robot.joint_names)}").add_body(name="hand", pos=tool[4:7], quat=tool[:4])
-    weigh(body, 0.0, np.zeros(3), np.zeros(3))
+    # its centre is left to MuJoCo: that of what is drawn, by which it scales how soft contacts are
+    weigh(body, 0.0, body.ipos, np.zeros(3))
     if hand is not None:
         moments, axes = np.linalg.eigh(hand.tensor)
         axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
