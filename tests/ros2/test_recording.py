@@ -53,7 +53,8 @@ def test_a_loop_is_watched_while_it_goes_on_and_killed_it_leaves_what_was_seen(s
 def test_a_full_disk_stops_a_process_and_its_last_line_says_so(spec, start, tmp_path):
     out, path = tmp_path / "out", spec(reference=CIRCLE)
     start("robot", path)
-    controller = start("controller", path, "--autostart", "--out", out, *PATIENT, file_limit=40_000)
+    # room for the head and the chunk of a second, 50 kB
+    controller = start("controller", path, "--autostart", "--out", out, *PATIENT, file_limit=80_000)
     log, _ = controller.communicate(timeout=PATIENCE)
     assert "stopped: stop category 1: emergency stop: the recording cannot be written: File too large" in log
     assert (
