@@ -25,6 +25,7 @@ from dqcontrol.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.controller import Controller, PreparedTasks
 from dqcontrol.errors import (
+    Error,
     LimitWarning,
     NoteWarning,
     PlanError,
@@ -355,6 +356,12 @@ def program() -> str:
         with suppress(PackageNotFoundError):
             found.append(f"{name} {version(name)}")
     return " ".join(found)
+
+
+def check_program(expected: str) -> None:
+    """Raise if this worker has another version of the program or its libraries than who sent it work."""
+    if program() != expected:
+        raise Error("a worker has another version of dqcontrol, NumPy or MuJoCo; give all the same")
 
 
 def prepare(source: str | Path | dict[str, Any], leaving_out: Collection[str] = ()) -> PreparedExperiment:

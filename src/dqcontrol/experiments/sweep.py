@@ -26,7 +26,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from dqcontrol.errors import Error, FileFormatError, ShapeError, ValueRangeError, suggest
-from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare_spec, program
+from dqcontrol.experiments.prepared_experiment import PreparedExperiment, check_program, prepare_spec, program
 from dqcontrol.experiments.processes import checked_jobs, connect, in_processes, on_cluster
 from dqcontrol.experiments.ranking import BEST_BY, Ranking, rank
 from dqcontrol.experiments.result_pages import result_pages
@@ -594,8 +594,7 @@ class Task:
         Error
             If another version of dqcontrol, or of the libraries that trials depend on, is installed here.
         """
-        if program() != self.program:
-            raise Error("a worker has another version of dqcontrol, NumPy or MuJoCo; give all the same")
+        check_program(self.program)
         with _ONE_AT_A_TIME:
             rows = list(_known(self.text, self.folder).rows(self.runs))
         return self.part, len(rows), parquet(rows, {})

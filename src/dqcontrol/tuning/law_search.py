@@ -15,8 +15,8 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 
-from dqcontrol.errors import Error, ShapeError, ValueRangeError, error_prefix, unknown_name
-from dqcontrol.experiments.prepared_experiment import program
+from dqcontrol.errors import ShapeError, ValueRangeError, error_prefix, unknown_name
+from dqcontrol.experiments.prepared_experiment import check_program
 from dqcontrol.experiments.row_file import Row, parquet, read_rows, write_whole
 from dqcontrol.files.plain_data import finite_or_none
 from dqcontrol.laws import Law
@@ -249,8 +249,7 @@ class LawTask:
         Error
             If another version of dqcontrol, or of the libraries that trials depend on, is installed here.
         """
-        if program() != self.program:
-            raise Error("a worker has another version of dqcontrol, NumPy or MuJoCo; give all the same")
+        check_program(self.program)
         found = self.file.with_suffix(".found") if self.file else None
         if found and found.exists():
             return self.part, msgspec.msgpack.decode(found.read_bytes(), type=LawResult)
