@@ -121,15 +121,17 @@ def _write_held(sums, duration, out):
 
 
 @inline
-def _given_poses(poses, first, work):
-    """Write `LANES` rows of poses as `end_poses` does."""
+def _write_poses(poses, first, begin, work):
+    """Write `LANES` rows of poses into scratch from a place on, as `end_poses` does."""
     last = poses.shape[0] - 1
     for lane in range(LANES):
         pose = poses[min(first + lane, last)]
         for part in range(4):
-            work[part * LANES + lane] = pose[part]
+            work[begin + part * LANES + lane] = pose[part]
         x, y, z = position(pose)
-        work[4 * LANES + lane], work[5 * LANES + lane], work[6 * LANES + lane] = x, y, z
+        work[begin + 4 * LANES + lane] = x
+        work[begin + 5 * LANES + lane] = y
+        work[begin + 6 * LANES + lane] = z
 
 
 # forward kinematics (0: of a chain, GIVEN: none), time, samples, joints, commands, its table or the poses, joints'
@@ -149,15 +151,7 @@ _DEGREES = 16.0 * 180.0 / math.pi
 @inline
 def _write_errors(samples, first, work):
     """Write distances (mm), turns (degrees) and norms of 1 − x* x_d of the poses that `end_poses` wrote."""
-    last = samples.shape[0] - 1
-    for lane in range(LANES):
-        desired = samples[min(first + lane, last)]
-        for part in range(4):
-            work[_DESIRED + part * LANES + lane] = desired[part]
-        x, y, z = position(desired)
-        work[_DESIRED + 4 * LANES + lane] = x
-        work[_DESIRED + 5 * LANES + lane] = y
-        work[_DESIRED + 6 * LANES + lane] = z
+    _write_poses(samples, first, _DESIRED, work)
     for lane in range(LANES):
         w, x, y, z = work[lane], work[LANES + lane], work[2 * LANES + lane], work[3 * LANES + lane]
         dw, dx = work[_DESIRED + lane], work[_DESIRED + LANES + lane]
@@ -239,7 +233,7 @@ def measure_kernel(
         if lane == 0:
             status = OK
             if forward == GIVEN:
-                _given_poses(table, k, work)
+                _write_poses(table, k, 0, work)
             elif forward == 0:
                 status = end_poses(table, turning, q, k, work)
             else:
