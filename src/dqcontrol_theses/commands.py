@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from dqcontrol.cli import Force, Out, print_table, progress_bar
+from dqcontrol.cli import Force, Jobs, Out, ReplaceResults, print_table, progress_bar
 
 
 def reproduce(
@@ -19,7 +19,7 @@ def reproduce(
     plant: str | None = None,
     out: Out = None,
     force: Force = False,
-    jobs: int | None = None,
+    jobs: Jobs = None,
     samples: int | None = None,
     repeats: int | None = None,
 ) -> None:
@@ -38,8 +38,6 @@ def reproduce(
         New folder for the results; default: results/NAME, or results/NAME-PLANT with a plant.
     force
         Replace earlier folders of results, and discard what an interrupted command left.
-    jobs
-        Processes that work in parallel; default: as many as there are processors, if there is enough to do.
     samples
         Of each run in real time; default: 500.
     repeats
@@ -110,7 +108,7 @@ def pereira2016(
     law: str = "K",
     plant: Literal["servo", "meka-physics"] = "meka-physics",
     out: Out = None,
-    force: Force = False,
+    force: ReplaceResults = False,
 ) -> None:
     """Launch the ROS graph of Pereira 2016: its nodes and topics, controller and robot in processes of their own.
 
@@ -124,8 +122,6 @@ def pereira2016(
         What the Meka is; in physics it has its force sensor.
     out
         New folder for recordings of the motions, which `dqcontrol view` shows while they run.
-    force
-        Replace an earlier folder of results.
     """
     from dqcontrol.ros2 import check_installed
     from dqcontrol_theses.pereira2016.nodes import launch
@@ -141,7 +137,7 @@ def silva2017(
     law: str = "ours",
     plant: Literal["camera", "ideal"] = "camera",
     out: Out = None,
-    force: Force = False,
+    force: ReplaceResults = False,
 ) -> None:
     """Launch a ROS graph of Silva 2017: mobile manipulator and whole-body controller in processes of their own.
 
@@ -153,8 +149,6 @@ def silva2017(
         Whether a camera tells where the base is, or that is known exactly.
     out
         New folder for recordings of the motions, which `dqcontrol view` shows while they run.
-    force
-        Replace an earlier folder of results.
     """
     from dqcontrol.ros2 import check_installed
     from dqcontrol_theses.silva2017.whole_body_graph import launch

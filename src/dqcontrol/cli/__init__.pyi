@@ -2,7 +2,9 @@ import cyclopts
 
 from .options import (
     Force as Force,
+    Jobs as Jobs,
     Out as Out,
+    ReplaceResults as ReplaceResults,
 )
 from .screen import (
     print_table as print_table,

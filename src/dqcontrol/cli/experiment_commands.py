@@ -10,7 +10,17 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from dqcontrol.cli.options import BaseLink, Force, Out, RosArguments, Seconds, Switch, TipLink
+from dqcontrol.cli.options import (
+    BaseLink,
+    Force,
+    Jobs,
+    Out,
+    ReplaceResults,
+    RosArguments,
+    Seconds,
+    Switch,
+    TipLink,
+)
 from dqcontrol.cli.screen import FAILED, joint_columns, joint_values, print_found, print_table, progress_bar
 
 if TYPE_CHECKING:
@@ -94,7 +104,7 @@ def run(
     *,
     out: Out = None,
     force: Force = False,
-    jobs: int | None = None,
+    jobs: Jobs = None,
     figures: bool | None = None,
     real_time: Switch = False,
     compiled: Switch = False,
@@ -113,8 +123,6 @@ def run(
         New folder for the results; default: results/NAME, NAME from the spec.
     force
         Replace an earlier folder of results, and discard an unfinished study of another spec or version.
-    jobs
-        Processes that work in parallel; default: as many as there are processors, if there is enough to do.
     figures
         Of several runs, also the figures of each one (a second each; later: dqcontrol report); --no-figures draws none.
     real_time
@@ -188,7 +196,7 @@ def sweep(
     *,
     out: Out = None,
     force: Force = False,
-    jobs: int | None = None,
+    jobs: Jobs = None,
     scheduler: str | None = None,
     by: str = "error.integral",
 ) -> None:
@@ -202,8 +210,6 @@ def sweep(
         New folder for the results; default: results/NAME, NAME from the spec.
     force
         Replace an earlier folder of results, and discard an unfinished study of another spec or version.
-    jobs
-        Processes that work in parallel; default: as many as there are processors, if there is enough to do.
     scheduler
         Address of a Dask scheduler, as tcp://127.0.0.1:8786, whose workers run the trials.
     by
@@ -264,7 +270,7 @@ def tune(
     *,
     out: Out = None,
     force: Force = False,
-    jobs: int | None = None,
+    jobs: Jobs = None,
     scheduler: str | None = None,
 ) -> None:
     """Find the best parameters of every law, under the same budget; rerun it to resume after an interruption.
@@ -279,8 +285,6 @@ def tune(
         New folder for the results; default: results/NAME-tuned, NAME from the spec.
     force
         Replace an earlier folder of results, and discard an unfinished search of another spec or version.
-    jobs
-        Processes that work in parallel; default: as many as there are processors, if there is enough to do.
     scheduler
         Address of a Dask scheduler, as tcp://127.0.0.1:8786, whose workers search.
     """
@@ -308,7 +312,7 @@ def learn(
     *ros_arguments: RosArguments,
     repeats: int | None = None,
     out: Out = None,
-    force: Force = False,
+    force: ReplaceResults = False,
     real_time: bool = False,
     ros2: Literal["velocity", "position", "trajectory"] | None = None,
     network: Switch = False,
@@ -323,8 +327,6 @@ def learn(
         Most repeats after the first run.
     out
         New folder for the results; default: results/NAME-learnt, NAME from the spec.
-    force
-        Replace an earlier folder of results.
     real_time
         Each run on the clock.
     ros2

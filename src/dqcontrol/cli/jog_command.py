@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from dqcontrol.cli.options import SPEED, BaseLink, Force, Out, TipLink, in_unit
+from dqcontrol.cli.options import SPEED, BaseLink, Out, ReplaceResults, TipLink, in_unit
 
 if TYPE_CHECKING:
     from dqcontrol.devices import Jog, Keyboard
@@ -27,7 +27,7 @@ def jog(
     speed: Annotated[float, SPEED] = 0.1,
     angular_speed: Annotated[float, in_unit("rad/s", "30deg/s")] = 0.5,
     out: Out = None,
-    force: Force = False,
+    force: ReplaceResults = False,
 ) -> None:
     """Drive a robot's end effector by keys in the terminal, and keep poses as a points file.
 
@@ -44,8 +44,6 @@ def jog(
     out
         New folder for a recording of the motion, which `dqcontrol view` shows while it runs; what led to a stop lies
         in its black-box, without it in results/black-box.
-    force
-        Replace an earlier folder of results.
     """
     from dqcontrol.devices import Jog, Keyboard
     from dqcontrol.devices.jog import HELP

@@ -15,8 +15,10 @@ from dqcontrol.cli.options import (
     BaseLink,
     Force,
     JointOptions,
+    LoggedRobot,
     LogOptions,
     Out,
+    ReplaceResults,
     Seconds,
     Switch,
     TipLink,
@@ -63,7 +65,7 @@ def evaluate(
     skip_initial: Annotated[float | None, SECONDS] = None,
     low_pass: Annotated[float | None, in_unit("Hz", "10Hz")] = None,
     out: Out = None,
-    force: Force = False,
+    force: ReplaceResults = False,
 ) -> None:
     """Measure your own joint log against a reference: table, and plots and report if --out is given.
 
@@ -97,8 +99,6 @@ def evaluate(
         Cut-off of the filter behind speeds and accelerations, Hz; 0 for none; default 10, none for own recordings.
     out
         New folder for record, metrics, plots and report.
-    force
-        Replace an earlier folder of results.
     """
     from dqcontrol.experiments.results_folder import check_new
     from dqcontrol.logs.evaluation import evaluate_log
@@ -132,7 +132,7 @@ def evaluate(
 
 
 def excite(
-    robot: str,
+    robot: LoggedRobot,
     /,
     *,
     start: Start = None,
@@ -162,8 +162,6 @@ def excite(
 
     Parameters
     ----------
-    robot
-        Name, .yaml or .urdf file, or example-robot-data:PATH.
     signal
         zigzag (tells most), multisine or chirp (smoother).
     together
@@ -236,7 +234,7 @@ def servos(
     logs: list[Path],
     /,
     *,
-    robot: str,
+    robot: LoggedRobot,
     options: LogOptions = DEFAULT_LOG_OPTIONS,
     targets: str | None = None,
     target_topic: str | None = None,
@@ -250,8 +248,6 @@ def servos(
     ----------
     logs
         Tables (CSV), MCAP files, ROS 1 or ROS 2 bags of one robot; see docs/identify.md.
-    robot
-        Name, .yaml or .urdf file, or example-robot-data:PATH.
     targets
         Columns with the commanded positions: what their names begin with (target_), or a,b,c.
     target_topic
@@ -289,7 +285,7 @@ def tool(
     logs: list[Path],
     /,
     *,
-    robot: str,
+    robot: LoggedRobot,
     known: Path | None = None,
     sensor_position: SensorPosition = None,
     sensor_rpy: SensorTurn = None,
@@ -304,8 +300,6 @@ def tool(
     ----------
     logs
         Runs, tables with columns fx, fy, fz, tx, ty, tz beside the joints, or recordings of ROS.
-    robot
-        Name, .yaml or .urdf file, or example-robot-data:PATH.
     known
         File of a tool whose mass and centre are kept: a tare, for which one rest in the air is enough.
     wrench_topic
@@ -333,7 +327,7 @@ def tool(
 
 @identify.command
 def tool_motion(
-    robot: str,
+    robot: LoggedRobot,
     /,
     *,
     start: Start = None,
@@ -347,8 +341,6 @@ def tool_motion(
 
     Parameters
     ----------
-    robot
-        Name, .yaml or .urdf file, or example-robot-data:PATH.
     period
         Control period, s.
     out
@@ -382,7 +374,7 @@ def calibrate(
     log: Path,
     /,
     *,
-    robot: str,
+    robot: LoggedRobot,
     options: JointOptions = DEFAULT_JOINT_OPTIONS,
     pose_topic: str | None = None,
     out: Out = None,
@@ -394,8 +386,6 @@ def calibrate(
     ----------
     log
         Table (CSV) of joint positions and measured poses x, y, z, qw, qx, qy, qz; or a recording with both.
-    robot
-        Name, .yaml or .urdf file, or example-robot-data:PATH.
     pose_topic
         Topic of PoseStamped with the measured poses.
     out

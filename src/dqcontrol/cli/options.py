@@ -72,6 +72,14 @@ TipLink = Annotated[str | None, Parameter(help="End of the chain in a URDF file.
 Out = Annotated[Path | None, Parameter(name=["--out", "-o"])]
 Switch = Annotated[bool, Parameter(negative=())]
 Force = Switch
+ReplaceResults = Annotated[bool, Parameter(negative=(), help="Replace an earlier folder of results.")]
+Jobs = Annotated[
+    int | None,
+    Parameter(
+        help="Processes that work in parallel; default: as many as there are processors, if there is enough to do."
+    ),
+]
+LoggedRobot = Annotated[str, Parameter(help="Name, .yaml or .urdf file, or example-robot-data:PATH.")]
 RosArguments = Annotated[str, Parameter(allow_leading_hyphen=True, help="After --: as after --ros-args.")]
 Port = Annotated[int, Parameter(validator=validators.Number(gte=1024, lte=65535))]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from dqcontrol.cli.options import METRES, SPEED, BaseLink, Force, Out, TipLink, numbers
+from dqcontrol.cli.options import METRES, SPEED, BaseLink, Out, ReplaceResults, TipLink, numbers
 
 
 def paint(
@@ -13,7 +13,7 @@ def paint(
     /,
     *,
     out: Out = None,
-    force: Force = False,
+    force: ReplaceResults = False,
     robot: str = "panda",
     base_link: BaseLink = None,
     tip_link: TipLink = None,
@@ -32,8 +32,6 @@ def paint(
         SVG file, or a drawing file (.txt).
     out
         New folder for the results; default: results/NAME, NAME from the file.
-    force
-        Replace an earlier folder of results.
     robot
         Name, .yaml, .urdf or .xacro file, or example-robot-data:PATH; other robots than panda need --start.
     start

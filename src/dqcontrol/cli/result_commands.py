@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from dqcontrol.cli.options import ANGLES, Force, Out, Port, Switch, in_unit
+from dqcontrol.cli.options import ANGLES, Force, Out, Port, ReplaceResults, Switch, in_unit
 from dqcontrol.cli.screen import announce, print_found, progress_bar
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def compare(
     *folders: Path,
     out: Out = None,
-    force: Force = False,
+    force: ReplaceResults = False,
     by: str | None = None,
     where: Annotated[tuple[str, ...], Parameter(negative=())] = (),
     best_per: str | None = None,
@@ -37,8 +37,6 @@ def compare(
         Folders of runs, or of studies for all their runs.
     out
         New folder for table and plots.
-    force
-        Replace an earlier folder of results.
     by
         Number that says which points are best, as in runs.parquet; default for sweeps: error.integral.
     where

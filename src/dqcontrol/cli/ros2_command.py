@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from cyclopts import App, Parameter, validators
 
 from dqcontrol.cli import add_offered
-from dqcontrol.cli.options import Force, Out, RosArguments
+from dqcontrol.cli.options import Out, ReplaceResults, RosArguments
 
 ros2: App = App(name="ros2", help="Controllers and simulated robots as ROS 2 nodes.", help_format="plaintext")
 
@@ -48,7 +48,7 @@ def controller(
     options: NodeOptions = _DEFAULTS,
     autostart: bool = False,
     out: Out = None,
-    force: Force = False,
+    force: ReplaceResults = False,
     tracker: str | None = None,
 ) -> None:
     """Drive a robot behind ROS 2 topics; see docs/ros2.md.
@@ -66,8 +66,6 @@ def controller(
         Start with the first joint states; end when the reference has ended or the robot was stopped.
     out
         New folder for recordings of the motions, which `dqcontrol view` shows while they run.
-    force
-        Replace an earlier folder of results.
     tracker
         Topic of poses of the end effector that a tracker measures; they are kept beside the recording.
     """
