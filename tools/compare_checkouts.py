@@ -70,9 +70,10 @@ def _run(checkout: Path, arguments: list[str], out: Path, information: Path) -> 
     environment = {**os.environ, "PYTHONPATH": path}
     words = [sys.executable, "-m", "dqcontrol", *arguments, "--out", str(out)]
     done = subprocess.run(words, env=environment, cwd=checkout, capture_output=True, text=True, check=False)
-    if done.returncode > 1 or not out.exists():
+    is_done = done.returncode in (0, 1) and out.exists()
+    if not is_done:
         print(f"  {shlex.join(arguments)} in {checkout} exits with {done.returncode}: {done.stderr[-300:]}")
-    return done.returncode if out.exists() else 2
+    return done.returncode if is_done else 2
 
 
 def messages(path: Path) -> list[tuple[str, int, bytes]]:

@@ -110,6 +110,7 @@ GOOD = "time,q1,q2\n0,1,2\n"
         (GOOD + "1,1,1\n1.0,1,1\n", r"log\.csv:4: time: must increase, got 1\.0 after 1"),
         (GOOD + "1,1,1\n0.5,1,1\n", r"log\.csv:4: time: must increase, got 0\.5 after 1"),
         ("time\0,q1,q2", r"log\.csv: not a text file"),
+        ("# a\0b\ntime,q1,q2\n0,0,0\n0.01,0,0", r"log\.csv: not a text file"),
         ('time,q1,q2\n0,"1,2\n', r"log\.csv:2: expected 3 values, got 2"),
     ],
 )

@@ -10,6 +10,7 @@ from dqcontrol.errors import Error
 from dqcontrol.experiments.spec.spec_files import complete_plants
 from dqcontrol.loop import Live, close_loop
 from dqcontrol.loop.closed_loop import check_disturbed
+from dqcontrol.loop.signals import Readings
 from dqcontrol.loop.simulate import supervise
 from dqcontrol.plants import CompliantPlant, Integrator, MobilePlant, MujocoPlant, Plant, RunningPlant, Servo
 from dqcontrol.plants.plant import Channel, command_mode, lagging_mode, running_plant
@@ -135,3 +136,34 @@ def test_defaults_are_those_of_a_plant_that_tells_nothing():
     assert not live.effort.size
     assert not live.wrench.size
     assert running_plant(live) is live
+
+
+def test_of_a_robot_of_ones_own_each_quantity_is_asked_once_and_only_what_a_plant_has():
+    class Counted(Robot):
+        asked, age, compiled = 0, 0.5, True
+
+        @property
+        def wrench(self):
+            self.asked += 1
+            return np.arange(6.0)
+
+        def push(self, row, point, force):
+            self.pushed = row
+
+    robot = Counted()
+    live = running_plant(robot)
+    assert live.wrench[5] == 5
+    assert robot.asked == 1
+    assert live.age == 0.5
+    live.push(3, np.zeros(3), np.zeros(3))
+    assert robot.pushed == 3
+    assert live.compiled() is None, "a step in machine code is of plants that derive from RunningPlant"
+
+
+def test_parts_of_a_channel_may_be_a_list():
+    class Sensing(Robot):
+        channels, readings = (Channel("pressure", ["a", "b"], "Pa"),), np.array([1.0, 2.0])
+
+    readings = Readings(running_plant(Sensing()), 2)
+    readings.take(0)
+    assert readings.signals(1)["pressure"].values.tolist() == [[1.0, 2.0]]

@@ -167,6 +167,7 @@ def test_wheels_around_the_middle_are_omni_wheels(file):
         ([wheel("wheel", 0, 0)], {}, "1 wheels that are not steered and 0 that are"),
         (pair(), {"track": 0.0}, "track: must be > 0"),
         (pair(), {"drive": "tank"}, "drive: unknown name 'tank'"),
+        (pair(), {"drive": True}, "drive: unknown name 'True'"),
         ([*pair(), arm(3), arm(3, prefix="other")], {}, "tip_link: must be given .*several arms"),
     ],
 )

@@ -88,6 +88,7 @@ def test_default_tip_must_be_unique(load):
     [
         ({"tip_link": "dd"}, r"tip_link: unknown link 'dd'; did you mean 'd'\? \(links of .*: a, b, c, d\)"),
         ({"base_link": "world"}, "base_link: unknown link 'world'"),
+        ({"base_link": ""}, "base_link: unknown link ''"),
         ({"base_link": "c", "tip_link": "b"}, r"tip_link: 'b' is not below base link 'c' .* on b < a"),
         ({"base_link": "c"}, "tip_link: no joint moves between 'c' and 'd'"),
         ({"tip_link": "a"}, "tip_link: no joint moves between 'a' and 'a'"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import re
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -13,13 +13,15 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.constraints.constraint_view import ConstraintView, NearestPair
 from dqcontrol.constraints.constraints import Constraints
-from dqcontrol.experiments.run import Run
 from dqcontrol.figures.paths import desired_in_room, recorded_frames, tip_paths
 from dqcontrol.figures.style import LIMIT
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.held import PlanOfRun, apart_at_plans, plans_of_run
 from dqcontrol.robots import Robot, TreeRobot
 from dqcontrol.robots.poses import compose, pose7, shift
+
+if TYPE_CHECKING:
+    from dqcontrol.experiments.run import Run
 
 _PIECES = 800  # of a path, at most
 _DASH = 0.02  # m

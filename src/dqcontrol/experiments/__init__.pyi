@@ -15,7 +15,6 @@ from .prepared_experiment import (
     PreparedRobot as PreparedRobot,
     prepare as prepare,
 )
-from .processes import work_through as work_through
 from .ranking import (
     Ranking as Ranking,
     rank as rank,
@@ -46,5 +45,6 @@ from .study import (
     Study as Study,
     run_study as run_study,
     run_study_to as run_study_to,
+    work_through as work_through,
 )
 from .sweep import run_sweep_to as run_sweep_to

@@ -1,4 +1,4 @@
-"""Work in parallel processes, on this machine or on a cluster, and parts of it kept as they are finished."""
+"""Work in parallel processes, on this machine or on a cluster."""
 
 from __future__ import annotations
 
@@ -7,21 +7,13 @@ import os
 import signal
 import threading
 import time
-import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import nullcontext, suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from functools import partial
 from itertools import islice
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-import msgspec
-
-from dqcontrol.compiled.kernel_cache import source_hash
 from dqcontrol.errors import Error, ValueRangeError, from_extra
-from dqcontrol.experiments.prepared_experiment import program
-from dqcontrol.experiments.results_folder import WorkingFolder
-from dqcontrol.experiments.row_file import write_whole
 
 if TYPE_CHECKING:
     from distributed import Client  # pyright: ignore[reportMissingImports]
@@ -172,79 +164,3 @@ def on_cluster(client: Client, function: Callable[[T], R], items: Iterable[T]) -
     finally:
         with suppress(Exception):  # the scheduler may be gone
             client.cancel(list(waiting.futures))
-
-
-def work_through(
-    function: Callable[[T], R],
-    kind: type[R],
-    parts: Sequence[T],
-    spec: str,
-    jobs: int | None = None,
-    progress: Callable[[float, int], None] | None = None,
-    folder: Path | None = None,
-) -> list[R]:
-    """Return what a function gives for each part, in their order.
-
-    Parameters
-    ----------
-    function
-        Of a module, so that other processes find it.
-    kind
-        What it returns: a dataclass of plain numbers and words.
-    parts
-        Their ``repr`` tells them apart.
-    spec
-        Text of the experiment.
-    jobs
-        Processes that work in parallel; default: as many as there are processors.
-    progress
-        Called with the number of parts done, and of all of them.
-    folder
-        Working folder that keeps what is finished, so that the same call resumes after an interruption.
-
-    Raises
-    ------
-    ExistsError
-        If the folder holds results of another experiment or version.
-    """
-    if not parts:
-        return []
-    report, found = progress or (lambda done, total: None), {}
-    kept = nullcontext() if folder is None else WorkingFolder(folder, spec, _fingerprint(function, parts))
-    with kept as working:
-        files = [working.part(i).with_suffix(".found") for i in range(len(parts))] if working else []
-        for i, file in enumerate(files):
-            if file.exists():
-                found[i] = msgspec.msgpack.decode(file.read_bytes(), type=kind)
-        report(len(found), len(parts))
-        left = [(i, part) for i, part in enumerate(parts) if i not in found]
-        for i, result in _results(function, left, jobs):
-            found[i] = result
-            if files:
-                write_whole(files[i], msgspec.msgpack.encode(result))
-            report(len(found), len(parts))
-    return [found[i] for i in range(len(parts))]
-
-
-def _fingerprint(function: Callable[[T], R], parts: Sequence[T]) -> str:
-    return f"{program()} {source_hash(function.__module__, lazily=True)} {parts!r}"
-
-
-def _results(
-    function: Callable[[T], R], left: Sequence[tuple[int, T]], jobs: int | None
-) -> Iterator[tuple[int, R]]:
-    if jobs is None:
-        import joblib
-
-        jobs = joblib.cpu_count()
-    if jobs == 1 or len(left) <= 1:
-        yield from ((i, function(part)) for i, part in left)
-        return
-    yield from in_processes(partial(_numbered, function), left, min(jobs, len(left)))
-
-
-def _numbered(function: Callable[[T], R], part: tuple[int, T]) -> tuple[int, R]:
-    """Return a part's number beside its result, as other processes give it back."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the main process says what is to be said of the experiment
-        return part[0], function(part[1])

@@ -1,4 +1,4 @@
-"""Studies: the trials of a spec, run and kept as they finish, and what came of them."""
+"""Studies: the trials of a spec and other parts of work, run and kept as they finish, and what came of them."""
 
 from __future__ import annotations
 
@@ -6,16 +6,20 @@ import os
 import shutil
 import time
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
+import msgspec
+
+from dqcontrol.compiled.kernel_cache import source_hash
 from dqcontrol.errors import DivergedError, FileFormatError, LimitWarning
 from dqcontrol.experiments.check import warn_unstable
 from dqcontrol.experiments.failure_hints import warn_of_failures
-from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare
+from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare, program
 from dqcontrol.experiments.processes import checked_jobs, in_processes
 from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.results_folder import (
@@ -28,7 +32,7 @@ from dqcontrol.experiments.results_folder import (
     told_first,
     working_folder,
 )
-from dqcontrol.experiments.row_file import Row, read_rows, write_rows
+from dqcontrol.experiments.row_file import Row, read_rows, write_rows, write_whole
 from dqcontrol.experiments.run import Run, as_run, execute
 from dqcontrol.experiments.run_comparison import MEANS, MOST_CURVES, summary_of, unit_of_way, write_table
 from dqcontrol.experiments.spec import Spec, read_spec
@@ -46,6 +50,9 @@ from dqcontrol.measures.repeats import (
 )
 from dqcontrol.recording import load_record
 from dqcontrol.tables.tables import Table
+
+T = TypeVar("T")
+R = TypeVar("R")
 
 
 def noise_model(spec: Spec) -> str:
@@ -516,3 +523,79 @@ def _read_back(setting: PreparedExperiment, recordings: Path) -> dict[Trial, Run
         if file.exists():
             runs[trial] = as_run(setting, case, 0, load_record(file))
     return runs
+
+
+def work_through(
+    function: Callable[[T], R],
+    kind: type[R],
+    parts: Sequence[T],
+    spec: str,
+    jobs: int | None = None,
+    progress: Callable[[float, int], None] | None = None,
+    folder: Path | None = None,
+) -> list[R]:
+    """Return what a function gives for each part, in their order.
+
+    Parameters
+    ----------
+    function
+        Of a module, so that other processes find it.
+    kind
+        What it returns: a dataclass of plain numbers and words.
+    parts
+        Their ``repr`` tells them apart.
+    spec
+        Text of the experiment.
+    jobs
+        Processes that work in parallel; default: as many as there are processors.
+    progress
+        Called with the number of parts done, and of all of them.
+    folder
+        Working folder that keeps what is finished, so that the same call resumes after an interruption.
+
+    Raises
+    ------
+    ExistsError
+        If the folder holds results of another experiment or version.
+    """
+    if not parts:
+        return []
+    report, found = progress or (lambda done, total: None), {}
+    kept = nullcontext() if folder is None else WorkingFolder(folder, spec, _fingerprint(function, parts))
+    with kept as working:
+        files = [working.part(i).with_suffix(".found") for i in range(len(parts))] if working else []
+        for i, file in enumerate(files):
+            if file.exists():
+                found[i] = msgspec.msgpack.decode(file.read_bytes(), type=kind)
+        report(len(found), len(parts))
+        left = [(i, part) for i, part in enumerate(parts) if i not in found]
+        for i, result in _results(function, left, jobs):
+            found[i] = result
+            if files:
+                write_whole(files[i], msgspec.msgpack.encode(result))
+            report(len(found), len(parts))
+    return [found[i] for i in range(len(parts))]
+
+
+def _fingerprint(function: Callable[[T], R], parts: Sequence[T]) -> str:
+    return f"{program()} {source_hash(function.__module__, lazily=True)} {parts!r}"
+
+
+def _results(
+    function: Callable[[T], R], left: Sequence[tuple[int, T]], jobs: int | None
+) -> Iterator[tuple[int, R]]:
+    if jobs is None:
+        import joblib
+
+        jobs = joblib.cpu_count()
+    if jobs == 1 or len(left) <= 1:
+        yield from ((i, function(part)) for i, part in left)
+        return
+    yield from in_processes(partial(_numbered, function), left, min(jobs, len(left)))
+
+
+def _numbered(function: Callable[[T], R], part: tuple[int, T]) -> tuple[int, R]:
+    """Return a part's number beside its result, as other processes give it back."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the main process says what is to be said of the experiment
+        return part[0], function(part[1])

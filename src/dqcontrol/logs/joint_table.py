@@ -258,6 +258,8 @@ def _opened(path: Path) -> BinaryIO:
 
 def _text_lines(path: Path, stream: BinaryIO) -> Iterator[str]:
     for line in iter(lambda: stream.readline(_BLOCK), b""):
+        if b"\0" in line:
+            raise FileFormatError(f"{path}: not a text file")
         try:
             yield line.decode("utf-8-sig").rstrip("\r\n")
         except UnicodeDecodeError:
@@ -276,8 +278,6 @@ def _plain(
         try:
             header = next(text_table.table_rows(path, _text_lines(path, stream)))
         except FileFormatError:
-            return None
-        if "\0" in "".join(header[1]):
             return None
         columns = _chosen(path, header, joint_names, targets)
         for block in iter(lambda: stream.readlines(_BLOCK), []):

@@ -55,15 +55,14 @@ class Readings:
 
     def signals(self, count: int) -> dict[str, Signal]:
         """Return the first samples of all quantities by name."""
-        values = {channel: _first(values, count) for channel, values in self._plant.foreseen}
+        found = [(channel, _first(values, count)) for channel, values in self._plant.foreseen]
         first = 0
         for channel in self._plant.channels:
-            values[channel] = self.rows[:count, first : first + channel.size]
+            found.append((channel, self.rows[:count, first : first + channel.size]))
             first += channel.size
-        found = [
-            Signal(each.name, each.parts, (each.unit,) * each.size, rows) for each, rows in values.items()
-        ]
-        return {signal.name: signal for signal in found}
+        return {
+            each.name: Signal(each.name, each.parts, (each.unit,) * each.size, rows) for each, rows in found
+        }
 
 
 def _first(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, Self
@@ -200,6 +201,13 @@ class RunningPlant:
         return None
 
 
+# what a plant that is not derived from it may have; its step in machine code has to be
+_OFFERED = {
+    *vars(RunningPlant)["__annotations__"],
+    *("step", "rewind", "push", "take_effort", "set_joint_control"),
+}
+
+
 class _CompletedPlant(RunningPlant):
     """A user's plant with the defaults for what it has not; what it has may also come later."""
 
@@ -207,8 +215,10 @@ class _CompletedPlant(RunningPlant):
         self._plant = plant
 
     def __getattribute__(self, name: str) -> Any:
-        plant = object.__getattribute__(self, "_plant") if name != "_plant" else None
-        return getattr(plant, name) if hasattr(plant, name) else object.__getattribute__(self, name)
+        if name in _OFFERED:
+            with suppress(AttributeError):
+                return getattr(object.__getattribute__(self, "_plant"), name)
+        return object.__getattribute__(self, name)
 
 
 def running_plant(plant: PlantProtocol) -> RunningPlant:

@@ -173,7 +173,8 @@ class SpecRun(NamedTuple):
 def run_once(spec: dict[str, Any], law: str, label: str = "", **parameters: Any) -> SpecRun:
     """Run one law of a spec once, with one of its sets, and perhaps other values of some of its parameters."""
     data: dict[str, Any] = spec | {"repeats": 1}
-    own = data.pop("parameter_sets", {}).get(label, {}).get(law, {})
+    sets = data.pop("parameter_sets", {})
+    own = sets[label][law] if label else {}
     setting = prepare(data | {"laws": {law: data["laws"][law] | own | parameters}})
     record = execute(setting, setting.cases[0])
     return SpecRun(

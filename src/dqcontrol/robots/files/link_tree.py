@@ -207,7 +207,7 @@ class LinkTree:
         UnknownNameError, FileFormatError
             As for `load_urdf`.
         """
-        start = known_link("base_link", base or self.root, self.links, self.where)
+        start = known_link("base_link", self.root if base is None else base, self.links, self.where)
         end = (
             known_link("tip_link", tip, self.links, self.where)
             if tip is not None

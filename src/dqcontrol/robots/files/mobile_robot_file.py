@@ -219,7 +219,7 @@ class FoundBase:
 def _found_base(tree: LinkTree, shapes: Mapping[str, RoundLink], hints: DriveHints) -> FoundBase:
     drive = hints.drive
     if drive is not None and drive not in get_args(DriveKind):
-        raise unknown_name("drive", drive, get_args(DriveKind))
+        raise unknown_name("drive", str(drive), get_args(DriveKind))
     found = _wheels(tree, shapes)
     wheels = tuple(wheel for wheel in found if not wheel.is_caster)
     casters = tuple(wheel for wheel in found if wheel.is_caster)

@@ -76,7 +76,7 @@ def load_urdf(
     SerialArm('lever', 1 joints)
     """
     tree = UrdfTree(CheckedXml(path))
-    base = known_link("base_link", base_link or tree.root, tree.links, str(path))
+    base = known_link("base_link", tree.root if base_link is None else base_link, tree.links, str(path))
     tip = (
         known_link("tip_link", tip_link, tree.links, str(path))
         if tip_link is not None
