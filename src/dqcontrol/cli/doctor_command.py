@@ -109,8 +109,9 @@ def examine() -> list[Finding]:
 
 def _python() -> Finding:
     version = ".".join(map(str, sys.version_info[:3]))
-    old = sys.version_info < OLDEST_PYTHON
-    return Finding("Python", version, *((PROBLEM, "install Python 3.11 or newer") if old else ()))
+    if sys.version_info < OLDEST_PYTHON:
+        return Finding("Python", version, PROBLEM, "install Python 3.11 or newer")
+    return Finding("Python", version)
 
 
 def _packages() -> Iterator[Finding]:

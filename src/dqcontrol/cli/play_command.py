@@ -74,8 +74,10 @@ def _held(device: str, stack: ExitStack) -> Input:
     """Return a device."""
     from dqcontrol import devices
 
-    if device in ("gamepad", "space-mouse"):
-        return devices.Gamepad() if device == "gamepad" else devices.SpaceMouse()
+    if device == "gamepad":
+        return devices.Gamepad()
+    if device == "space-mouse":
+        return devices.SpaceMouse()
     if device == "web-xr":
         page = devices.WebXr()
         print(f"web-xr: {page.url}; on a cable: adb reverse tcp:{page.port} tcp:{page.port}", flush=True)

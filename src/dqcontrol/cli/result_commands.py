@@ -336,7 +336,7 @@ def clip(
                 path,
                 speed=faster,
                 rate=rate,
-                progress=lambda drawn, total: progress(drawn, total, "frames"),
+                progress=partial(progress, label="frames"),
                 **look,
             )
     print(f"results: {path}")

@@ -586,8 +586,8 @@ class PreparedConstraints:
         if packed:  # all at once: one by one they take longer than a plan
             columns = map(np.array, zip(*packed, strict=True))
             rows = layout.row_of.pack(**dict(zip(layout.Row._fields, columns, strict=True)))
-        velocities, joints = robot.limits.velocity, robot.input_coordinates
-        lower, upper, velocity = robot.limits.lower[joints], robot.limits.upper[joints], velocities
+        joints = robot.input_coordinates
+        lower, upper, velocity = robot.limits.lower[joints], robot.limits.upper[joints], self._velocity
         if not given.joint_limits:
             lower, upper, velocity = np.full(m, -np.inf), np.full(m, np.inf), np.full(m, np.inf)
         drives, frames = len(robot.drives), self._frames
@@ -632,7 +632,7 @@ class PreparedConstraints:
                 rows=rows,
                 levers=self.levers,
                 drives=robot.drives,
-                rims=[velocities[int(first) - k] for k, (first, *_) in enumerate(robot.drives)],
+                rims=[self._velocity[int(first) - k] for k, (first, *_) in enumerate(robot.drives)],
             ),
             scene=layout.scene_of.pack(
                 carriers=frames.carriers,
@@ -652,10 +652,8 @@ class PreparedConstraints:
         paths = []
         for numbers, each in self._obstacles:
             if each.velocity is not None:
-                numbers[layout.MOTION], numbers[layout.VELOCITY : layout.VELOCITY + 3] = (
-                    layout.STRAIGHT,
-                    each.velocity,
-                )
+                numbers[layout.MOTION] = layout.STRAIGHT
+                numbers[layout.VELOCITY : layout.VELOCITY + 3] = each.velocity
             elif each.path is not None:
                 numbers[layout.MOTION], numbers[layout.PLACE] = layout.BY_TABLE, len(paths)
                 paths.append(np.asarray(each.path, np.float64))

@@ -483,8 +483,8 @@ class PreparedImpedance:
         """
         motion = self._motion
         motion[0], motion[1], motion[2], motion[3] = q, rates, target, target_rates
-        heard = self._wrench if wrench is None else wrench
-        if self._step(self._bodies, self._given, motion, heard, self._torque, self._work) != OK:
+        wrench = self._wrench if wrench is None else wrench
+        if self._step(self._bodies, self._given, motion, wrench, self._torque, self._work) != OK:
             missing = " 'mass' needs a measured wrench" if self.impedance.feels else ""
             raise DivergedError(f"impedance: the torque is not finite, q = {motion[0]};{missing}")
         return self._torque

@@ -252,9 +252,12 @@ class Controller:
     @cached_property
     def plan(self) -> NDArray[np.intp]:
         """Where compiled code finds the law's stages and sizes."""
-        addresses = [stage.pointer if isinstance(stage, Kernel) else 0 for stage in self.stages.values()]
-        places = dict(zip(Plan._fields, [*addresses, self._contact_at, *self._feedback], strict=False))
-        numbers = places | self._sizes
+        addresses = {
+            name: stage.pointer if isinstance(stage, Kernel) else 0 for name, stage in self.stages.items()
+        }
+        names = ("contact_at", "delivered_at", "last_at", "sent_at")
+        places = dict(zip(names, (self._contact_at, *self._feedback), strict=True))
+        numbers = addresses | places | self._sizes
         return np.array([numbers[name] for name in Plan._fields], dtype=np.intp)
 
     def initial_state(self, q: ArrayLike) -> Array:

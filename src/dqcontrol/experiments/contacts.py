@@ -277,7 +277,7 @@ def check_floor(robot: Robot, start: Array, samples: Array) -> None:
 
     Parameters
     ----------
-    robot, q0
+    robot, start
         Where it starts, shape (n,).
     samples
         Desired motion, shape (N, 21), inertial frame.

@@ -103,13 +103,13 @@ def path_demand(scene: PreparedRobot) -> PathDemand | None:
     held = np.repeat(samples[:1], _ARRIVED, axis=0)  # the first pose, until what can be reached of it is
     held[:, 8:20] = 0.0
     held[:, -1] = samples[0, -1] + period * np.arange(-_ARRIVED, 0)
-    found: list[PathDemand | None] = []
+    demands: list[PathDemand] = []
     for heading in (None, BestHeading())[: 1 + bool(len(robot.drives))]:
         law = ProportionalFeedforward(gain=gain, null_space=heading).prepare(robot, None, period)
         with suppress(DivergedError):
             arrived = simulate_prepared(law, Integrator(), start, held).q[-1]
-            found.append(_demand(robot, law, arrived, samples))
-    demands = [demand for demand in found if demand is not None]
+            if (demand := _demand(robot, law, arrived, samples)) is not None:
+                demands.append(demand)
     return min(demands, key=lambda demand: (not demand.left.succeeded, demand.left.position), default=None)
 
 

@@ -120,7 +120,7 @@ def judge(
     through
         What it went through, as nothing stopped it there.
     """
-    felt_at = contact_force(record)
+    felt_at = contact_force(record) if given.contact is not None or given.force is not None else None
     force = 0.0 if felt_at is None else float(felt_at.max(initial=0.0))
     if given.contact is not None:
         if felt_at is not None and force:

@@ -87,7 +87,7 @@ def check_reach(robot: Robot, start: Array, samples: Array, *, orientation: bool
     ----------
     robot
         The arm or whole body.
-    q0
+    start
         Start configuration, shape (n,).
     samples
         Desired motion, shape (N, 21), inertial frame.
@@ -139,7 +139,7 @@ def _check_length(robot: Robot, samples: Array) -> None:
 
 
 def _driven_near(robot: Robot, start: Array, poses: Array) -> Array:
-    """Return q0 for each pose, a base that stands on the floor driven as far as the end effector has to go."""
+    """Return the start for each pose, a base that stands on the floor driven as far as the end effector has to go."""
     starts = np.tile(start, (len(poses), 1))
     first = next(parts_with_offsets(robot.parts))[0] if isinstance(robot, WholeBody) else 0
     if base_coordinates(robot)[first]:

@@ -77,7 +77,7 @@ class Ranking:
 
     def values(self, name: str) -> list[Any]:
         """Return the different values of a label or parameter of all combinations, in their order."""
-        return _in_order(self.groups[name].to_pylist())
+        return _in_order(self.groups[name].unique().to_pylist())
 
     def best_of_each(self, key: str) -> Ranking:
         """Return the best combination for each value of a label or parameter, as the best gain for each delay.

@@ -269,9 +269,8 @@ def _overall(
         parts = {key: np.array([each[name][key] for each in every], float) for key in every[0][name]}
         weights = parts["count"] / parts["count"].sum()
         mean = (weights * parts["mean"]).sum(0)
-        variance = (weights * (parts["std"] ** 2 + (parts["mean"] - mean) ** 2)).sum(0)
-        joined = {"min": parts["min"].min(0), "max": parts["max"].max(0), "mean": mean}
-        joined |= {"std": np.sqrt(variance)}
+        spread = np.sqrt((weights * (parts["std"] ** 2 + (parts["mean"] - mean) ** 2)).sum(0))
+        joined = {"min": parts["min"].min(0), "max": parts["max"].max(0), "mean": mean, "std": spread}
         joined |= {key: (weights * parts[key]).sum(0) for key in _QUANTILES}
         out[name] = {key: value.tolist() for key, value in joined.items()}
         out[name]["count"] = [int(parts["count"].sum())]

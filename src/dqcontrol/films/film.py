@@ -72,9 +72,10 @@ def add_meshes(spec: Any, robot: Robot, meshes: list[LinkMesh]) -> None:
         if rows.isdisjoint(own):
             continue
         shown = [spec.body(f"link_{row - bases + 1}") for row in own]
-        for geom in (geom for body in (*shown, *[fixed] * (own.start == bases)) for geom in body.geoms):
-            if geom.group == RODS:
-                geom.rgba = (*geom.rgba[:3], 0.0)  # which is not drawn
+        if own.start == bases:
+            shown.append(fixed)
+        for geom in (geom for body in shown for geom in body.geoms if geom.group == RODS):
+            geom.rgba = (*geom.rgba[:3], 0.0)  # which is not drawn
 
 
 def mesh_corners(robot: Robot, q: Array, meshes: list[LinkMesh]) -> Array:

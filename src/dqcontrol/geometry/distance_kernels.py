@@ -487,11 +487,8 @@ def _boxes_apart(a, b, out):
                 sign = (1.0 - 2.0 * side) / gap if gap > 0.0 else 0.0
                 cx, cy, cz = cx + other[4], cy + other[5], cz + other[6]
                 qx, qy, qz = qx + other[4], qy + other[5], qz + other[6]
-                normal, c, q = (
-                    (sign * (cx - qx), sign * (cy - qy), sign * (cz - qz)),
-                    (cx, cy, cz),
-                    (qx, qy, qz),
-                )
+                normal = sign * (cx - qx), sign * (cy - qy), sign * (cz - qz)
+                c, q = (cx, cy, cz), (qx, qy, qz)
                 if side == 0:
                     _store(out, gap, normal, c, q)
                 else:

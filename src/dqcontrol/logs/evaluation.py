@@ -366,6 +366,5 @@ def _from_yaml(file: Path, robot: Robot, start: Array) -> tuple[Reference, float
         spec = convert(file, data, ReferenceFile)
     if spec.start is not None:
         start = start_configuration(spec.start, robot, f"{file}: start")
-    return spec.reference.build(robot.fkm(start), folder), spec.skip_initial if isinstance(
-        spec, Spec
-    ) else None
+    skipped = spec.skip_initial if isinstance(spec, Spec) else None
+    return spec.reference.build(robot.fkm(start), folder), skipped

@@ -30,7 +30,7 @@ _BEYOND = 0.05  # rad or m over a limit
 
 def _gaps(time: Array) -> list[str]:
     steps = np.diff(time)
-    period = float(np.median(steps)) if len(steps) > 2 else np.inf
+    period = float(np.median(steps)) if len(steps) > 2 else np.inf  # too few to tell: none is wide
     wide = np.flatnonzero(steps > _GAP * period)
     if not len(wide):
         return []

@@ -165,8 +165,9 @@ course: Bundle[Course] = Bundle(Course)
 
 _NOTHING: Array = np.zeros(0)
 UNSUPERVISED: SupervisorArrays = supervisor_arrays(**dict.fromkeys(SupervisorArrays._fields, _NOTHING))
-_NO_ROWS = {"rows": np.zeros((0, ROW)), "realised": np.zeros((1, 6))}
-UNDISTURBED: DisturbanceArrays = disturbance_arrays(**_NO_ROWS, parameters=_NOTHING, work=_NOTHING)
+UNDISTURBED: DisturbanceArrays = disturbance_arrays(
+    rows=np.zeros((0, ROW)), realised=np.zeros((1, 6)), parameters=_NOTHING, work=_NOTHING
+)
 
 
 def moved_plant(plant: CompiledPlant) -> PlantArrays:

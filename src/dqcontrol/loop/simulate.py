@@ -362,12 +362,17 @@ class RepeatedLoop:
         self._kept = plant.state, plant.q, plant.measured
         self._done = np.zeros(1)
         self._records = np.empty((count, n)), np.empty((count, n)), np.empty((count, m))
-        idle = dict.fromkeys(("supervisor", "disturbance", "settled"), 0)
-        kinematics = self.robot.kernels.twist_kinematics.pointer
-        self._stages = compiled.stages(kinematics=kinematics, plant=plant.kernel.pointer, **idle)
+        self._stages = compiled.stages(
+            kinematics=self.robot.kernels.twist_kinematics.pointer,
+            plant=plant.kernel.pointer,
+            supervisor=0,
+            disturbance=0,
+            settled=0,
+        )
         self._moved = compiled.moved_plant(plant)
-        stop = {"stop": np.zeros(2), "settling": np.zeros(9)}
-        self._course = compiled.course(samples=self.samples, done=self._done, **stop)
+        self._course = compiled.course(
+            samples=self.samples, done=self._done, stop=np.zeros(2), settling=np.zeros(9)
+        )
         self._written: dict[int, compiled.Records] = {}
 
     def _records_of(self, report: int) -> compiled.Records:

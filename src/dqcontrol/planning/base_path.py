@@ -222,16 +222,17 @@ def floor_kept(kept: PreparedConstraints) -> FloorMap | None:
     return floor_around(given.world, names, "constraints.clear_of") if given.world and names else None
 
 
-def narrow_passes(edges: CertifiedEdges, start: Array, goal: Array) -> list[tuple[Array, Array]]:
-    """Return edges through narrow places on the way from a configuration (n,) to another, in their order.
+def narrow_passes(
+    edges: CertifiedEdges, floor: FloorMap | None, start: Array, goal: Array
+) -> list[tuple[Array, Array]]:
+    """Return edges through narrow places of a floor on the way from a configuration (n,) to another, in their order.
 
     A disc as wide as the base's narrower side goes first; where its way leaves no room to turn, the base passes
     straight on, its longer side ahead, with the arm as it is or else folded; these are certified. Where a base drives,
     it passes with the arm as it is, and samples alone say that it is clear.
     """
     robot, margin = edges.robot, edges.kept.given.margin
-    half, floor = _half_sizes(robot), floor_kept(edges.kept)
-    if half is None or floor is None:
+    if floor is None or (half := _half_sizes(robot)) is None:
         return []
     first = robot.bases[0][0]
     here, there = start[first : first + 2], goal[first : first + 2]

@@ -97,21 +97,17 @@ class DriveAndPlan(PlannedWay):
     legs: tuple[_Leg, ...]
     arm: PlanTo
     robot: Robot = field(init=False)
-    duration: float = field(init=False)
-    corners: Array = field(init=False)
     driven: float = field(init=False)
     begins: float = field(init=False)
 
     def __post_init__(self) -> None:
-        values = {
-            "robot": self.arm.robot,
-            "duration": max(leg.end for leg in self.legs),
-            "corners": NO_CORNERS,
-            "driven": max(leg.end for leg in self.legs if isinstance(leg.way, BasePath)),
-            "begins": self.legs[-1].begin,
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        vars(self).update(
+            robot=self.arm.robot,
+            duration=max(leg.end for leg in self.legs),
+            corners=NO_CORNERS,
+            driven=max(leg.end for leg in self.legs if isinstance(leg.way, BasePath)),
+            begins=self.legs[-1].begin,
+        )
 
     def __str__(self) -> str:
         """Return what becomes of it, in a line."""
@@ -305,11 +301,11 @@ def _paths(
         if len(path.pieces) and proved(edges, path):
             yield path
     if floor is not None:
-        yield from _steered_ways(edges, folded, reachable, seed, effort)
+        yield from _steered_ways(edges, folded, reachable, floor, seed, effort)
 
 
 def _steered_ways(
-    edges: CertifiedEdges, start: Array, places: Array, seed: int, effort: int
+    edges: CertifiedEdges, start: Array, places: Array, floor: FloorMap, seed: int, effort: int
 ) -> Iterator[BasePath]:
     """Yield paths of a base that steers to the nearest places, straight on through narrow passes."""
     robot, first = edges.robot, int(edges.robot.drives[0, 0])
@@ -317,7 +313,7 @@ def _steered_ways(
         return
     steered = SteeredPaths(edges, start, WIDER * robot.drives[0, TURNING_RADIUS])
     for place in _nearest(places, start, first):
-        passes = narrow_passes(edges, start, place)
+        passes = narrow_passes(edges, floor, start, place)
         poses = [each[first : first + 3] for each in chain([start], *passes, [place])]
         path = steered.to(poses, seed, effort // _WORD)
         if path is not None and len(path.pieces):
@@ -345,7 +341,9 @@ def _narrow_ways(
     for place in _nearest(places, start, first):
         via: list[Array] = []
         at = here
-        passes = [(a[first : first + 2], b[first : first + 2]) for a, b in narrow_passes(edges, start, place)]
+        passes = [
+            (a[first : first + 2], b[first : first + 2]) for a, b in narrow_passes(edges, floor, start, place)
+        ]
         for begin, end in [*passes, (place[first : first + 2], None)] if passes else []:
             corners = np.vstack([at, begin, *floor.polygons])
             within = np.array([corners.min(axis=0) - 1.0, corners.max(axis=0) + 1.0])

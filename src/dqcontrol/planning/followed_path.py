@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -231,12 +231,9 @@ class FollowedPath(PlannedWay):
     robot: Robot
     knots: Array
     period: float
-    duration: float = field(init=False)
-    corners: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "duration", self.reference.duration)
-        object.__setattr__(self, "corners", self.reference.corners)
+        vars(self).update(duration=self.reference.duration, corners=self.reference.corners)
 
     @property
     def gripper_steps(self) -> tuple[GripperStep, ...]:

@@ -26,7 +26,7 @@ from dqcontrol.errors import (
     as_positive,
     from_extra,
 )
-from dqcontrol.planning.base_path import narrow_passes
+from dqcontrol.planning.base_path import floor_kept, narrow_passes
 from dqcontrol.planning.certified_edges import (
     ANSWER,
     CERTIFIED,
@@ -460,7 +460,7 @@ def _searched(edges: CertifiedEdges, start: Array, goals: Array, seed: int, effo
     found = search(edges, start, goals, seed, effort // 10)
     if len(found.way):
         return found
-    looked, passes = found.edges, narrow_passes(edges, start, goals[0])
+    looked, passes = found.edges, narrow_passes(edges, floor_kept(edges.kept), start, goals[0])
     way, each = start[None], effort // (2 * len(passes) + 2)
     for begin, end in passes:
         part = search(edges, way[-1], begin[None], seed, each)

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dqcontrol import algebra
 from dqcontrol.algebra import DualQuaternion
@@ -179,22 +179,13 @@ class PlanTo(PlannedWay):
     approach: float = 0.9
     again: Again | None = None
     robot: Robot = field(init=False, repr=False)
-    duration: float = field(init=False)
-    corners: NDArray[np.float64] = field(init=False, repr=False)
     timing: WayTiming = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         robot, kept = self.plan.robot, self.plan.kept
         limits = limits_of_ways(robot, kept, self.speed_fraction)
         timing = constraint_timing(self.plan.way, kept, *limits, _share("approach", self.approach))
-        values = {
-            "robot": robot,
-            "duration": float(timing.times[-1]),
-            "corners": NO_CORNERS,
-            "timing": timing,
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        vars(self).update(robot=robot, duration=float(timing.times[-1]), corners=NO_CORNERS, timing=timing)
 
     @classmethod
     def from_spec(
@@ -323,18 +314,14 @@ class ResumedWay(PlannedWay):
     time: float
     after: PlanTo
     robot: Robot = field(init=False)
-    duration: float = field(init=False)
-    corners: Array = field(init=False)
 
     def __post_init__(self) -> None:
         earlier = [] if self.before is None else [each for each in self.before.corners if each < self.time]
-        values = {
-            "robot": self.after.robot,
-            "duration": self.time + self.after.duration,
-            "corners": np.array([*earlier, self.time]),
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+        vars(self).update(
+            robot=self.after.robot,
+            duration=self.time + self.after.duration,
+            corners=np.array([*earlier, self.time]),
+        )
 
     def __str__(self) -> str:
         """Return what becomes of it, in a line."""

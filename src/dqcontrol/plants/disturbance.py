@@ -248,8 +248,9 @@ class RunningDisturbance:
     def __init__(self, kernel: Kernel, rows: Array, period: float, input_size: int, drives: Array) -> None:
         self.kernel = kernel
         self.rows: Array = np.ascontiguousarray(rows)
-        known = {"inverse": _INVERSE.parameters(), "drives": drives}
-        self.parameters: Array = disturbance_parameters.pack(period=period, **known)
+        self.parameters: Array = disturbance_parameters.pack(
+            period=period, inverse=_INVERSE.parameters(), drives=drives
+        )
         self.work: Array = np.zeros(disturbance_work.size(input_size))
 
     def step(self, robot: Robot, k: int, q: Array, realised: Array) -> None:

@@ -76,9 +76,12 @@ def origins(data: dict[str, Any]) -> Table:
     rows = []
     if {"robot", "robots"} & data.keys():
         first, repeats = data.get("seed", 0), data.get("repeats", 1)
-        last = f"{first} … {first + repeats - 1}, one a repeat"
-        rows.append(["seed", str(first)] if repeats == 1 else ["seeds", last])
-        rows += [["seed of the points", str(data["sweep"].get("seed", 0))]] if "sweep" in data else []
+        if repeats == 1:
+            rows.append(["seed", str(first)])
+        else:
+            rows.append(["seeds", f"{first} … {first + repeats - 1}, one a repeat"])
+        if "sweep" in data:
+            rows.append(["seed of the points", str(data["sweep"].get("seed", 0))])
     rows.append(["dqcontrol", f"{version('dqcontrol')}, sources {sources()}"])
     rows.append(["Python", platform.python_version()])
     for name in _LIBRARIES:

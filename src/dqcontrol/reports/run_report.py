@@ -87,10 +87,6 @@ def interventions_tables(record: Record) -> list[Table]:
     return [table] if found else []
 
 
-def _either(good: bool, words: str, otherwise: str) -> VerdictCell:
-    return VerdictCell(words if good else otherwise, good)
-
-
 def _end(run: Run) -> Iterator[Row]:
     failure = run.verdict.failure
     words = "failed" if failure == "ended" else "fell short" if failure else "succeeded"
@@ -114,7 +110,7 @@ def _joint_limits(run: Run) -> Iterator[Row]:
     if joint:
         unit = "rad" if run.robot.joint_types[run.record.joint_names.index(joint)] == "revolute" else "m"
         where = f"{joint}: {abs(margin):.3g} {unit} {'left' if margin >= 0 else 'beyond'}"
-        yield ["Joint limits", _either(margin >= -UNSEEN, "kept", "exceeded"), where]
+        yield ["Joint limits", VerdictCell.of(margin >= -UNSEEN, "kept", "exceeded"), where]
 
 
 def _velocity_limits(run: Run) -> Iterator[Row]:
@@ -128,7 +124,7 @@ def _velocity_limits(run: Run) -> Iterator[Row]:
     words = f"{run.record.input_names[joint]}: commands up to {100 * shares.max():.3g} % of its limit"
     if at_limits := float(np.mean(shares[:-1].max(axis=1) >= 1 - _ROUND_OFF)):
         words += f", there or beyond in {100 * at_limits:.2g} % of the samples"
-    yield ["Velocity limits", _either(kept, "kept", "exceeded"), words]
+    yield ["Velocity limits", VerdictCell.of(kept, "kept", "exceeded"), words]
 
 
 def _kept(record: Record) -> Iterator[Row]:
@@ -147,7 +143,7 @@ def _kept(record: Record) -> Iterator[Row]:
         words = f"{room.parts[i]}: least room of the angle {math.degrees(near):.3g}°"
     if crossed:
         words += f"; crossed: {', '.join(crossed)}"
-    yield ["Constraints", _either(not crossed, "no constraint crossed", "crossed"), words]
+    yield ["Constraints", VerdictCell.of(not crossed, "no constraint crossed", "crossed"), words]
     slack = record.readings[SLACK]
     if gave := [slack.parts[k] for k in np.flatnonzero((slack.values > 0).any(axis=0))]:
         yield ["Rows that gave way", VerdictCell("some", None), ", ".join(gave)]
@@ -173,7 +169,7 @@ def _held_box(record: Record) -> Iterator[Row]:
     closed = int(np.argmax((internal > 0) & (record.time >= _CLOSING)))
     least = float(internal[closed:].min())
     words = f"internal force {least:.3g} N at least, after {record.time[closed]:.2g} s"
-    yield ["Box", _either(least > 0, "held", "let go"), words]
+    yield ["Box", VerdictCell.of(least > 0, "held", "let go"), words]
 
 
 def _interventions(record: Record) -> Iterator[Row]:
@@ -194,19 +190,19 @@ def _range(run: Run) -> Iterator[Row]:
     last = float(TaskRange.recorded(run.record).share[-1])
     stuck = last > _STUCK and not run.task.succeeded
     words = f"{100 * last:.2g} % of the twist asked for at the end lies outside the range of J"
-    yield ["Range of J", _either(not stuck, "not stuck", "stuck"), words]
+    yield ["Range of J", VerdictCell.of(not stuck, "not stuck", "stuck"), words]
 
 
 def _periods(timing: Timing | None) -> Iterator[Row]:
     if timing is not None:
         words = f"{timing.missed} of {len(timing.begin)} missed, {timing.overruns} began late"
-        yield ["Control periods", _either(not timing.missed, "kept", "missed"), words]
+        yield ["Control periods", VerdictCell.of(not timing.missed, "kept", "missed"), words]
 
 
 def _lyapunov(certificate: Certificate) -> Row:
     rise = certificate.largest_rise
     words = f"largest rise {rise:.2g} of its first value"
-    return ["Lyapunov function V", _either(rise < _RISE, "falls", "rises"), words]
+    return ["Lyapunov function V", VerdictCell.of(rise < _RISE, "falls", "rises"), words]
 
 
 def _loop_gains(found: LoopCheck) -> Row:

@@ -55,7 +55,7 @@ def write_sweep_report(ranking: Ranking, spec: str, folder: Path) -> None:
     from dqcontrol.figures import sweep_figure
 
     count, data = len(ranking.groups), parse_yaml(SPEC_FILE, spec)
-    well = _ended(ranking.placed == count)
+    well = VerdictCell.of(ranking.placed == count, "succeeded", "failed")
     write_report(
         folder,
         str(data["name"]),
@@ -72,10 +72,6 @@ def write_sweep_report(ranking: Ranking, spec: str, folder: Path) -> None:
         spec=spec,
         origins=origins(data),
     )
-
-
-def _ended(well: bool) -> VerdictCell:
-    return VerdictCell("succeeded" if well else "failed", well)
 
 
 _MOST_PANELS = 5  # of the figure of repeats, which has one for each set where there are many
@@ -158,7 +154,7 @@ def study_verdicts(rows: Sequence[Row]) -> Table:
     lines: list[list[Cell]] = []
     for label, trials in by_label(rows).items():
         well = sum(not has_failed(str(row["stopped"])) for row in trials)
-        end = _ended(well == len(trials))
+        end = VerdictCell.of(well == len(trials), "succeeded", "failed")
         verdicts = [verdict_of(row) for row in trials]
         short = [verdict.words for verdict in verdicts if verdict.failure]
         good = f"{len(trials) - len(short)} of {len(trials)}; " if len(trials) > 1 else ""
@@ -166,7 +162,7 @@ def study_verdicts(rows: Sequence[Row]) -> Table:
         margins = [float(str(row["limit_margin"])) for row in trials if row["limit_margin"] is not None]
         least = min(margins, default=None)
         kept = least is None or least >= -1e-9
-        limits = None if least is None else VerdictCell("kept" if kept else "exceeded", kept)
+        limits = None if least is None else VerdictCell.of(kept, "kept", "exceeded")
         lines.append([label, f"{well} of {len(trials)}", end, verdict, limits, least])
     columns = [
         Column("Run"),
@@ -242,8 +238,7 @@ def write_learning_report(learning: Learning, spec: str, folder: Path) -> None:
     save_figures(figures, folder, ("svg",))
     data = parse_yaml(SPEC_FILE, spec)
     first, best = learning.repeats[0], learning.repeats[learning.best]
-    gained = learning.gain > 1
-    better = VerdictCell(f"{learning.gain:.3g} × smaller" if gained else "no better", gained)
+    better = VerdictCell.of(learning.gain > 1, f"{learning.gain:.3g} × smaller", "no better")
     what, unit, errors = "position error RMS", "mm", [first.position, best.position]
     if first.force is not None:
         what, unit, errors = "force error RMS", "N", [first.force, best.force]

@@ -47,9 +47,8 @@ class ChainRobot:
     `ValueRangeError` for a number that is not finite.
     """
 
-    kernels: ClassVar[ModuleType] = (
-        chain_kernels  # `pose_task_kernels` has functions of the same names for trees
-    )
+    # `pose_task_kernels` has functions of the same names for trees
+    kernels: ClassVar[ModuleType] = chain_kernels
     name: str
     chain: Array  # may not be written
     table: Array  # what the kernels read: the chain

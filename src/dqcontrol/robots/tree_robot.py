@@ -514,9 +514,8 @@ class TreeRobot(Robot):
         """Return the table of all joints and named frames."""
         joints = self.joints
         moved = joints.kind, joints.coordinate, joints.column, joints.multiplier, joints.offset, joints.parent
-        rows = np.column_stack([joints.fixed, *moved]).astype(
-            np.float64
-        )  # in the order of `pose_task_kernels`
+        # in the order of `pose_task_kernels`
+        rows = np.column_stack([joints.fixed, *moved]).astype(np.float64)
         return np.vstack([self._head(), rows, *map(_frame_row, self.named_frames.values())])
 
     def _head(self, kind: int = 0, sign: int = 0, first_rows: int = 0, second_rows: int = 0) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, cast, get_args
+from typing import Any, Literal, TypeAlias, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,9 +16,6 @@ from dqcontrol.robots.poses import pose8, shift
 from dqcontrol.robots.robot import Form, Robot, distinct_names
 from dqcontrol.robots.serial_arm import joined_inertia, joined_limits
 from dqcontrol.robots.tree_robot import PoseTask, Root, TaskKind, TreeRobot, joined_chains
-
-if TYPE_CHECKING:
-    pass
 
 TwoArmsTask: TypeAlias = Literal["relative", "absolute", "left", "right"]
 _LEFT, _RIGHT = "left", "right"

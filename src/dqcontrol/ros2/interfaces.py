@@ -142,16 +142,17 @@ def joint_port(
     """
     topic, kind = COMMANDS[interface]
     soon, own = Duration(seconds=loaded.period).to_msg(), loaded.parts.joint_inputs
-    control = loaded.case.plant.joint_control(
-        len(joints)
-    )  # what humanoid commands tell joint controllers beside
+    # what humanoid commands tell joint controllers beside
+    control = loaded.case.plant.joint_control(len(joints))
     beside = {"effort": control.stiffness, "velocities": control.slew_rate, "accelerations": control.asked}
     told = {name: values.tolist() for name, values in beside.items() if values is not None}
 
     def message(position: Array, rate: Array, measured: Array) -> Any:
         if kind is Float64MultiArray:
-            asked = {"velocity": rate, "position": position}
-            data = effort(measured, position, rate) if interface == "effort" else asked[interface][own]
+            if interface == "effort":
+                data = effort(measured, position, rate)
+            else:
+                data = (rate if interface == "velocity" else position)[own]
             return Float64MultiArray(data=data.tolist())
         point = JointTrajectoryPoint(positions=position[own].tolist())
         whole = JointTrajectory(joint_names=list(joints), points=[point])  # without a stamp: from now on

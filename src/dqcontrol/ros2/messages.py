@@ -294,8 +294,13 @@ def planar_twist_of(message: Any, *, sideways: bool) -> tuple[float, float, floa
     """
     linear = numbers("cmd_vel: linear", parts_of(message.linear), 3)
     angular = numbers("cmd_vel: angular", parts_of(message.angular), 3)
-    asked = {"linear.y": linear[1] * (not sideways), "linear.z": linear[2], "angular.x": angular[0]}
-    for name, value in (*asked.items(), ("angular.y", angular[1])):
+    asked = {
+        "linear.y": linear[1] * (not sideways),
+        "linear.z": linear[2],
+        "angular.x": angular[0],
+        "angular.y": angular[1],
+    }
+    for name, value in asked.items():
         if value:
             raise RefusedError(f"cmd_vel: {name}: the base cannot move so; expected 0, got {value:g}")
     return float(linear[0]), float(linear[1]), float(angular[2])

@@ -27,14 +27,13 @@ _AT_START = 0.01  # rad or m that the arm may be from where the run starts, as b
 _STILL = 0.05  # rad/s or m/s: below it a motion begins, or ends, at rest
 _BRAKING = 1.0  # rad/s² or m/s²: gentle
 _SUCCEEDED, _CANCELED = 4, 5  # of action_msgs/GoalStatus
-_REASONS = (
-    "invalid goal",
-    "invalid joints",
-    "old header stamp",
-    "path tolerance violated",
-    "goal tolerance violated",
-)
-_ERRORS = {-code: reason for code, reason in enumerate(_REASONS, 1)}
+_ERRORS = {  # of control_msgs/FollowJointTrajectory
+    -1: "invalid goal",
+    -2: "invalid joints",
+    -3: "old header stamp",
+    -4: "path tolerance violated",
+    -5: "goal tolerance violated",
+}
 
 
 class TrajectoryGoal(Node):

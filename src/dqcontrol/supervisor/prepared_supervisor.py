@@ -43,13 +43,13 @@ class PreparedSupervisor:
 
     kernel = supervise
 
-    def __init__(self, robot: Robot, bounds: Array) -> None:
+    def __init__(self, robot: Robot, bounds: Array, tree: Array) -> None:
         n, m = robot.configuration_size, robot.input_size
         self.robot = robot
         self.sizes: layout.Sizes = layout.sizes_of(bounds[layout.SIZES : layout.HEAD])
         scratch = np.zeros(layout.scratch_layout.size(self.sizes))
         self.memory: Array = layout.supervisor_memory.pack(
-            bounds=bounds, table=robot.table, tree=tree_of(robot), scratch=scratch
+            bounds=bounds, table=robot.table, tree=tree, scratch=scratch
         )
         self._parts = layout.supervisor_memory(self.memory, self.sizes)
         self.bounds: layout.Bounds = layout.bounds_layout(self._parts.bounds, self.sizes)

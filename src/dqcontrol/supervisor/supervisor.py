@@ -361,7 +361,7 @@ class Supervisor(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=T
             points=points,
             zones=zones,
         )
-        return PreparedSupervisor(robot, bounds)
+        return PreparedSupervisor(robot, bounds, tree)
 
     def _fill_head(self, head: Array, margin: float) -> None:
         period, ramp = head[layout.DT], self.ramp

@@ -224,11 +224,8 @@ def limit_hand_acceleration(memory, state):
     several end effectors the least share.
     """
     _, _, bounds, kept, scratch = layout.taken_apart(memory, state)
-    m, period, limit = (
-        scratch.rates.shape[0],
-        bounds.head[layout.DT],
-        bounds.head[layout.HAND_ACCELERATION_LIMIT],
-    )
+    m, period = scratch.rates.shape[0], bounds.head[layout.DT]
+    limit = bounds.head[layout.HAND_ACCELERATION_LIMIT]
     rates, rate, trial = scratch.rates, kept.rate, scratch.trial
     hands = int(bounds.head[layout.HANDS])
     _commanded_hand(memory, state, period, scratch.ahead)

@@ -86,6 +86,11 @@ class VerdictCell(str):
 
     good: bool | None
 
+    @classmethod
+    def of(cls, good: bool, words: str, otherwise: str) -> VerdictCell:
+        """Return the cell that says one thing if all is good, and another one if not."""
+        return cls(words if good else otherwise, good)
+
     def __new__(cls, words: str, good: bool | None) -> VerdictCell:
         """Make a text that knows."""
         self = super().__new__(cls, words)

@@ -123,9 +123,16 @@ class LawEvaluation:
 
     def _loop(self, scene: PreparedRobot, plant: Plant, seed: int) -> RepeatedLoop:
         spec = self._spec
-        between = {"supervisor": spec.supervisor_of(plant), "disturbance": spec.disturbance}
-        moved = plant, scene.start, spec.period, scene.samples
-        return RepeatedLoop(self._scenes[0].robot, *moved, seed=seed, **between)
+        return RepeatedLoop(
+            self._scenes[0].robot,
+            plant,
+            scene.start,
+            spec.period,
+            scene.samples,
+            seed=seed,
+            supervisor=spec.supervisor_of(plant),
+            disturbance=spec.disturbance,
+        )
 
     @property
     def steps(self) -> int:

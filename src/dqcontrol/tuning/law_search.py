@@ -457,7 +457,7 @@ class LawSearch:
         best = nondominated(list(found.values())) if found else []
         return [
             (self.space.parameters(self.space.law_at(point)), signs[0] * first, signs[1] * second)
-            for point, (first, second) in map(compromises.__getitem__, best)
+            for point, (first, second) in (compromises[i] for i in best)
         ]
 
 

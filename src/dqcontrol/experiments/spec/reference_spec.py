@@ -432,10 +432,8 @@ def _written(shape: type[shapes.Reference]) -> type[ReferenceSpec]:
     makes = shape.from_spec.__func__
     is_constructor = makes is shapes.Reference.from_spec.__func__
     made_by: Any = shape if is_constructor else makes
-    said, hints = (
-        (made_by.__doc__ or "").partition("    Examples\n")[0],
-        get_type_hints(made_by, include_extras=True),
-    )
+    said = (made_by.__doc__ or "").partition("    Examples\n")[0]
+    hints = get_type_hints(made_by, include_extras=True)
     # Of a constructor all parameters but the start, which all references have.
     fields = [
         each

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from dqcontrol.algebra import conjugate, multiply, pose
+from dqcontrol.algebra import conjugate, multiply
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.experiments.results_folder import made_folder
@@ -25,7 +25,7 @@ from dqcontrol.logs.joint_log import arm_of
 from dqcontrol.logs.joint_table import Angles
 from dqcontrol.robots import Robot, SerialArm
 from dqcontrol.robots.files.robot_file import plain_arm
-from dqcontrol.robots.poses import positions, shift
+from dqcontrol.robots.poses import pose8, positions, shift
 from dqcontrol.tables.tables import Cell, Column, PlusMinus, Table
 from dqcontrol.version import __version__
 
@@ -307,8 +307,10 @@ def calibrate(
     >>> found.save("results/calibrated")  # doctest: +SKIP
     """
     arm = arm_of(robot, "has a mobile base; calibrate its arm alone", base_link, tip_link)
-    topics: dict[str, Any] = {"joint_topic": joint_topic, "pose_topic": pose_topic}
-    return calibration_of(arm, read_measured_poses(log, arm, joints=joints, angles=angles, **topics))
+    measured = read_measured_poses(
+        log, arm, joints=joints, angles=angles, joint_topic=joint_topic, pose_topic=pose_topic
+    )
+    return calibration_of(arm, measured)
 
 
 def calibration_of(arm: SerialArm, measured: MeasuredPoses) -> Calibration:
@@ -336,8 +338,8 @@ def calibration_of(arm: SerialArm, measured: MeasuredPoses) -> Calibration:
         path=measured.path,
         arm=chain.corrected(values, base=base_is_known, tool=tool_is_known),
         corrections=corrections,
-        base=pose(base[:4], base[4:]),
-        tool=pose(tool[:4], tool[4:]),
+        base=pose8(base),
+        tool=pose8(tool),
         base_is_known=base_is_known,
         tool_is_known=tool_is_known,
         before=before,

@@ -71,9 +71,10 @@ def _climbed(
 
     likelihood, columns, score, weight = at(point)
     for _ in range(_ROUNDS):
-        sizes = np.linalg.norm(columns.jacobian, axis=0)
+        jacobian = columns.jacobian
+        sizes = np.linalg.norm(jacobian, axis=0)
         sizes[sizes == 0] = 1.0
-        scaled = columns.jacobian / sizes
+        scaled = jacobian / sizes
         normal = (scaled * weight[:, None]).T @ scaled
         step = np.linalg.lstsq(normal, scaled.T @ score, rcond=1e-12)[0] / sizes
         for halved in range(6):

@@ -475,7 +475,13 @@ def _expected(
     correlation = float(covariance[0, 1] / (errors[0] * errors[1])) if errors[0] * errors[1] else 0.0
     rates = np.diff(positions) / period
     enough = (abs(correlation) < _TRADED or errors[0] < _UNSURE * lag) and errors[1] < period
-    moved = np.ptp(positions), np.abs(rates).max(), np.abs(np.diff(rates)).max() / period
-    lag_error, delay_error = NORMAL_95 * errors[:2]
-    numbers = map(float, (*moved, lag_error, delay_error, correlation))
-    return Expected(name, *numbers, is_enough=bool(enough))
+    return Expected(
+        name=name,
+        range=float(np.ptp(positions)),
+        speed=float(np.abs(rates).max()),
+        acceleration=float(np.abs(np.diff(rates)).max() / period),
+        lag=float(NORMAL_95 * errors[0]),
+        delay=float(NORMAL_95 * errors[1]),
+        correlation=correlation,
+        is_enough=bool(enough),
+    )

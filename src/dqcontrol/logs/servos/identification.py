@@ -336,9 +336,16 @@ def identify(
         raise ShapeError("log: expected at least one file, got none")
     commanded, notes = [], []
     for path in paths:
-        topics: dict[str, Any] = {"joint_topic": joint_topic, "command_topic": command_topic}
-        options: dict[str, Any] = {"joints": joints, "angles": angles, "targets": targets}
-        data = read_joint_log(path, arm, **options, **topics, missing="skip")
+        data = read_joint_log(
+            path,
+            arm,
+            joints=joints,
+            angles=angles,
+            targets=targets,
+            joint_topic=joint_topic,
+            command_topic=command_topic,
+            missing="skip",
+        )
         _check_joints(path, arm)
         notes += [f"{path.name}: {note}" for note in data.notes]
         commanded.append(_commanded(data, joints or arm.joint_names, target_topic))

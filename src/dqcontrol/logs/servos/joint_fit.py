@@ -181,6 +181,16 @@ class Fit:
         return self.error(len(self.values) - 1)
 
     @property
+    def gain_error(self) -> float:
+        """Standard error."""
+        return self.error(len(self.values))
+
+    @property
+    def sag_error(self) -> float:
+        """Standard error; of segments with torques."""
+        return self.error(len(self.values) + 1)
+
+    @property
     def correlation(self) -> float:
         """Of lag and delay."""
         sizes = self.lag_error * self.delay_error

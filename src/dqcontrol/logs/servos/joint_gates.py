@@ -195,7 +195,9 @@ def _judged(
     """Return the fit of a joint, or raise `_RefusedError`."""
     resolution, unit = bare.resolution, bare.unit
     found = joint_fit.fit(segments, period)
-    rounding = float(np.spacing(np.abs(joint_fit.positions_of(segments)).max()))  # least noise of a log
+    rounding = float(
+        np.spacing(np.abs(joint_fit.positions_of(segments)).max())
+    )  # least noise of a log without any
     segments, dropped = _without_outliers(segments, found, resolution)
     if dropped:
         found = joint_fit.fit(segments, period, near=found)
@@ -214,15 +216,15 @@ def _judged(
     bent = found.kind.order == 2
     sag, sag_interval = math.nan, (math.nan, math.nan)
     if segments[0].torque is not None:
-        sag, sag_interval = found.sag, _interval(found.sag, found.error(len(found.values) + 1))
-        if found.sag < _MIN_SAG_SIGMA * found.error(len(found.values) + 1):  # also where it would pull up
+        sag, sag_interval = found.sag, _interval(found.sag, found.sag_error)
+        if found.sag < _MIN_SAG_SIGMA * found.sag_error:  # also where it would pull up
             sag, segments = 0.0, [each._replace(torque=None) for each in segments]
             found = joint_fit.fit(segments, period, near=found if bent else None)
     squares = found.residual @ found.residual
     if _is_coarse(found, bare.resolution):
         found = refined(segments, found, bare.resolution)
         if sag:
-            sag, sag_interval = found.sag, _interval(found.sag, found.error(len(found.values) + 1))
+            sag, sag_interval = found.sag, _interval(found.sag, found.sag_error)
     no_lag = found.lag <= LEAST_LAG * 1.01
     unsure = abs(found.correlation) > _TRADED and found.lag_error > _UNSURE * found.lag
     if found.lag < period / 2 and not bent:  # answers are steps then, whose slopes tell nothing
@@ -263,7 +265,7 @@ def _judged(
         delay=found.delay,
         delay_interval=_interval(found.delay, found.delay_error, least=0.0),
         gain=found.gain,
-        gain_interval=_interval(found.gain, found.error(len(found.values))),
+        gain_interval=_interval(found.gain, found.gain_error),
         offset=found.offset,
         sag=sag,
         sag_interval=sag_interval,

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -196,8 +196,9 @@ def save_replay(logged: CommandedLog, robot: Robot, mode: str, folder: Path) -> 
     write_table(folder / "log.csv", ["time", *robot.joint_names], np.column_stack([time, measured]))
     simulated = run(folder / "replay.yaml")
     source, base_link, tip_link = robot.origin or (robot.name, None, None)
-    links: dict[str, Any] = {"base_link": base_link, "tip_link": tip_link}
-    own = evaluate_log(folder / "log.csv", source, folder / HAND, **links, low_pass=0)
+    own = evaluate_log(
+        folder / "log.csv", source, folder / HAND, base_link=base_link, tip_link=tip_link, low_pass=0
+    )
     simulated.save(folder / REPLAY, force=True, figures=False)
     own.save(folder / LOG, force=True, figures=False)
     late = slice(min(round(_SETTLING / period), count - 2), count)

@@ -55,8 +55,9 @@ class _Franky(Link):
         before = (os.sched_getscheduler(0), os.sched_getparam(0)) if has_priorities else None
         try:
             asked = real_time.Enforce if _REALTIME.exists() else real_time.Ignore
-            given = {"relative_dynamics_factor": plant.dynamics, "realtime_config": asked}
-            self._robot: Any = self._franky.Robot(plant.host, **given)
+            self._robot: Any = self._franky.Robot(
+                plant.host, relative_dynamics_factor=plant.dynamics, realtime_config=asked
+            )
         finally:  # it takes the highest priority for this thread, too, and never gives it back
             if before:
                 os.sched_setscheduler(0, *before)

@@ -528,9 +528,19 @@ class _Session:
         assert first is not None
         assert last is not None
         self._say_what_is_hidden(repeats[best])
-        records, told = (first, last), (self.forces, tuple(self.notes))
-        found = tuple(repeats), best, motion, stopped, self.margin
-        return Learning(self.problem, self.convergence, *found, *records, *told)
+        return Learning(
+            problem=self.problem,
+            convergence=self.convergence,
+            repeats=tuple(repeats),
+            best=best,
+            motion=motion,
+            stopped=stopped,
+            margin=self.margin,
+            first=first,
+            last=last,
+            forces=self.forces,
+            notes=tuple(self.notes),
+        )
 
     def _asked(self, convergence: Convergence, error: Array) -> Array:
         """Return the change of the shift that an error asks for."""

@@ -23,13 +23,13 @@ from dqcontrol.tables import Cell, Column, Table
 from dqcontrol_theses.pereira2016 import published_spec
 from dqcontrol_theses.pereira2016.gain_x100 import SUFFIX, with_gain_x100
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import MEKA_CONTROLLERS, run_once
-from dqcontrol_theses.pereira2016.published_numbers import published_mean
+from dqcontrol_theses.pereira2016.published_numbers import FIXED, published_mean
 
 SEED, COUNT, SHOWN = 17, 40, 8
 CELLS = (
     ("h-infinity", "HIR", "100 %"),
     ("spiral", "HIR", "best"),
-    ("circle", "HIR", "fixed"),
+    ("circle", "HIR", FIXED),
     ("spiral", "K", "best"),
 )
 # Factors on what the arm of the reproductions has, from and to; drawn evenly on a logarithmic scale.

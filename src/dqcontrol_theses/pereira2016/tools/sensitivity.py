@@ -30,7 +30,7 @@ from dqcontrol_theses.pereira2016 import PLANTS, published_spec
 from dqcontrol_theses.pereira2016.calibration import FITS
 from dqcontrol_theses.pereira2016.gain_x100 import SUFFIX, with_gain_x100
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import MEKA_CONTROLLERS, PHYSICS, SERVO, run_once
-from dqcontrol_theses.pereira2016.published_numbers import published_mean
+from dqcontrol_theses.pereira2016.published_numbers import FIXED, published_mean
 
 PERIOD = 0.008  # s, of the spiral
 USUAL_SPRINGS = [150, 150, 75, 75, 20, 20, 20]  # N·m/rad, a usual guess for the arm's springs
@@ -88,7 +88,7 @@ CELLS = (
     ("spiral", "K", "ln2²"),
     ("spiral", "LQR-R8", "best"),
     ("spiral", "LQR-DQ", "best"),
-    ("circle", "K", "fixed"),
+    ("circle", "K", FIXED),
     ("circle", "LQR-R8", "q=1 r=0.001"),
     ("circle", "LQR-DQ", "q=1 r=0.001"),
 )
@@ -101,7 +101,7 @@ ON_THE_IIWA: dict[str, Variant] = {
     "τ = 35 ms, one period of delay": {"time_constant": 0.035, "delay": 0.025},
     "last target + T u, one period of delay": {"command_mode": "integrated", "delay": 0.025},
 }
-IIWA_LAWS = {"K": "fixed", "K+FF": "fixed", "LQR-R8": "q=1 r=0.001"}
+IIWA_LAWS = {"K": FIXED, "K+FF": FIXED, "LQR-R8": "q=1 r=0.001"}
 GAIN, SPEED = 125.0, 1.409  # of K, spiral, best: gain, 1/s, and printed integral of the hand's speed, m
 FACTORS = (20, 30, 40, 60, 100)
 DAMPINGS = (1e-6, 0.03, 0.1, 0.2)  # λ of the damped pseudoinverse
@@ -193,13 +193,13 @@ def row(plant: str, label: str, variant: Variant, number: float | None) -> list[
     if plant == SERVO:
         beyond = math.nan if best is None else math.degrees(min(best.limit_margin, 0.0))
         return [label, number, *ratios, share, beyond]
-    circle = cell(plant, ("circle", "K", "fixed"), variant)
+    circle = cell(plant, ("circle", "K", FIXED), variant)
     rough = [
         math.nan if found is None else getattr(found, metric).integral / published_mean(*place, metric)
         for found, place, metric in (
             (best, ("spiral", "K", "best"), "hand_acceleration"),
             *(
-                (circle, ("circle", "K", "fixed"), each)
+                (circle, ("circle", "K", FIXED), each)
                 for each in ("joint_step", "hand_speed", "hand_acceleration")
             ),
         )
@@ -211,7 +211,7 @@ def table(plant: str, variants: dict[str, Variant]) -> Table:
     """Return the table of a plant's variants."""
     columns = [Column("Variant"), Column("α" if plant == SERVO else "f", "", ".3f")]
     columns += [
-        Column(" ".join(place).removesuffix(" fixed"), "", ".3f" if place == FITTED else ".2f")
+        Column(" ".join(place).removesuffix(f" {FIXED}"), "", ".3f" if place == FITTED else ".2f")
         for place in (FITTED, *CELLS)
     ]
     columns += [Column("T mean|u|", "rad", ".3f")]
