@@ -333,29 +333,33 @@ def test_damping_and_force_of_a_contact_change_while_it_presses(page_of):
     assert f"{sliders['board [N/m]'].mark:g} N/m" in panel._bears.content
     assert (sliders["Damping [N·s/m]"].node.value, sliders["board [N/m]"].node.value) == (100, 2000)
 
+    def move(label, value):
+        with panel._lock:  # who finds the limits makes sliders anew meanwhile
+            panel._sliders[label].node.value = value
+
     before = session.live.control.contact_wrench.copy()
-    sliders["Force along z [N]"].node.value = 3.0
+    move("Force along z [N]", 3.0)
     session.step()
     assert abs(session.live.control.contact_wrench[5] - before[5]) < 0.05  # the frame stays where it is
     for _ in range(900):
         session.step()
     assert session.live.control.contact_wrench[5] == pytest.approx(3.0, abs=0.03)
     assert re.fullmatch(r"presses [\d.]+ N along z, 3.00 asked", session.words)
-    sliders["Damping [N·s/m]"].node.value = 60.0
+    move("Damping [N·s/m]", 60.0)
     assert session.live.law.contact.translation.damping == [0, 0, 60.0]
     assert session.spec["contact"]["translation"]["damping"] == [0, 0, 60.0]
-    sliders["Damping [N·s/m]"].node.value = 20.0  # unstable: refused, and shown as it is
+    move("Damping [N·s/m]", 20.0)  # unstable: refused, and shown as it is
     assert "damping must be above 33" in session.told[-1]
     assert session.live.law.contact.translation.damping == [0, 0, 60.0]
     assert sliders["Damping [N·s/m]"].node.value == 60.0
-    panel._sliders["board [N/m]"].node.value = 3000.0  # another board: from the air again
+    move("board [N/m]", 3000.0)  # another board: from the air again
     assert session.spec["world"]["board"]["stiffness"] == 3000.0, session.told
     assert session.live.control.contact_wrench[5] == 0.0
     for _ in range(900):
         session.step()
     assert session.live.control.contact_wrench[5] == pytest.approx(3.0, abs=0.03)
     assert re.fullmatch(r"presses [\d.]+ N along z, 3.00 asked", session.words)
-    panel._sliders["board [N/m]"].node.value = 8000.0
+    move("board [N/m]", 8000.0)
     assert "not done: contact: world.board has 8000 N/m, but" in session.told[-1]
     assert panel._sliders["board [N/m]"].node.value == 3000.0
 
