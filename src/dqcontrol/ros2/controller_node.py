@@ -313,7 +313,7 @@ class Following:
     tracked: TrackedHand | None
     _localisation: Localisation | None
 
-    def __init__(self, node: ControllerNode, loaded: Loaded, tracker: str | None = None) -> None:
+    def __init__(self, node: ControllerNode, loaded: Loaded, tracker: str | None) -> None:
         source, (self._interface, base_interface) = node.source, node.interfaces
         diagnostics, guarded = node.diagnostics, guarding(node.diagnostics.refuse)
         self.recorder: Recorder | None = None
