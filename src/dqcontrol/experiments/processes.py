@@ -8,7 +8,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import islice
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -23,6 +23,9 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 
+WORTH_PROCESSES = 5.0  # s of work; starting processes for less takes longer than it saves
+
+
 def checked_jobs(jobs: int | None) -> int | None:
     """Return a number of processes, or None to leave it open.
 
@@ -34,6 +37,45 @@ def checked_jobs(jobs: int | None) -> int | None:
     if jobs is not None and (isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1):
         raise ValueRangeError(f"jobs: expected an integer ≥ 1, got {jobs!r:.80}")
     return jobs
+
+
+@contextmanager
+def workers(
+    run: Callable[[T], R],
+    jobs: int | None,
+    scheduler: str | None,
+    seconds: float,
+    count: int,
+    prepare: Callable[[], object] = lambda: None,
+) -> Iterator[Callable[[Iterable[T]], Iterator[R]]]:
+    """Give what runs tasks: a cluster, processes, or this one.
+
+    Parameters
+    ----------
+    run
+        Does one.
+    jobs
+        How many processes; None: one for each core, if the work is worth it.
+    scheduler
+        The cluster's, in place of processes.
+    seconds, count
+        How long all tasks take together, and how many they are.
+    prepare
+        Called once before there are processes.
+    """
+    if scheduler is not None:
+        with connect(scheduler) as client:
+            yield lambda tasks: on_cluster(client, run, tasks)
+        return
+    if jobs is None:
+        import joblib
+
+        jobs = joblib.cpu_count() if seconds > WORTH_PROCESSES else 1
+    if jobs == 1 or count == 1:
+        yield lambda tasks: map(run, tasks)
+        return
+    prepare()
+    yield lambda tasks: in_processes(run, tasks, min(jobs, count))
 
 
 def in_processes(function: Callable[[T], R], items: Iterable[T], jobs: int) -> Iterator[R]:

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.errors import Error, FileFormatError, ShapeError, ValueRangeError, suggest
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, check_program, prepare_spec, program
-from dqcontrol.experiments.processes import checked_jobs, connect, in_processes, on_cluster
+from dqcontrol.experiments.processes import checked_jobs, workers
 from dqcontrol.experiments.ranking import BEST_BY, Ranking, rank
 from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.results_folder import (
@@ -50,7 +50,7 @@ from dqcontrol.experiments.spec import (
 from dqcontrol.experiments.spec.reference_spec import ObjectSpec, Part
 from dqcontrol.experiments.spec.spec_files import copy_inputs, locate_files
 from dqcontrol.experiments.study import ROWS
-from dqcontrol.experiments.trials import WORTH_PROCESSES, Batch, precompile
+from dqcontrol.experiments.trials import Batch, precompile
 from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.measures.metric_tables import METRIC_COLUMNS, number_column
 
@@ -661,7 +661,9 @@ def run_sweep_to(
     fingerprint = sweep.fingerprint()
     with (
         WorkingFolder(working_folder(target), sweep.text, fingerprint, force=force) as parts,
-        _workers(sweep, jobs, scheduler) as carry_out,
+        workers(
+            Task.run, jobs, scheduler, sweep.seconds, sweep.parts, lambda: _precompile_ends(sweep)
+        ) as carry_out,
     ):
         _run(sweep, parts, carry_out, progress or (lambda done, total: None))
         with new_folder(target, force=force) as new:
@@ -675,28 +677,16 @@ def run_sweep_to(
     return ranking
 
 
-CarryOut = Callable[[Iterable[Task]], Iterator[tuple[int, int, bytes]]]
-
-
-@contextmanager
-def _workers(sweep: Sweep, jobs: int | None, scheduler: str | None) -> Iterator[CarryOut]:
-    """Give what runs tasks: a cluster, processes, or this one."""
-    if scheduler is not None:
-        with connect(scheduler) as client:
-            yield lambda tasks: on_cluster(client, Task.run, tasks)
-        return
-    import joblib
-
-    if jobs is None:
-        jobs = joblib.cpu_count() if sweep.seconds > WORTH_PROCESSES else 1
-    if jobs == 1 or sweep.parts == 1:
-        yield lambda tasks: map(Task.run, tasks)
-        return
+def _precompile_ends(sweep: Sweep) -> None:
     precompile([Batch(setting, case, (0,), None) for setting in sweep.ends() for case in setting.cases])
-    yield lambda tasks: in_processes(Task.run, tasks, jobs)
 
 
-def _run(sweep: Sweep, parts: WorkingFolder, carry_out: CarryOut, report: SweepProgress) -> None:
+def _run(
+    sweep: Sweep,
+    parts: WorkingFolder,
+    carry_out: Callable[[Iterable[Task]], Iterator[tuple[int, int, bytes]]],
+    report: SweepProgress,
+) -> None:
     """Run the parts that are not finished, and write each when it is there."""
     finished = parts.parts()
     done = sum(sweep.trials_in(part) for part in finished)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from dqcontrol.errors import DivergedError
 from dqcontrol.experiments.prepared_experiment import Combination, Names, PreparedExperiment
-from dqcontrol.experiments.processes import in_processes
+from dqcontrol.experiments.processes import WORTH_PROCESSES, in_processes
 from dqcontrol.experiments.results_folder import folder_names
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.run import Run, as_run, execute, measure
@@ -26,7 +26,6 @@ Steps = Callable[[int, int], None]
 
 _STORED = 3e-4  # s a step, to write its record
 _CHUNK = 1.0  # s of work that a process is given at once
-WORTH_PROCESSES = 5.0  # s of work; starting processes for less takes longer than it saves
 
 
 class Trial(NamedTuple):

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +14,7 @@ import msgspec
 from dqcontrol.errors import Error, ShapeError
 from dqcontrol.experiments.check import LEAST_OVERSHOOT, loop_checks
 from dqcontrol.experiments.prepared_experiment import prepare_spec, program
-from dqcontrol.experiments.processes import checked_jobs, in_processes
+from dqcontrol.experiments.processes import checked_jobs, workers
 from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.results_folder import (
     SPEC_FILE,
@@ -30,7 +29,6 @@ from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec import as_spec
 from dqcontrol.experiments.spec.reference_spec import ObjectSpec
 from dqcontrol.experiments.spec.spec_files import copy_inputs
-from dqcontrol.experiments.trials import WORTH_PROCESSES
 from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.measures.metric_tables import NUMBER_COLUMNS
@@ -392,7 +390,8 @@ def _tuned(
     results: dict[int, LawResult] = {}
     report = progress or (lambda done, total: None)
     report(0, len(tasks))
-    with _workers(1 if _is_here(problem) else jobs, scheduler, seconds, len(tasks)) as carry_out:
+    jobs = 1 if _is_here(problem) else jobs
+    with workers(LawTask.run, jobs, scheduler, seconds, len(tasks)) as carry_out:
         for part, result in carry_out(tasks):
             results[part] = result
             report(len(results), len(tasks))
@@ -439,28 +438,6 @@ def _judged(problem: TuneProblem, result: LawResult) -> TunedLaw:
         margin = row.numeric.margin
     faster = _judged(problem, result.faster) if result.faster else None
     return TunedLaw(result, margin, overshoot, row.verdict, tuple(problem.block.objectives), faster)
-
-
-CarryOut = Callable[[Iterable[LawTask]], Iterator[tuple[int, LawResult]]]
-
-
-@contextmanager
-def _workers(jobs: int | None, scheduler: str | None, seconds: float, count: int) -> Iterator[CarryOut]:
-    """Give what runs tasks: a cluster, processes, or this one."""
-    if scheduler is not None:
-        from dqcontrol.experiments.processes import connect, on_cluster
-
-        with connect(scheduler) as client:
-            yield lambda tasks: on_cluster(client, LawTask.run, tasks)
-        return
-    if jobs is None:
-        import joblib
-
-        jobs = joblib.cpu_count() if seconds > WORTH_PROCESSES else 1
-    if jobs == 1 or count == 1:
-        yield lambda tasks: map(LawTask.run, tasks)
-        return
-    yield lambda tasks: in_processes(LawTask.run, tasks, min(jobs or 1, count))
 
 
 def tune_text(problem: TuneProblem) -> str:
