@@ -151,18 +151,13 @@ release-check: $(VENV)/test $(RELEASE)/tools
 
 # A package's code with a thousand slips, one at a time and in a copy, against its own tests (CONTRIBUTING.md).
 FOLDER := supervisor
-MUTANTS := results/mutants/$(FOLDER)
-MUTATE := $(abspath $(UV)) tool run -q --from 'cosmic-ray>=8.7'
+SLIPS := results/mutants/$(FOLDER)
 
 mutants: $(VENV)/test $(RELEASE)/tools
-	@rm -rf $(MUTANTS) && mkdir -p $(MUTANTS) && cp -r pyproject.toml src tests examples tools $(MUTANTS)
-	@sed 's|FOLDER|$(FOLDER)|g; s|python |$(abspath $(BIN))/python |' tools/mutants.toml >$(MUTANTS)/mutants.toml
-	@cd $(MUTANTS) && export PYTHONPATH=src:tools INTERPRETED=$(FOLDER) && \
-	  $(abspath $(BIN))/python -m pytest -n 0 tests/$(FOLDER) && \
-	  $(MUTATE) cosmic-ray init mutants.toml session.sqlite && \
-	  $(MUTATE) cr-filter-operators session.sqlite mutants.toml && \
-	  $(MUTATE) cosmic-ray exec mutants.toml session.sqlite && \
-	  $(MUTATE) cr-report --show-diff --surviving-only session.sqlite
+	@mkdir -p $(SLIPS)
+	@$(UV) run -q --no-project --with 'cosmic-ray>=8.7' python tools/mutants/slips.py src/dqcontrol/$(FOLDER) >$(SLIPS)/slips.json
+	@PYTHONPATH=src:tools/mutants $(BIN)/python -m pytest -n 0 -s -p interpreted -p mutants tests/$(FOLDER) src/dqcontrol/$(FOLDER) \
+	  --slips $(SLIPS)/slips.json --seen $(SLIPS)/seen.jsonl
 
 PEERS := $(VENV)-bench
 
