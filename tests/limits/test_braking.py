@@ -52,6 +52,14 @@ def test_the_fastest_rate_brakes_to_rest_just_at_the_end_of_the_room():
             assert (way <= room) is is_within, (SEED, room, acceleration, period)
 
 
+def test_there_is_no_room_without_distance_or_acceleration_and_all_at_once_with_infinite_ones():
+    for distance, acceleration in ((0.0, 1.0), (-0.5, 1.0), (1.0, 0.0), (1.0, -0.5)):
+        assert fastest_stoppable(distance, acceleration, 0.01) == 0.0
+    assert fastest_stoppable(0.02, np.inf, 0.01) == 2.0
+    assert fastest_stoppable(np.inf, 1.0, 0.01) == np.inf
+    assert fastest_stoppable(1e-25, 1.0, 0.01) == 1e-23  # far less than a step: all of it in one period
+
+
 @pytest.mark.parametrize(("ratio", "least", "most"), [(0.9e12, -1e-9, 1e-9), (1.1e12, 1e-7, 4e-6)])
 def test_beyond_ten_to_the_twelve_periods_squared_the_formula_without_sampling_stays_below(
     ratio, least, most

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
+from dqcontrol import algebra
 from dqcontrol.errors import Error
 from dqcontrol.experiments import check
 
@@ -58,6 +59,57 @@ def test_sag_of_two_arms_is_taken_away():
     stiff = rms(**two, plant=SPEC["plant"] | {"sag": 0})
     assert rms(**two) > 1.5 * stiff
     assert rms(**two, **compensated(**SAG)) == pytest.approx(stiff, rel=0.1)
+
+
+def gravity_torque(arm, q):
+    """Return the slope of the potential energy."""
+
+    def potential(q):
+        return sum(
+            9.81
+            * mass
+            * (algebra.translation(x) + algebra.matrix_from_rotation(algebra.rotation(x)) @ center)[2]
+            for mass, center, x in zip(arm.inertia.mass, arm.inertia.center, arm.frames(q)[:-1], strict=True)
+        )
+
+    return np.array([(potential(q + h) - potential(q - h)) / 2e-4 for h in 1e-4 * np.eye(len(q))])
+
+
+def test_what_joints_give_way_more_or_less_in_the_period_is_added_to_their_rates():
+    """u + c (g(q + T u) − g(q))/T at each sample, wherever it was before."""
+    arm, rng, compliance = dqc.load_robot("iiwa7"), np.random.default_rng(4), np.linspace(1, 4, 7) / 500
+    law, period = dqc.laws.Proportional(gain=5.0), 0.01
+    given = dqc.limits.Compensation(compliance=compliance.tolist())
+    free = law.prepare(arm, None, period)
+    compensated = law.prepare(arm, None, period, dqc.limits.CommandLimits(compensation=given))
+    states = [each.initial_state(np.array(START)) for each in (free, compensated)]
+    for _ in range(5):
+        q = np.array(START) + rng.uniform(-0.4, 0.4, 7)
+        sample = dqc.Sample(arm.fkm(q + rng.uniform(-0.2, 0.2, 7)))
+        u, found = (
+            each.command(q, sample, state) for each, state in zip((free, compensated), states, strict=True)
+        )
+        change = gravity_torque(arm, q + period * u) - gravity_torque(arm, q)
+        assert found == pytest.approx(u + compliance * change / period, abs=1e-6)
+        assert np.abs(found - u).max() > 1e-3
+
+
+def test_delays_of_whole_periods_are_whole_whatever_their_division_leaves():
+    for k in range(400):
+        begun, oldest, _ = dqc.limits.Compensation._answer(k * 0.001, 0.0, 0.001)
+        assert (begun, oldest) == (k, 1.0)
+        begun, oldest, _ = dqc.limits.Compensation._answer((k + 0.25) * 0.001, 0.0, 0.001)
+        assert begun == k + 1
+
+
+def test_only_what_sags_needs_inertia():
+    bare = dqc.SerialArm.from_dh([0, 0], [0, 0], [0.3, 0.3], [0, 0], name="bare")
+    law = dqc.laws.Proportional(gain=5.0)
+    observer = dqc.limits.CommandLimits(compensation=dqc.limits.Compensation(observer=0.1))
+    assert law.prepare(bare, None, 0.01, observer)
+    sag = dqc.limits.CommandLimits(compensation=dqc.limits.Compensation(compliance=0.001))
+    with pytest.raises(Error, match="compliance: bare has no inertia to sag under"):
+        law.prepare(bare, None, 0.01, sag)
 
 
 def test_it_is_the_same_compiled_and_interpreted():
@@ -133,6 +185,7 @@ def test_a_true_model_leaves_the_loop_its_margin():
             "'position' and 'compensation' do not go",
         ),
         ({"compensation": {"compliance": -1}}, "compliance"),
+        ({"compensation": {"compliance": [0, 0, 0, -1, 0, 0, 0]}}, "compliance[3]"),
         ({"compensation": {"observer": 0}}, "observer"),
         ({"compensation": {"delay": [0.1, 0.2]}}, "limits.compensation.delay: expected one number or 7"),
         (

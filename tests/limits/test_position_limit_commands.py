@@ -18,6 +18,7 @@ from dqcontrol.laws import (
     Proportional,
     ProportionalFeedforward,
 )
+from dqcontrol.laws.integral import integral_state
 from dqcontrol.limits import CommandLimits, ModifiedClamping, WeightedLeastNorm
 from dqcontrol.plants import Integrator, Servo
 from dqcontrol.references import SetPoint
@@ -86,6 +87,20 @@ def test_the_others_make_up_for_a_joint_that_reaches_its_limit_within_the_period
     left = y - matrix[:, 3] * u[3]
     matrix[:, 3] = 0.0
     np.testing.assert_allclose(np.delete(u, 3), np.delete(np.linalg.pinv(matrix, 1e-9) @ left, 3), atol=1e-8)
+
+
+@pytest.mark.parametrize("position", [ModifiedClamping(), WeightedLeastNorm(), None])
+def test_an_integral_hears_what_the_hand_does_with_joints_that_were_held_or_weighed(arm, position):
+    """The Jacobian that the law was asked with for the others is the robot's own again where it is told."""
+    q = Q0.copy()
+    q[3] = arm.limits.upper[3] - 0.004
+    law = Proportional(gain=5.0, integral_gain=1.0)
+    prepared = law.prepare(arm, None, T, CommandLimits(position=position))
+    state, sample = prepared.initial_state(q), situation(arm, "K", q)[1]
+    u = prepared.command(q, sample, state)
+    if isinstance(position, ModifiedClamping):
+        assert u[3] == pytest.approx(0.4, rel=1e-9), "held at what takes it to its limit"
+    assert integral_state(state).delivered == pytest.approx(hand_jacobian(arm, q) @ u, abs=1e-12)
 
 
 @pytest.mark.parametrize("side", [-1, 1])

@@ -43,15 +43,17 @@ def test_commands_keep_their_direction_and_the_fastest_of_joints_and_rims_is_at_
     slow = dqc.DifferentialDrive(wheel_radius=0.05, half_track=0.2, rim_speed=0.3)
     fast = dqc.DifferentialDrive(wheel_radius=0.08, half_track=0.1, rim_speed=0.9)
     body = dqc.WholeBody([slow, dqc.load_robot("ax18"), fast])
-    by_wheel = 0
+    by_wheel = by_joint = 0
     for _ in range(200):
         u = rng.uniform(-1, 1, body.input_size) * rng.choice([0.1, 1, 3])
+        u[2:-2] *= rng.choice([1, 10, 30])
         out = scaled(body, np.zeros(body.configuration_size), u)
         share = loads(body, u).max()
         assert out == pytest.approx(u / max(share, 1.0), rel=1e-12)
         assert loads(body, out).max() <= 1 + 1e-12
         by_wheel += share > 1 and loads(body, u).argmax() >= body.input_size
-    assert by_wheel > 30
+        by_joint += share > 1 and loads(body, u).argmax() < body.input_size
+    assert min(by_wheel, by_joint) > 30
 
 
 def test_unconstrained_rates_are_scaled_by_the_wheels_that_follow_them():

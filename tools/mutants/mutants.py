@@ -144,14 +144,12 @@ def _tried(slip: Slip, items: list[pytest.Item], reached: Lines, seconds: list[f
         statement = _constant(slip, lines)
         if statement is None:
             return "not tried", "neither in a function nor a constant"
-        places = {place for place in reached if place[0] == str(path)}
+        places = {place for place in reached if place[0] == str(path)}  # none, of a file of constants alone
         module = importlib.import_module(".".join(path.with_suffix("").parts[path.parts.index("src") + 1 :]))
         apply = partial(_assign, module, changed, statement)
     passing = [k for k in range(len(items)) if seconds[k] < math.inf]
-    tests = {k for place in places for k in reached.get(place, ())}
-    tests = sorted(
-        tests if places else passing, key=seconds.__getitem__
-    )  # a file of constants alone has no lines
+    running = {k for place in places for k in reached.get(place, ())} if places else passing
+    tests = sorted(running, key=seconds.__getitem__)
     if not tests:
         return "unreached", "no test runs it"
     long = accumulate(seconds[k] for k in tests)
