@@ -362,8 +362,21 @@ def _second_order(bandwidth: float, damping: float, newer: float, period: float)
     return _SecondOrder(first, second, 1 - late, stiffness * second, speed_kept, stiffness * late_second)
 
 
+class BodySizes(NamedTuple):
+    """Length of a command, numbers of things, and how many commands and frames are remembered."""
+
+    command: int
+    joints: int
+    places: int
+    inputs: int
+    drives: int
+    rollers: int
+    commands: int
+    frames: int
+
+
 class BodyParameters(NamedTuple):
-    """What compiled code knows of a body with mobile bases; numbers of things first, see `_SIZES`.
+    """What compiled code knows of a body with mobile bases; `BodySizes` stand before it.
 
     Attributes
     ----------
@@ -394,13 +407,13 @@ class BodyParameters(NamedTuple):
     mean: float
     weight: float
     oldest: float
-    coordinate: Annotated[Array, "joints"]
-    moved_by: Annotated[Array, "joints"]
-    place: Annotated[Array, "places"]
-    limits: Annotated[Array, f"inputs + {DRIVE_COLUMNS} * drives"]
-    change: Annotated[Array, "inputs"]
-    steering: Annotated[Array, "drives", 4]
-    rollers: Annotated[Array, "rollers", ROLLER_COLUMNS]
+    coordinate: Annotated[Array, "sizes.joints"]
+    moved_by: Annotated[Array, "sizes.joints"]
+    place: Annotated[Array, "sizes.places"]
+    limits: Annotated[Array, f"sizes.inputs + {DRIVE_COLUMNS} * sizes.drives"]
+    change: Annotated[Array, "sizes.inputs"]
+    steering: Annotated[Array, "sizes.drives", 4]
+    rollers: Annotated[Array, "sizes.rollers", ROLLER_COLUMNS]
     servos: Annotated[Array, ...]
 
 
@@ -410,23 +423,22 @@ class BodyState(NamedTuple):
     ``speed`` is of the inputs, ``seen`` where the bases are believed to be, ``angles`` those of front wheels.
     """
 
-    inputs: Annotated[Array, "inputs"]
-    speed: Annotated[Array, "inputs"]
-    joint_command: Annotated[Array, "joints"]
-    joint_q: Annotated[Array, "joints"]
-    joint_measured: Annotated[Array, "joints"]
-    seen: Annotated[Array, "places"]
-    now: Annotated[Array, "places"]
-    commands: Annotated[Array, "inputs * commands"]
-    frames: Annotated[Array, "places * frames"]
-    angles: Annotated[Array, "drives"]
+    inputs: Annotated[Array, "sizes.inputs"]
+    speed: Annotated[Array, "sizes.inputs"]
+    joint_command: Annotated[Array, "sizes.joints"]
+    joint_q: Annotated[Array, "sizes.joints"]
+    joint_measured: Annotated[Array, "sizes.joints"]
+    seen: Annotated[Array, "sizes.places"]
+    now: Annotated[Array, "sizes.places"]
+    commands: Annotated[Array, "sizes.inputs * sizes.commands"]
+    frames: Annotated[Array, "sizes.places * sizes.frames"]
+    angles: Annotated[Array, "sizes.drives"]
     servos: Annotated[Array, ...]
 
 
-# length of a command; joints, places, inputs, drives, rollers; commands and frames that are remembered
-_SIZES = 8
-_parameters = MemoryLayout(BodyParameters, "joints", "places", "inputs", "drives", "rollers")
-_state = MemoryLayout(BodyState, "joints", "places", "inputs", "drives", "commands", "frames")
+_sizes = MemoryLayout(BodySizes)
+_SIZES = _sizes.size()
+_parameters, _state = MemoryLayout(BodyParameters, "sizes"), MemoryLayout(BodyState, "sizes")
 
 
 @inline
@@ -469,12 +481,11 @@ def servo_on_base(command, parameters, noise, state, q, measured):
 
     Noise: that of the encoders, then the share of the commands that is obeyed, whether a frame arrives, its errors.
     """
-    if command.shape[0] != int(parameters[0]):
+    sizes = _sizes(parameters[:_SIZES])
+    if command.shape[0] != sizes.command:
         return WRONG_SIZE
-    joints, places, p = int(parameters[1]), int(parameters[2]), int(parameters[3])
-    count, rollers = int(parameters[4]), int(parameters[5])
-    given = _parameters(parameters[_SIZES:], joints, places, p, count, rollers)
-    own = _state(state, joints, places, p, count, int(parameters[6]), int(parameters[7]))
+    joints, places, p = sizes.joints, sizes.places, sizes.inputs
+    given, own = _parameters(parameters[_SIZES:], sizes), _state(state, sizes)
     limits = speed_limits(given.limits, p)
     drives, inputs, speed, seen = limits.drives, own.inputs, own.speed, own.seen
     coordinate, moved_by, place = given.coordinate, given.moved_by, given.place
@@ -550,7 +561,9 @@ def start_on_base(
 
     drives = body.drives
     rollers = driven.rollers if plant.rate_limit else driven.rollers[:0]
-    sizes = len(coordinate), len(place), p, len(drives)
+    sizes = BodySizes(
+        body.input_size, len(coordinate), len(place), p, len(drives), len(rollers), delay + 1, late + 1
+    )
     parameters = _parameters.pack(
         period=period,
         decay=math.exp(-period / tau) if tau else 0.0,
@@ -566,10 +579,9 @@ def start_on_base(
         rollers=rollers,
         servos=servos.parameters,
     )
-    remembered = delay + 1, late + 1
-    parameters = np.concatenate([[body.input_size, *sizes, len(rollers), *remembered], parameters])
-    state = np.concatenate([np.zeros(_state.size(*sizes, *remembered)), servos.state])
-    own = _state(state, *sizes, *remembered)
+    parameters = np.concatenate([sizes, parameters])
+    state = np.concatenate([np.zeros(_state.size(sizes)), servos.state])
+    own = _state(state, sizes)
     own.seen[:], own.frames[:] = start[place], np.tile(start[place], late + 1)
     return CompiledPlant(servo_on_base, parameters, state, start, np.hstack([servos.noise, noise]), foreseen)
 
