@@ -249,3 +249,54 @@ def test_points_of_a_box_are_of_the_joints_named():
     box = WorkspaceBox(lower=(-9.0, -9.0, -9.0), upper=(9.0, 9.0, 9.0), points=points)
     prepared = Supervisor(workspace=box).prepare(ARM, T)
     assert prepared.bounds.points.tolist() == [[2.0, 0.1, 0.2, 0.3], [5.0, 0.0, 0.0, 0.0]]
+
+
+@pytest.mark.parametrize(
+    ("field", "default", "least", "is_allowed_there"),
+    [
+        ("position_margin", 0.0, 0.0, True),
+        ("slow_below", 0.04, 0.0, True),
+        ("hold_below", 0.02, 0.0, True),
+        ("ramp", 0.5, 0.0, True),
+        ("measured_tolerance", 0.05, 0.0, True),
+        ("jump", 0.05, 0.0, True),
+        ("base_jump", 0.2, 0.0, True),
+        ("acceleration", 10.0, 0.0, False),
+        ("tracking_error", 0.3, 0.0, False),
+        ("overspeed", 1.5, 0.0, False),
+        ("frozen_after", 0.1, 0.0, False),
+        ("velocity", None, 0.0, False),
+        ("jerk", None, 0.0, False),
+        ("stale_after", None, 0.0, False),
+        ("hand_speed", None, 0.0, False),
+        ("hand_acceleration", None, 0.0, False),
+        ("effort", None, 0.0, False),
+        ("contact_force", None, 0.0, False),
+        ("contact_torque", None, 0.0, False),
+        ("contact_effort", None, 0.0, False),
+    ],
+)
+def test_defaults_and_bounds_are_those_of_the_page(field, default, least, is_allowed_there):
+    assert getattr(Supervisor(), field) == default
+    for value, is_allowed in ((least + 1e-9, True), (least, is_allowed_there), (least - 1e-9, False)):
+        if is_allowed:
+            assert getattr(Supervisor(**{field: value}), field) == value
+        else:
+            with pytest.raises(ValueRangeError, match=rf"{field}: must be "):
+                Supervisor(**{field: value})
+
+
+def test_defaults_and_bounds_of_zones_points_and_ramps():
+    assert (KEEP.clear_of, KeepOutZones(world=WALL).margin, KeepOutZones(world=WALL).footprint) == (
+        "all",
+        0.05,
+        None,
+    )
+    assert LinkPoint(joint="elbow").offset == (0.0, 0.0, 0.0)
+    assert KeepOutZones(world=WALL, clear_of=["wall"], footprint=1e-9, margin=0.0).clear_of == ["wall"]
+    for wrong in ({"clear_of": []}, {"footprint": 0.0}, {"margin": -1e-9}):
+        with pytest.raises(Error, match=next(iter(wrong))):
+            KeepOutZones(**{"world": WALL, **wrong})
+    assert Supervisor(ramp=60.0).ramp == 60.0
+    with pytest.raises(ValueRangeError, match="ramp"):
+        Supervisor(ramp=60.001)
