@@ -36,8 +36,7 @@ def test_a_pipe_or_device_is_refused_before_it_is_read(tmp_path, name, kind):
 
 def test_sizes_are_looked_at_before_reading(tmp_path, monkeypatch):
     large = tmp_path / "large.yaml"
-    with open(large, "wb") as stream:
-        stream.truncate(10 * LARGEST_YAML)
+    large.write_text("a: 1\n" * (2 * LARGEST_YAML))
     with pytest.raises(FileFormatError, match=r"large\.yaml: has 20\.0 MB; at most 2 MB are read"):
         read_yaml(large, dict)
     urdf = tmp_path / "large.urdf"

@@ -201,6 +201,17 @@ def suggest_file(path: str | os.PathLike[str]) -> str:
     return _nearest(file.stem, {each.stem: each.name for each in beside}, _NEAR_FILE)
 
 
+def unreadable(path: str | os.PathLike[str], error: OSError) -> FileFormatError:
+    """Return the error for a file that cannot be opened or read, with what may have been meant."""
+    if isinstance(error, FileNotFoundError):
+        return FileFormatError(f"{path}: no such file{suggest_file(path)}")
+    if isinstance(error, IsADirectoryError):
+        inside = sorted(Path(path).glob("*.yaml"))
+        which = f"; did you mean '{inside[0]}'?" if inside else ""
+        return FileFormatError(f"{path}: is a folder{which}")
+    return FileFormatError(f"{path}: cannot be read: {error.strerror or error}")
+
+
 def _nearest(name: str, allowed: dict[str, str], cutoff: float) -> str:
     known = {each.casefold(): said for each, said in allowed.items()}
     near = difflib.get_close_matches(name.casefold(), list(known), n=1, cutoff=cutoff)

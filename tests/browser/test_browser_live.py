@@ -118,7 +118,7 @@ def test_mistakes_give_one_line(tmp_path, monkeypatch, capsys):
     assert "at least one folder" in fails(monkeypatch, capsys)
     assert "is not the folder of a run" in fails(monkeypatch, capsys, tmp_path)
     assert "port" in fails(monkeypatch, capsys, tmp_path, "--port", "80").lower()
-    assert "cannot be read" in fails(monkeypatch, capsys, tmp_path / "none.mcap")
+    assert "no such file" in fails(monkeypatch, capsys, tmp_path / "none.mcap")
     with RecordStream(tmp_path / "record.mcap", dqc.load_robot("iiwa7")):
         pass
     assert "does not name its robot" in fails(monkeypatch, capsys, tmp_path / "record.mcap")

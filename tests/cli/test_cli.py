@@ -266,7 +266,7 @@ def test_malformed_files(here, capsys, name, text, message):
     ("arguments", "message"),
     [
         (["run"], "SPEC"),
-        (["run", "missing.yaml"], "missing.yaml: cannot be read"),
+        (["run", "missing.yaml"], "missing.yaml: no such file"),
         (["compare"], "give at least one folder"),
         (["compare", "nowhere"], "nowhere: does not exist"),
         (["robots", "show", "iwa7"], "did you mean 'iiwa7'"),

@@ -147,7 +147,7 @@ def test_functions_in_dictionaries(folder, monkeypatch):
     ("change", "error", "says"),
     [
         (("mine.py:transpose", "mine.py:transpos"), UnknownNameError, "did you mean 'transpose'"),
-        (("mine.py:transpose", "nowhere.py:transpose"), FileFormatError, "nowhere.py: cannot be read"),
+        (("mine.py:transpose", "nowhere.py:transpose"), FileFormatError, "nowhere.py: no such file"),
         (("mine.py:transpose", "no_such_package:law"), FileFormatError, "no_such_package cannot be imported"),
         (("mine.py:transpose", "transpose"), ShapeError, "FILE.py:NAME or MODULE:NAME, got 'transpose'"),
         (("mine.py:wave", "mine.py:transpose"), ValueRangeError, "raised TypeError"),

@@ -209,12 +209,12 @@ def test_malformed_files(tmp_path, text, message):
 
 
 def test_files_that_cannot_be_read(tmp_path):
-    with pytest.raises(FileFormatError, match=r"none\.yaml: cannot be read: No such file or directory$"):
+    with pytest.raises(FileFormatError, match=r"none\.yaml: no such file$"):
         read_spec(tmp_path / "none.yaml")
-    with pytest.raises(FileFormatError, match=r": cannot be read: Is a directory$"):
+    with pytest.raises(FileFormatError, match=r": is a folder$"):
         read_spec(tmp_path)
     (tmp_path / "latin.yaml").write_bytes("name: é".encode("latin-1"))
-    with pytest.raises(FileFormatError, match=r"latin\.yaml: is not UTF-8 text"):
+    with pytest.raises(FileFormatError, match=r"latin\.yaml: not a text file"):
         read_spec(tmp_path / "latin.yaml")
 
 

@@ -329,7 +329,7 @@ def test_broken_recordings_are_named(tmp_path):
         read_joint_log(tmp_path / "empty", ARM)
     with pytest.raises(FileFormatError, match=r"no\.bag: no such file"):
         read_joint_log(tmp_path / "no.bag", ARM)
-    with pytest.raises(FileFormatError, match=r"no\.mcap: (cannot be read: No such file|no such file)"):
+    with pytest.raises(FileFormatError, match=r"no\.mcap: no such file"):
         read_joint_log(tmp_path / "no.mcap", ARM)
     database = next((tmp_path / "sqlite3" / "log").glob("*.db3"))
     with pytest.raises(FileFormatError, match=r"\.db3: is a part of a ROS 2 bag; give its folder"):

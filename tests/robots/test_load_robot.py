@@ -63,9 +63,9 @@ def test_example_robot_data():
             r"robot: unknown name 'iiwa'; did you mean 'iiwa7'\? .*path of a .yaml, .urdf, .xacro or .xml",
         ),
         ("", UnknownNameError, "robot: unknown name ''"),
-        ("none.yaml", FileFormatError, "none.yaml: cannot be read: No such file"),
-        ("none.urdf", FileFormatError, "none.urdf: cannot be read: No such file"),
-        ("arm.urdf.xacro", FileFormatError, "arm.urdf.xacro: cannot be read: No such file"),
+        ("none.yaml", FileFormatError, "none.yaml: no such file"),
+        ("none.urdf", FileFormatError, "none.urdf: no such file"),
+        ("arm.urdf.xacro", FileFormatError, "arm.urdf.xacro: no such file"),
         (
             PANDA.replace("panda.urdf", "pandas.urdf"),
             UnknownNameError,

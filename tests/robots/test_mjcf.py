@@ -242,5 +242,5 @@ def test_a_loop_within_the_arm_is_refused(tmp_path):
 
 
 def test_a_file_that_is_not_there():
-    with pytest.raises(FileFormatError, match=r"none\.xml: cannot be read: No such file"):
+    with pytest.raises(FileFormatError, match=r"none\.xml: no such file"):
         load_robot("none.xml", tips="all")

@@ -88,7 +88,7 @@ CHANGES = [  # text, what it becomes, message
         r"size\[1\]: expected a number > 0.0, got 0",
     ),
     ("robot: ax18", "robot: ax19", r"toy.yaml: parts\[2\]: robot: unknown name 'ax19'; did you mean 'ax18'"),
-    ("robot: mine.yaml", "robot: none.yaml", r"none.yaml: cannot be read"),
+    ("robot: mine.yaml", "robot: none.yaml", r"none.yaml: no such file"),
     ("robot: mine.yaml", "robot: toy.yaml", r"parts\[4\]: robot: .*toy.yaml' is a whole body, not an arm"),
     ("robot: ax18", "robot: youbot", r"parts\[2\]: robot: 'youbot' is a whole body, not an arm"),
     (

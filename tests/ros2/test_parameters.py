@@ -170,7 +170,7 @@ def test_names_that_ros_does_not_allow(spec, monkeypatch, capsys, name):
 
 def test_a_spec_that_is_not_there_is_said_at_once(tmp_path, monkeypatch, capsys):
     said = refused(monkeypatch, capsys, "controller", tmp_path / "none.yaml")
-    assert "none.yaml: cannot be read" in said
+    assert "none.yaml: no such file" in said
 
 
 def test_without_ros_one_line_says_what_to_install(monkeypatch, capsys):

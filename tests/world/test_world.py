@@ -201,7 +201,7 @@ def test_a_huge_mesh_is_refused(tmp_path, monkeypatch):
         ({"a": {"box": 1, "moves": {"path": [[1, 0, 0, 0], [0, 1, 0, 0]]}}}, r"times must increase"),
         ({"a": {"mesh": "no.stl"}}, r"mesh: .*no.stl cannot be read"),
         ({"floor": True, "a": {"box": 1, "mass": 1}}, r"world.a: starts 500 mm deep in floor"),
-        ("no.yaml", r"no.yaml: cannot be read"),
+        ("no.yaml", r"no.yaml: no such file"),
     ],
 )
 def test_what_is_wrong_is_said_in_a_line(world, words):

@@ -16,7 +16,8 @@ from dqcontrol.experiments.real_time import StreamedRun
 from dqcontrol.experiments.results_folder import SPEC_FILE
 from dqcontrol.experiments.run import as_run
 from dqcontrol.experiments.spec import read_data
-from dqcontrol.files.yaml_file import parse_yaml, read_text
+from dqcontrol.files.input_file import read_text
+from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop.live import Live
 from dqcontrol.loop.targets import Speeds
 from dqcontrol.measures.task_range import with_range

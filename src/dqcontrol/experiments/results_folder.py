@@ -17,8 +17,8 @@ from filelock import FileLock, Timeout
 
 from dqcontrol.errors import Error, ExistsError, ValueRangeError, writing
 from dqcontrol.experiments.row_file import import_pyarrow
+from dqcontrol.files.input_file import read_text
 from dqcontrol.files.whole_file import whole_file
-from dqcontrol.files.yaml_file import read_text
 
 Found = TypeVar("Found")
 

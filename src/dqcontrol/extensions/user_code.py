@@ -131,11 +131,7 @@ def sources(data: Any) -> Iterator[bytes]:
 
 
 def _imported_file(path: Path) -> ModuleType:
-    try:
-        content = read_whole(path)
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
-    return _run(path.resolve(), hashlib.sha256(content).hexdigest()[:16])
+    return _run(path.resolve(), hashlib.sha256(read_whole(path)).hexdigest()[:16])
 
 
 @functools.lru_cache(maxsize=64)

@@ -9,10 +9,9 @@ import math
 import os
 import re
 import stat
-from pathlib import Path
 from typing import BinaryIO
 
-from dqcontrol.errors import FileFormatError, suggest_file
+from dqcontrol.errors import FileFormatError, unreadable
 
 LARGEST_TEXT = 64_000_000  # bytes of a text that is read whole
 
@@ -44,13 +43,14 @@ def read_whole(path: str | os.PathLike[str], most: int = LARGEST_TEXT) -> bytes:
     Raises
     ------
     FileFormatError
-        If it is no regular file, or larger than so many bytes.
-    OSError
-        If it cannot be read.
+        If there is no such file, it cannot be read, is no regular file, or larger than so many bytes.
     """
-    with open_regular(path) as stream:
-        size = os.fstat(stream.fileno()).st_size
-        content = stream.read(most + 1) if size <= most else b""
+    try:
+        with open_regular(path) as stream:
+            size = os.fstat(stream.fileno()).st_size
+            content = stream.read(most + 1) if size <= most else b""
+    except OSError as error:
+        raise unreadable(path, error) from None
     if max(size, len(content)) > most:
         raise FileFormatError(f"{path}: has {size / 1e6:,.1f} MB; at most {most / 1e6:g} MB are read")
     return content
@@ -79,15 +79,9 @@ def read_text(path: str | os.PathLike[str]) -> str:
     Raises
     ------
     FileFormatError
-        If there is no such file, it cannot be read, or it is not text.
+        If there is no such file, it cannot be read, is too large, or is not text.
     """
-    file = Path(path)
-    try:
-        content = read_whole(file)
-    except FileNotFoundError:
-        raise FileFormatError(f"{path}: no such file{suggest_file(file)}") from None
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
+    content = read_whole(path)
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:

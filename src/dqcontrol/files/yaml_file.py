@@ -20,13 +20,13 @@ try:
 except ImportError:  # PyYAML was built without libyaml, which reads several times as fast
     CParser = None
 
-from dqcontrol.errors import FileFormatError, suggest, suggest_file
-from dqcontrol.files.input_file import read_whole
+from dqcontrol.errors import FileFormatError, suggest
+from dqcontrol.files.input_file import read_text
 from dqcontrol.files.units import as_quantity
 
 T = TypeVar("T")
 
-# bytes; the largest that people write have some kB, and reading takes 10 s for each MB
+# characters; the largest that people write have some thousand, and reading takes 10 s for each million
 LARGEST_YAML = 2_000_000
 _LARGEST = 1e12  # in any unit: neighbouring numbers in m, rad or s are 0.1 mm, mrad or ms apart from there on
 _ANY_SIZE = re.compile("seed|gain")  # a run says itself that a gain is too high
@@ -51,28 +51,16 @@ def read_yaml(path: str | Path, schema: type[T]) -> T:
     return convert(path, parse_yaml(path, read_text(path)), schema)
 
 
-def read_text(path: str | Path) -> str:
-    """Return the text of a UTF-8 file."""
-    try:
-        return read_whole(path, LARGEST_YAML).decode("utf-8-sig")
-    except FileNotFoundError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror}{suggest_file(path)}") from None
-    except IsADirectoryError as error:
-        inside = sorted(Path(path).glob("*.yaml"))
-        which = f"; did you mean '{inside[0]}'?" if inside else ""
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror}{which}") from None
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except UnicodeDecodeError as error:
-        raise FileFormatError(f"{path}: is not UTF-8 text ({error.reason} at byte {error.start})") from None
-
-
 def parse_yaml(path: str | Path, text: str) -> Any:
     """Return the plain data of one YAML document; ``path`` is for the messages.
 
     Only finite numbers, up to 1e12 but for gains, are allowed and keys may not repeat. As in YAML 1.2, ``1e-3`` is a
     number and ``OFF``, ``no`` and the like are text; YAML 1.1 has it the other way round.
     """
+    if len(text) > LARGEST_YAML:
+        raise FileFormatError(
+            f"{path}: has {len(text) / 1e6:,.1f} MB; at most {LARGEST_YAML / 1e6:g} MB are read"
+        )
     try:
         data = _load(text)
     except yaml.MarkedYAMLError as error:

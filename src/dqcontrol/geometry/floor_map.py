@@ -22,10 +22,10 @@ from dqcontrol.errors import (
     as_positive,
     writing,
 )
-from dqcontrol.files.input_file import version
+from dqcontrol.files.input_file import read_text, version
 from dqcontrol.files.plain_data import yaml_text
 from dqcontrol.files.whole_file import whole_file
-from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
+from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.geometry.shapes import Box
 
 _HEIGHT = 2.0  # m

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dqcontrol import algebra
 from dqcontrol.algebra.functions import WRITTEN_TOLERANCE
 from dqcontrol.arrays import Array
-from dqcontrol.errors import Error, FileFormatError, from_extra, suggest, suggest_file
+from dqcontrol.errors import Error, FileFormatError, from_extra, suggest, unreadable
 from dqcontrol.files.input_file import open_regular
 from dqcontrol.recording.cdr import layout_of
 from dqcontrol.recording.mcap import ChunkMessages, read_records
@@ -145,7 +145,7 @@ def open_messages(path: Path) -> Iterator[OpenRecording]:
     except Error:
         raise
     except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
+        raise unreadable(path, error) from None
     except Exception as error:  # decoders of damaged bytes raise anything
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         raise FileFormatError(f"{path}: is not a complete recording ({reason:.200})") from None
@@ -251,7 +251,7 @@ def _part_by_name(part: ChunkMessages, names: Sequence[str], field: str) -> tupl
 @contextmanager
 def _open_bag(path: Path) -> Iterator[OpenRecording]:
     if not path.exists():
-        raise FileFormatError(f"{path}: no such file{suggest_file(path)}")
+        raise unreadable(path, FileNotFoundError())
     if path.suffix.lower() == ".db3" and path.is_file():
         raise FileFormatError(f"{path}: is a part of a ROS 2 bag; give its folder, with metadata.yaml in it")
     if path.is_dir() and not (path / "metadata.yaml").is_file():

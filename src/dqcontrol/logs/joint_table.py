@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, suggest
+from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, suggest, unreadable
 from dqcontrol.files.input_file import as_number, open_regular, read_text
 from dqcontrol.logs import text_table
 from dqcontrol.robots import Robot
@@ -251,9 +251,8 @@ def must_be_degrees(path: Path, robot: Robot, units: Sequence[str], values: Arra
 def _opened(path: Path) -> BinaryIO:
     try:
         return open_regular(path)
-    except OSError:
-        read_text(path)  # says what is wrong, and which file may be meant
-        raise
+    except OSError as error:
+        raise unreadable(path, error) from None
 
 
 def _text_lines(path: Path, stream: BinaryIO) -> Iterator[str]:

@@ -42,7 +42,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import kernel, types
-from dqcontrol.errors import ExistsError, FileFormatError, writing
+from dqcontrol.errors import ExistsError, FileFormatError, unreadable, writing
 from dqcontrol.files.input_file import open_regular
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.loop.record import Record
@@ -159,7 +159,7 @@ def _read(path: str | Path, parse: Callable[[_Contents], T], *, messages: bool =
     except (FileFormatError, EOFError) as error:
         raise FileFormatError(f"{path}: {error}") from None
     except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
+        raise unreadable(path, error) from None
     except Exception as error:  # parsing damaged bytes raises anything
         raise FileFormatError(
             f"{path}: is not a complete MCAP file ({type(error).__name__}: {error})"

@@ -109,10 +109,7 @@ def _left_out(svg: Any, elements: list[Any], pages: int) -> Iterator[str]:
 
 def _read(path: str | os.PathLike[str]) -> bytes:
     """Return a file's content without its document type and paths that are empty; or refuse it."""
-    try:
-        content = read_whole(path, _LARGEST)
-    except OSError as error:
-        raise FileFormatError(f"{path}: cannot be read: {error.strerror}") from None
+    content = read_whole(path, _LARGEST)
 
     def refuse(*_: object) -> None:
         raise FileFormatError(

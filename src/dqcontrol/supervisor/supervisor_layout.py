@@ -71,17 +71,17 @@ class Sizes(NamedTuple):
         Rows of its tree, none of a chain, and of all its frames; how many of these, the last, are end effectors.
     """
 
-    coordinates: int
-    inputs: int
-    drives: int
-    rollers: int
-    points: int
-    zones: int
-    table_rows: int
-    table_columns: int
-    tree: int
-    frames: int
-    hands: int
+    coordinates: int = 0
+    inputs: int = 0
+    drives: int = 0
+    rollers: int = 0
+    points: int = 0
+    zones: int = 0
+    table_rows: int = 0
+    table_columns: int = 0
+    tree: int = 0
+    frames: int = 0
+    hands: int = 0
 
 
 sizes_of: MemoryLayout[Sizes] = MemoryLayout(Sizes)

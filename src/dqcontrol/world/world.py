@@ -10,7 +10,8 @@ import numpy as np
 from msgspec import Meta
 
 from dqcontrol.errors import FileFormatError, ValueRangeError, error_prefix
-from dqcontrol.files.yaml_file import parse_yaml, read_text
+from dqcontrol.files.input_file import read_text
+from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.geometry import Plane, Shape, distance
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.world.body import Body

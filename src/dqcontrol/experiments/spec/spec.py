@@ -50,8 +50,9 @@ from dqcontrol.experiments.spec.spec_files import complete_plants, locate_files,
 from dqcontrol.experiments.spec.world_file import said_world
 from dqcontrol.extensions.registry import union_of
 from dqcontrol.extensions.user_code import admit, place_of
+from dqcontrol.files.input_file import read_text
 from dqcontrol.files.plain_data import yaml_text
-from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
+from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.laws import Law
 from dqcontrol.laws.null_space import AnyNullSpace
 from dqcontrol.limits import CommandLimits

@@ -15,7 +15,8 @@ from dqcontrol.contact import load_tool
 from dqcontrol.errors import Error
 from dqcontrol.extensions.registry import by_tag
 from dqcontrol.extensions.user_code import places
-from dqcontrol.files.yaml_file import parse_yaml, read_text
+from dqcontrol.files.input_file import read_text
+from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.laws import Law
 from dqcontrol.plants import Plant
 from dqcontrol.robots.files.urdf_xml import XACRO, CheckedXml

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.algebra.conversions import matrix_from_pose, pose
 from dqcontrol.arrays import Array
-from dqcontrol.errors import Error, FileFormatError, from_extra
+from dqcontrol.errors import Error, FileFormatError, from_extra, unreadable
 from dqcontrol.robots.files.link_tree import LinkBody, LinkJoint, LinkTree, Mimic, RoundLink
 from dqcontrol.robots.poses import compose, inverse7, shift, z_onto
 
@@ -133,7 +133,7 @@ class MjcfFile:
         self.path = path
         self.mujoco: Any = import_mujoco(f"robots in MJCF, as {path},")
         if not Path(path).is_file():
-            raise FileFormatError(f"{path}: cannot be read: No such file or directory")
+            raise unreadable(path, FileNotFoundError())
         try:
             with warnings.catch_warnings():  # on attributes that MuJoCo will drop
                 warnings.simplefilter("ignore")

@@ -14,7 +14,8 @@ from dqcontrol.algebra import as_unit_quaternion
 from dqcontrol.algebra.conversions import pose
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, error_prefix, unknown_name
-from dqcontrol.files.yaml_file import convert, parse_yaml, read_text
+from dqcontrol.files.input_file import read_text
+from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.geometry import Box, Capsule, Sphere
 from dqcontrol.robots.dh import chain_from_denso, chain_from_dh
 from dqcontrol.robots.limits import Inertia, Limits

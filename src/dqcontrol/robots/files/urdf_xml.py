@@ -222,10 +222,7 @@ class CheckedXml:
     def __init__(self, path: str | Path) -> None:
         self.path = path
         self.lines: dict[tuple[str, str], int] = {}
-        try:
-            self.data: bytes = read_whole(path, _LARGEST)
-        except OSError as error:
-            raise FileFormatError(f"{path}: cannot be read: {error.strerror or error}") from None
+        self.data: bytes = read_whole(path, _LARGEST)
         self._refuse_declarations()
         if Path(path).suffix.lower() == XACRO or _has_macros(self.data):
             self.data = expand_xacro(path)
