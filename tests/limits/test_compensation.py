@@ -96,9 +96,9 @@ def test_what_joints_give_way_more_or_less_in_the_period_is_added_to_their_rates
 
 def test_delays_of_whole_periods_are_whole_whatever_their_division_leaves():
     for k in range(400):
-        begun, oldest, _ = dqc.limits.Compensation._answer(k * 0.001, 0.0, 0.001)
+        begun, oldest, _ = dqc.limits.Compensation._answer(k * 0.01, 0.0, 0.01)
         assert (begun, oldest) == (k, 1.0)
-        begun, oldest, _ = dqc.limits.Compensation._answer((k + 0.25) * 0.001, 0.0, 0.001)
+        begun, oldest, _ = dqc.limits.Compensation._answer((k + 0.25) * 0.01, 0.0, 0.01)
         assert begun == k + 1
 
 
@@ -184,8 +184,8 @@ def test_a_true_model_leaves_the_loop_its_margin():
             {"compensation": SAG, "position": {"kind": "modified-clamping"}},
             "'position' and 'compensation' do not go",
         ),
-        ({"compensation": {"compliance": -1}}, "compliance"),
-        ({"compensation": {"compliance": [0, 0, 0, -1, 0, 0, 0]}}, "compliance[3]"),
+        ({"compensation": {"compliance": -1e-9}}, "compliance"),
+        ({"compensation": {"compliance": [0, 0, 0, -1e-9, 0, 0, 0]}}, "compliance[3]"),
         ({"compensation": {"observer": 0}}, "observer"),
         ({"compensation": {"delay": [0.1, 0.2]}}, "limits.compensation.delay: expected one number or 7"),
         (

@@ -20,6 +20,7 @@ from dqcontrol.laws import (
 )
 from dqcontrol.laws.integral import integral_state
 from dqcontrol.limits import CommandLimits, ModifiedClamping, WeightedLeastNorm
+from dqcontrol.limits.position_limit import lag_memory
 from dqcontrol.plants import Integrator, Servo
 from dqcontrol.references import SetPoint
 from dqcontrol.robots import Limits
@@ -101,6 +102,45 @@ def test_an_integral_hears_what_the_hand_does_with_joints_that_were_held_or_weig
     if isinstance(position, ModifiedClamping):
         assert u[3] == pytest.approx(0.4, rel=1e-9), "held at what takes it to its limit"
     assert integral_state(state).delivered == pytest.approx(hand_jacobian(arm, q) @ u, abs=1e-12)
+
+
+def test_a_joint_s_lag_is_what_was_sent_less_what_it_went_up_to_a_quarter_of_a_second(arm):
+    prepared, rng = _with_targets(arm), np.random.default_rng(SEED)
+    state, q = prepared.initial_state(Q0), Q0.copy()
+    target, longest = Q0.copy(), 0.25 * arm.limits.velocity
+    for k in range(60):
+        u = prepared.command(q, dqc.Sample(arm.fkm(Q0 + 0.2)), state)
+        lag = _lag(state)
+        np.testing.assert_allclose(lag, np.clip(target - q, -longest, longest), atol=1e-12)
+        target = q + lag + T * u
+        q = q + rng.uniform(0.0, 1.2) * T * u if k < 30 else Q0 - 1.0  # then further behind than servos are
+    assert (np.abs(lag) == longest).any()
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize(("lag", "share"), [(0.05, 0.0), (0.03, 0.01), (0.0, 0.04), (-0.03, 0.04)])
+def test_the_target_and_not_the_joint_is_what_is_kept_within_the_limit(arm, side, lag, share):
+    """A joint 0.04 rad from its limit that lags: what is left for its target; one that is ahead counts itself."""
+    q = Q0.copy()
+    q[3] = np.where(side > 0, arm.limits.upper[3], arm.limits.lower[3]) - side * 0.04
+    prepared = _with_targets(arm)
+    state = prepared.initial_state(q)
+    prepared.command(q, dqc.Sample(arm.fkm(q)), state)
+    _lag(state)[3] = side * lag
+    far = dqc.Sample(arm.fkm(q + side * 0.9 * np.eye(7)[3]))
+    free = Proportional(gain=40.0).prepare(arm, None, T)
+    assert side * free.command(q, far, free.initial_state(q))[3] > 0.04 / T, "or it would not come near"
+    u = prepared.command(q, far, state)
+    assert side * u[3] == pytest.approx(share / T, rel=1e-9, abs=1e-12)
+
+
+def _lag(state):
+    return lag_memory(state[len(state) - lag_memory.size(7) :], 7).lag
+
+
+def _with_targets(arm):
+    limits = CommandLimits(position=ModifiedClamping())
+    return Proportional(gain=40.0).prepare(arm, None, T, limits, command_mode="integrated")
 
 
 @pytest.mark.parametrize("side", [-1, 1])
