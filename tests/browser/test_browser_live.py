@@ -69,12 +69,13 @@ def test_the_folder_of_a_run_is_followed_until_it_has_results(tmp_path):
     assert growing_recording(tmp_path) is None
 
 
-def test_a_recording_without_samples_says_so(tmp_path):
+def test_a_recording_without_samples_says_so(tmp_path, monkeypatch):
+    monkeypatch.setattr("dqcontrol.browser.live._PATIENCE", 0.1)
     arm = dqc.load_robot("iiwa7")
     with RecordStream(tmp_path / "record.mcap", arm):
         growing = GrowingRecording(tmp_path / "record.mcap", arm)
         with pytest.raises(FileFormatError, match=r"no samples were recorded in 0\.1 s"):
-            growing.first(patience=0.1)
+            growing.first()
         growing.close()
         until(lambda: not growing.goes_on)
 

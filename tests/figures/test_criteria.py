@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 from test_plots import drawn, run, shifted
 
-from dqcontrol.errors import ExistsError, ShapeError
+from dqcontrol.errors import ShapeError
 from dqcontrol.figures.comparisons import compare_criteria, criteria_side_by_side
-from dqcontrol.figures.save import save_comparison
 from dqcontrol.loop.record import Record
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -97,17 +96,6 @@ def test_peaks_stay_in_sight_above_exact_zeros():
 def test_no_run_is_refused():
     with pytest.raises(ShapeError, match="records: expected at least one run"):
         compare_criteria({})
-
-
-@pytest.mark.slow
-def test_save_comparison_writes_three_figures_and_overwrites_nothing(tmp_path):
-    files = save_comparison({"K": run(), "LQR": run(lag=0.02)}, tmp_path / "new")
-    assert [path.name for path in files] == ["paths.png", "errors.png", "criteria.png"]
-    assert all(path.read_bytes()[:4] == b"\x89PNG" for path in files)
-    (tmp_path / "criteria.png").write_text("precious")
-    with pytest.raises(ExistsError, match=r"criteria\.png: exists already"):
-        save_comparison({"K": run()}, tmp_path)
-    assert not (tmp_path / "paths.png").exists()
 
 
 @pytest.mark.slow

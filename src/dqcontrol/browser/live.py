@@ -23,6 +23,7 @@ from dqcontrol.robots import Robot
 
 _FIELDS = {STATES: "position", MEASURED: "position", COMMAND: "velocity", SAMPLE: "data"}
 _POLL = 0.05  # s
+_PATIENCE = 60.0  # s until the first samples: free, longer than anything takes to start
 
 
 def growing_recording(path: Path) -> Path | None:
@@ -64,18 +65,18 @@ class GrowingRecording:
         self._closed = threading.Event()
         threading.Thread(target=self._work, name="following", daemon=True).start()
 
-    def first(self, patience: float = 60.0) -> Record:
+    def first(self) -> Record:
         """Return the first samples, once there are some.
 
         Raises
         ------
         FileFormatError
-            If there are none within so many s.
+            If there are none within a minute.
         """
-        end = time.monotonic() + patience
+        end = time.monotonic() + _PATIENCE
         while (record := self.record()) is None:
             if not self.goes_on or time.monotonic() > end:
-                raise FileFormatError(f"{self.path}: no samples were recorded in {patience:g} s")
+                raise FileFormatError(f"{self.path}: no samples were recorded in {_PATIENCE:g} s")
             time.sleep(_POLL)
         return record
 

@@ -204,9 +204,9 @@ class PreparedConstraints:
             return ShapePair([*links, self._bodies[int(found.b)]], None)
         return ShapePair(links, int(-1 - found.b))
 
-    def violations(self, q: ArrayLike, time: float = 0.0) -> list[str]:
+    def violations(self, q: ArrayLike) -> list[str]:
         """Return what a configuration, shape (n,), violates, one line each, the worst first."""
-        values = self.values(np.asarray(q)[None], [time])[0]
+        values = self.values(np.asarray(q)[None], [0.0])[0]
         short = self.asked - values
         lines = []
         for i in np.argsort(-short, kind="stable"):

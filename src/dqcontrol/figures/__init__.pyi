@@ -36,7 +36,6 @@ from .robots import (
 from .save import (
     comparison_figures as comparison_figures,
     run_figures as run_figures,
-    save_comparison as save_comparison,
     save_figures as save_figures,
     save_plots as save_plots,
 )

@@ -30,15 +30,13 @@ _BINS = 40  # free: fine enough for the shape
 
 
 @styled
-def histogram(values: Mapping[str, ArrayLike], label: str = "sampling period [ms]") -> Figure:
-    """Plot how often values occur, one panel a label, with mean and standard deviation above it [P16 Figures 5.5–5.6].
+def histogram(values: Mapping[str, ArrayLike]) -> Figure:
+    """Plot how often sampling periods (ms) occur, one panel a label, below mean and deviation [P16 Figures 5.5–5.6].
 
     Parameters
     ----------
     values
-        By label, each of shape (N,), as the sampling periods of a run: ``1e3 * np.diff(record.time)``.
-    label
-        What they are, with unit.
+        By label, each of shape (N,), ms, as of a run: ``1e3 * np.diff(record.time)``.
 
     Raises
     ------
@@ -68,7 +66,7 @@ def histogram(values: Mapping[str, ArrayLike], label: str = "sampling period [ms
         axes.set_visible(False)
     for axes in panels.flat[max(len(samples) - panels.shape[1], 0) : len(samples)]:
         axes.tick_params(labelbottom=True)
-        axes.set_xlabel(label)
+        axes.set_xlabel("sampling period [ms]")
     for axes in panels[:, 0]:
         axes.set_ylabel("samples")
     return figure
@@ -96,17 +94,13 @@ _ACROSS = 3
 
 
 @styled
-def parity(
-    panels: Mapping[str, Mapping[str, Pairs]], labels: tuple[str, str] = ("published", "ours")
-) -> Figure:
+def parity(panels: Mapping[str, Mapping[str, Pairs]]) -> Figure:
     """Plot pairs of positive numbers on logarithmic axes, one panel a title, one mark a label.
 
     Parameters
     ----------
     panels
         By title, then by label: pairs of a published number and ours.
-    labels
-        Of the axes.
 
     Raises
     ------
@@ -133,14 +127,14 @@ def parity(
         for label, pairs in groups.items():
             axes.plot(*np.array(pairs).T, label=label, **mark_style(known.index(label)))
         axes.set(xscale="log", yscale="log", xlim=(low, high), ylim=(low, high), title=title, aspect="equal")
-        axes.set_xlabel(labels[0])
+        axes.set_xlabel("published")
         for axis in (axes.xaxis, axes.yaxis):
             subs = (1.0, 2.0, 5.0) if high / low > 6 else (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
             axis.set_major_locator(LogLocator(subs=subs))
             axis.set_major_formatter(lambda value, _: f"{value:g}")
             axis.set_minor_locator(NullLocator())
     for axes in grid[:: everywhere.shape[1]]:
-        axes.set_ylabel(labels[1])
+        axes.set_ylabel("ours")
     legend_below(figure, max(grid, key=lambda axes: len(axes.get_legend_handles_labels()[0])))
     return figure
 

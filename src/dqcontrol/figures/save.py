@@ -242,27 +242,3 @@ def comparison_figures(
         "errors": lambda: compare_errors(records),
         "criteria": lambda: compare_criteria(records, unit),
     }
-
-
-def save_comparison(records: Mapping[str, Record], folder: str | Path) -> list[Path]:
-    """Write the figures that show several runs together, as `comparison_figures` draws them, as PNG.
-
-    Parameters
-    ----------
-    records
-        Runs by label.
-    folder
-        Made if missing; must not hold files of these names.
-
-    Returns
-    -------
-    The files.
-
-    Raises
-    ------
-    ExistsError
-        If a file exists; then none is written.
-    """
-    draw = comparison_figures(records)
-    check_figure_files(list(draw), Path(folder), ["png"])
-    return save_figures({name: each() for name, each in draw.items()}, folder)

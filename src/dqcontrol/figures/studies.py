@@ -120,10 +120,8 @@ def repeats_figure(rows: Sequence[Row], key: str = "error.integral", *, level: f
 
 
 @styled
-def gain_figure(
-    rows: Sequence[Row], over: str = "set", key: str = "error.integral", *, level: float = LEVEL
-) -> Figure:
-    """Plot the mean of a number over sets or a parameter, with its interval, one curve a law, on logarithmic axes.
+def gain_figure(rows: Sequence[Row], over: str = "set") -> Figure:
+    """Plot the mean integral of the error over sets or a parameter, with its interval, one curve a law.
 
     On them an error that is inversely proportional to the gain is a straight line of slope −1 [P16 Table 5.6].
 
@@ -134,21 +132,19 @@ def gain_figure(
     over
         Name of a label: ``"set"`` in the order of the rows, or a parameter as ``"parameter.gain"``. Runs without it are
         left out.
-    key, level
-        As for `repeats_figure`.
 
     Raises
     ------
     ShapeError
         If there are no rows, or none has the number.
     UnknownNameError
-        If the key or the label does not exist.
+        If the label does not exist.
 
     Examples
     --------
     >>> gain_figure(study.rows, "parameter.gain").savefig("gains.pdf")  # doctest: +SKIP
     """
-    study, heading = Repeats(rows), number_column(key).heading
+    study, key = Repeats(rows), "error.integral"
     if over not in study.names:
         raise unknown_name("over", over, study.names)
     others = {*study.names} - {over} - ({*study.parameters} if over == "set" else set())
@@ -161,7 +157,7 @@ def gain_figure(
         if mean is not None:
             x = float(place) if numeric else places.index(place)
             curve = curves.setdefault(study.describe(group, others), [])
-            curve.append((x, mean.mean, _half_width(mean, level)))
+            curve.append((x, mean.mean, _half_width(mean, LEVEL)))
     if not curves:
         raise ShapeError(f"rows: no run that did not fail has '{key}' and '{over}'")
     figure = new_figure(DOUBLE, 3.8)
@@ -174,7 +170,7 @@ def gain_figure(
         logarithmic(axes)
     _mark_places(axes, places, numeric)
     axes.set_xlabel(with_unit(over.removeprefix("parameter.")))
-    axes.set_ylabel(heading)
+    axes.set_ylabel(number_column(key).heading)
     if any(curves):
         legend_below(figure, axes)
     return figure

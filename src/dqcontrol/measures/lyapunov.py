@@ -84,9 +84,12 @@ class Certificate:
         return float(max(np.diff(self.value).max(initial=0.0), 0.0) / self.value[0])
 
 
-def certificate(
-    robot: Robot, record: Record, law: FeedbackLinearization, threshold: float = 0.02
-) -> Certificate:
+_THRESHOLD = (
+    0.02  # singular values of the end effector's Jacobian below it count as none, as in the law's own inverse
+)
+
+
+def certificate(robot: Robot, record: Record, law: FeedbackLinearization) -> Certificate:
     """Return V, its parts and rates, and what of the twist asked for the robot cannot do.
 
     Parameters
@@ -97,8 +100,6 @@ def certificate(
         Of a run on ideal joints: the commands are taken for the motion.
     law
         Whose k̄ and k_v are meant. Any law's run may be judged by them; only this law's is certain to let V fall.
-    threshold
-        Singular values of the end effector's Jacobian below it count as none, as in the law's own inverse.
 
     Examples
     --------
@@ -124,7 +125,7 @@ def certificate(
     wanted = -0.5 * law.stiffness * log - law.damping * error_twist + desired_rate
     acceleration = wanted + algebra.cross_twist(desired, error_twist)
     period = np.diff(record.time, append=2 * record.time[-1] - record.time[-2])[:, None]
-    own = FilteredInverse(threshold=threshold, characteristic_length=1.0)
+    own = FilteredInverse(threshold=_THRESHOLD, characteristic_length=1.0)
     asked = task_range(moved, record, twist + period * acceleration, own)
     kinetic = (error_twist**2).sum(axis=1)
     return Certificate(

@@ -434,11 +434,9 @@ class CertifiedEdges:
         return answers
 
 
-def prepared(
-    robot: Robot, constraints: Constraints | PreparedConstraints, time: float = 0.0
-) -> PreparedConstraints:
-    """Return constraints made ready for a plan at a time (s), in which nothing moves."""
+def prepared(robot: Robot, constraints: Constraints | PreparedConstraints) -> PreparedConstraints:
+    """Return constraints made ready for a plan, in which nothing moves."""
     if not isinstance(constraints, PreparedConstraints):
-        return PreparedConstraints(standing(constraints, time), robot, PERIOD, "measured")
-    still = standing(constraints.given, time)
+        return PreparedConstraints(standing(constraints), robot, PERIOD, "measured")
+    still = standing(constraints.given)
     return constraints if still is constraints.given else constraints.of(still)
