@@ -217,6 +217,7 @@ BASES = {
     "mecanum": dqc.MecanumBase(wheel_radius=0.05, half_track=0.15, half_wheelbase=0.24, rim_speed=0.8),
 }
 WALL = dqc.World(bodies={"wall": Body(box=[0.4, 60.0, 1.0], position=(5.2, 0.0, 0.5))})  # from x = 5 on
+WALLS = WALL, dqc.World(bodies={"wall": Body(box=[60.0, 0.4, 1.0], position=(0.0, 5.2, 0.5))})
 
 
 def way_of(robot, rate, rates, share, past, acceleration):
@@ -238,15 +239,15 @@ def way_of(robot, rate, rates, share, past, acceleration):
     return [np.mean(sequence[k + 1 : k + 1 + window], axis=0) for k in range(count)]
 
 
-@pytest.mark.parametrize("jerk", [None, 30.0])
+@pytest.mark.parametrize(("jerk", "axis"), [(None, 0), (30.0, 0), (None, 1)])
 @pytest.mark.parametrize("kind", BASES)
-def test_a_base_keeps_clear_if_its_way_in_small_steps_does(kind, jerk):
+def test_a_base_keeps_clear_if_its_way_in_small_steps_does(kind, jerk, axis):
     """To half a millimetre: what is missing between two samples is bounded by their way and turn."""
     robot, rng = dqc.WholeBody([BASES[kind]]), np.random.default_rng(7)
     m, acceleration = robot.input_size, np.array([1.0, 1.5, 2.0])[: robot.input_size]
     given = Supervisor(
         **LOOSE | {"acceleration": acceleration.tolist(), "jerk": jerk},
-        keep_out=KeepOutZones(world=WALL, footprint=0.25, margin=0.03),
+        keep_out=KeepOutZones(world=WALLS[axis], footprint=0.25, margin=0.03),
     )
     prepared = given.prepare(robot, T)
     for _ in range(8):
@@ -264,11 +265,11 @@ def test_a_base_keeps_clear_if_its_way_in_small_steps_does(kind, jerk):
         q, farthest = np.array([0.0, 0.0, heading]), 0.0
         for u in way_of(robot, memory.rate.copy(), rates, share, past, acceleration):
             for part in np.linspace(0, 1, 11)[1:]:
-                farthest = max(farthest, robot.integrate(q, u, part * T)[0])
+                farthest = max(farthest, robot.integrate(q, u, part * T)[axis])
             q = robot.integrate(q, u, T)
         parts = taken_apart(prepared.memory, state)
         for room, is_clear in ((5e-4, True), (-1e-9, False)):
-            parts.memory.good[0] = 5.0 - 0.28 - farthest - room
+            parts.memory.good[axis] = 5.0 - 0.28 - farthest - room
             parts.scratch.rates[:] = rates
             if farthest > 0:
                 assert _stays_clear(parts, share) == is_clear

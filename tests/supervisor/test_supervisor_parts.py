@@ -10,10 +10,13 @@ from dqcontrol import algebra
 from dqcontrol.contact import Tool
 from dqcontrol.errors import Error, ShapeError, ValueRangeError
 from dqcontrol.geometry import FloorMap
+from dqcontrol.references.ways_around import body_points
 from dqcontrol.supervisor import KeepOutZones, LinkPoint, Supervisor, WorkspaceBox
+from dqcontrol.supervisor.interventions import REASONS, list_interventions, stop_category
 from dqcontrol.supervisor.supervisor import _edges
 from dqcontrol.supervisor.supervisor_layout import (
     BOX,
+    GO,
     HEAD,
     PAYLOAD_CENTER,
     PAYLOAD_WEIGHT,
@@ -300,3 +303,217 @@ def test_defaults_and_bounds_of_zones_points_and_ramps():
     assert Supervisor(ramp=60.0).ramp == 60.0
     with pytest.raises(ValueRangeError, match="ramp"):
         Supervisor(ramp=60.001)
+
+
+def test_stops_brake_and_leave_the_power_on_only_where_what_is_measured_can_be_trusted():
+    """Category 2 holds under power: a wanted stop, a bad command, a program that is late; all else is category 1."""
+    held = {"command not finite", "soft stop", "gap in time", "periods too long", "clock stands still"}
+    codes = {text: bit for bit, text in REASONS.items()}
+    assert {text for text, bit in codes.items() if stop_category(bit) == 2} == held
+    assert {stop_category(bit) for text, bit in codes.items() if text not in held} == {None, 1}
+    assert sorted(REASONS) == [2**i for i in range(27)], "they add up"
+
+
+def test_interventions_are_told_bit_by_bit_from_their_first_sample_to_their_last():
+    codes = {text: bit for bit, text in REASONS.items()}
+    stop, box = codes["emergency stop"], codes["workspace box"]
+    found = list_interventions([0.0, 0.1, 0.2, 0.3, 0.4], [box, stop + box, stop, 0.0, box])
+    assert found == [
+        (0.0, 0.1, "workspace box"),
+        (0.1, 0.2, "emergency stop"),
+        (0.4, 0.4, "workspace box"),
+    ]
+
+
+@pytest.mark.parametrize("field", ["effort", "contact_effort", "contact_force", "contact_torque"])
+def test_what_is_watched_is_what_is_bounded(field):
+    prepared = Supervisor(**{field: 5.0}).prepare(ARM, T)
+    assert prepared.watches_effort is (field in ("effort", "contact_effort"))
+    assert prepared.watches_wrench is (field in ("contact_force", "contact_torque"))
+
+
+def test_a_payload_is_one_that_weighs_or_whose_sensor_has_a_bias_in_any_direction():
+    assert not Supervisor(payload=Tool()).prepare(ARM, T).carries_payload
+    assert Supervisor(payload=Tool(mass=0.1)).prepare(ARM, T).carries_payload
+    for k in range(6):
+        bias = np.eye(6)[k].tolist()
+        tool = Tool(force_bias=tuple(bias[:3]), torque_bias=tuple(bias[3:]))
+        assert Supervisor(payload=tool).prepare(ARM, T).carries_payload
+
+
+def test_limits_alone_watch_nothing():
+    alone = Supervisor(ramp=0.3, hand_speed=0.1, effort=5.0, velocity=0.7, acceleration=3.0).limits_alone()
+    assert (alone.ramp, alone.slow_below, alone.hold_below) == (0.0, 0.0, 0.0)
+    assert (alone.velocity, alone.acceleration, alone.hand_speed, alone.effort) == (0.7, 3.0, None, None)
+    assert (alone.tracking_error, alone.jump, alone.frozen_after) == (1e9, 1e9, 1e9)
+
+
+def test_a_jerk_beyond_all_needs_no_window():
+    for jerk, window in ((1e12, 1), (2 * 10.0 / T, 1), (2 * 10.0 / (1.5 * T), 2)):
+        assert Supervisor(jerk=jerk).prepare(ARM, T).window == window
+
+
+def test_the_footprint_is_that_of_the_shapes_of_the_base():
+    """Little John's chassis: a cylinder of 0.165 m, 0.03 m ahead of the wheels' axis."""
+    robot = dqc.load_robot("little-john")
+    body = body_points(robot, np.zeros(robot.configuration_size))
+    parts = zip(body.points, body.radius, body.carried, strict=True)
+    reach = [np.hypot(x, y) + radius for (x, y, _), radius, is_carried in parts if not is_carried]
+    found = KeepOutZones(world=WALL).footprint_of(robot)
+    assert found == max(reach)
+    assert 0.165 <= found < 0.165 + 0.03 + 0.05
+
+
+TWO = dqc.WholeBody([dqc.CarLikeBase(0.05, 0.15, wheelbase=0.4, steering_limit=0.6, rim_speed=0.8),
+                     dqc.CarLikeBase(0.05, 0.15, wheelbase=0.2, steering_limit=0.6, rim_speed=0.5)])  # fmt: skip
+
+
+def test_each_of_two_bases_has_its_own_sharpest_curve():
+    prepared = Supervisor(acceleration=[2.0, 1.0, 2.0, 1.5], **FREE).prepare(TWO, T)
+    radii = np.array([0.4, 0.2]) / np.tan(0.6)
+    assert prepared.bounds.acceleration == pytest.approx([radii[0], 1.0, 1.5 * radii[1], 1.5])
+
+
+def test_both_inputs_of_each_of_two_bases_are_brought_within_reach_by_one_share():
+    drives = dqc.WholeBody([dqc.DifferentialDrive(0.05, 0.15, rim_speed=0.8)] * 2)
+    prepared = Supervisor(acceleration=1.0, **LOOSE).prepare(drives, T)
+    state, wanted = prepared.start(np.zeros(6)), np.array([0.3, 0.1, 0.02, 0.4])
+    prepared.command(np.zeros(6), wanted, state)
+    assert prepared.rate(state) == pytest.approx(np.r_[wanted[:2] * T / 0.3, wanted[2:] * T / 0.4], abs=1e-12)
+
+
+@pytest.mark.parametrize("slow", [0, 1])
+@pytest.mark.parametrize("form", ["constrained", "unconstrained"])
+def test_a_rim_beyond_a_limit_that_fell_is_told_of_its_own_base(slow, form):
+    """The one that drives: whatever the other's limit is."""
+    robot = dqc.WholeBody([dqc.DifferentialDrive(0.05, 0.15, rim_speed=0.8)] * 2, form=form)
+    prepared = Supervisor(acceleration=1.0, **LOOSE).prepare(robot, T)
+    size = robot.input_size // 2
+    q, wanted = np.zeros(6), np.zeros(2 * size)
+    wanted[size] = 0.5  # the second drives ahead
+    state = prepared.start(q)
+    for _ in range(80):
+        prepared.command(q, wanted, state)
+    assert prepared.reasons(state) == ()
+    prepared.bounds.velocity[slow * size : (slow + 1) * size] = 0.2
+    prepared.command(q, wanted, state)
+    assert ("limits that cannot be kept together" in prepared.reasons(state)) == (slow == 1)
+
+
+def test_the_box_of_an_arm_on_a_base_is_about_where_the_base_is():
+    robot = dqc.load_robot("little-john")
+    q = np.array([2.0, 1.0, 0.7, 0.0, -0.9, 0.9, 0.9, 0.0])
+    hand = algebra.translation(robot.fkm(q))
+    box = WorkspaceBox(lower=tuple(hand - 0.1), upper=tuple(hand + 0.1))
+    prepared = Supervisor(workspace=box, acceleration=5.0, **LOOSE).prepare(robot, T)
+    state, wanted = prepared.start(q), np.zeros(robot.input_size)
+    wanted[0], wanted[3] = 0.05, -0.2
+    for _ in range(40):
+        u = prepared.command(q, wanted, state)
+        q = robot.integrate(q, u, T)
+        assert "limits that cannot be kept together" not in prepared.reasons(state)
+        if abs(algebra.translation(robot.fkm(q)) - hand).max() < 0.06:
+            assert not {"workspace box"} & set(prepared.reasons(state))
+    assert q[4] < -0.95
+
+
+def test_a_base_that_cannot_stop_before_a_zone_says_so():
+    robot = dqc.WholeBody([dqc.HolonomicBase(speed=0.8, turn_rate=2.0)])
+    prepared = Supervisor(acceleration=1.0, keep_out=KEEP, **LOOSE).prepare(robot, T)
+    q = np.array([NEAREST - 0.01, 0.0, 0.0])
+    state = prepared.start(q)
+    memory = state_layout(state, 3, 3)
+    memory.rate[0] = memory.past[:, 0] = memory.sent_rate[0] = 0.5
+    prepared.command(q, np.array([0.5, 0.0, 0.0]), state)
+    assert prepared.reasons(state) == ("limits that cannot be kept together", "keep-out zone")
+    far = prepared.start(np.zeros(3))
+    prepared.command(np.zeros(3), np.array([0.005, 0.0, 0.0]), far)
+    assert prepared.reasons(far) == ()
+
+
+COLUMN = dqc.World(bodies={"column": Body(cylinder=(0.25, 1.0), position=(2.0, 1.0, 0.5))})
+
+
+def test_a_single_disc_is_a_zone():
+    robot = dqc.WholeBody([dqc.HolonomicBase(speed=0.8, turn_rate=2.0)])
+    zones = KeepOutZones(world=COLUMN, footprint=0.25, margin=0.0)
+    prepared = Supervisor(acceleration=1.0, keep_out=zones, **LOOSE).prepare(robot, T)
+    for x, y, is_refused in ((2.0, 1.0, True), (2.0, 1.49, True), (2.0, 1.51, False), (1.0, 2.0, False)):
+        if is_refused:
+            with pytest.raises(ValueRangeError, match="nearer than its footprint"):
+                prepared.start([x, y, 0.0])
+        else:
+            prepared.start([x, y, 0.0])
+    q, way = np.array([2.0, -1.0, 1.0]), []
+    state = prepared.start(q)
+    for _ in range(500):
+        q = robot.integrate(q, prepared.command(q, np.array([0.0, 0.5, 0.0]), state), T)
+        way.append(q[1])
+    assert max(way) < 0.5
+    assert max(way) > 0.5 - 0.005
+
+
+@pytest.mark.parametrize("command", [(0.15, 0.0), (0.18, 0.01)])
+def test_a_hand_that_moves_along_z_keeps_its_speed_too(command):
+    arm = dqc.SerialArm.from_dh([0, 0], [0, 0], [0, 0], [0, 0], ["prismatic"] * 2, name="lift")
+    prepared = Supervisor(acceleration=1e3, velocity=9.0, hand_speed=0.2, **LOOSE).prepare(arm, T)
+    q = np.array([0.5, 0.4])
+    state = prepared.start(q)
+    for _ in range(5):
+        u = prepared.command(q, np.array(command), state)
+        q = q + T * u
+        assert prepared.reasons(state) == ()
+        assert u == pytest.approx(command)
+
+
+def test_a_return_keeps_the_speed_of_the_hand():
+    given = FREE | {"hand_speed": 0.05, "tracking_error": 0.2, "jump": 9.0, "overspeed": 99.0}
+    prepared = Supervisor(acceleration=50.0, **given).prepare(ARM, T)
+    state = prepared.start(Q0)
+    prepared.command(Q0, np.zeros(7), state, request=STOP)
+    for _ in range(3):
+        prepared.command(Q0, np.zeros(7), state)
+    away = Q0 + 0.19 * np.eye(7)[1]
+    prepared.command(away, np.zeros(7), state, request=RESET)
+    places = [ARM.fkm(prepared.position(state))]
+    told = set()
+    for _ in range(100):
+        prepared.command(away, np.zeros(7), state)
+        told |= set(prepared.reasons(state))
+        places.append(ARM.fkm(prepared.position(state)))
+    speed = np.linalg.norm(np.diff(algebra.translation(np.array(places)), axis=0), axis=1) / T
+    assert "command returns to the measured joints" in told
+    assert 0.049 < speed.max() < 0.0501
+
+
+def test_a_reset_ends_a_hold():
+    near, elbow = np.array([0.3, 0.6, -0.2, 0.0, 0.4, 0.6, 0.1]), np.eye(7)[3]
+    prepared = Supervisor(acceleration=1e3, **LOOSE | {"slow_below": 0.1, "hold_below": 0.05}).prepare(ARM, T)
+    bent = near + np.linspace(0.02, 1.0, 400)[:, None] * elbow
+    values = np.linalg.svd(ARM.hand_jacobian(bent), compute_uv=False)[:, -1]
+    held, slowed = (bent[int(np.argmin(np.abs(values - value)))] for value in (0.045, 0.065))
+    state = prepared.start(held)
+    for request, q, why in (
+        (GO, held, "held"),
+        (GO, slowed, "held"),
+        (STOP, slowed, None),
+        (GO, slowed, None),
+        (RESET, slowed, None),
+        (GO, slowed, "slowed"),
+    ):
+        prepared.command(q, -0.01 * elbow, state, request=request)
+        assert why is None or f"{why} near a singularity" in prepared.reasons(state)
+
+
+@pytest.mark.parametrize("wanted", [0.0751, 0.3, 1.0, 1.7])
+def test_a_hand_that_turns_moves_as_fast_as_it_may_however_fast_it_is_wanted(wanted):
+    """Its chord is shorter than its way: scaled once by that, it would be too fast and be braked to half its speed."""
+    given = FREE | {"hand_speed": 0.05, "tracking_error": 9.0, "jump": 9.0, "overspeed": 99.0}
+    prepared = Supervisor(acceleration=5.0, **given).prepare(ARM, T)
+    state, q = prepared.start(Q0), Q0.copy()
+    places = []
+    for _ in range(60):
+        q = q + T * prepared.command(q, wanted * np.eye(7)[1], state)
+        places.append(algebra.translation(ARM.fkm(q)))
+    speed = np.linalg.norm(np.diff(places, axis=0), axis=1) / T
+    assert speed[20:] == pytest.approx(0.05, rel=1e-9)

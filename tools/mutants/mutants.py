@@ -138,7 +138,9 @@ def _tried(slip: Slip, items: list[pytest.Item], reached: Lines, seconds: list[f
     old, new = (compile(text, str(path), "exec") for text in (path.read_text(), changed))
     pairs = [(a, b) for a, b in _pairs(old, new) if not _same(a, b)]
     if pairs and all(a.co_flags & 0x2 and "__qualname__" not in a.co_names for a, _ in pairs):  # CO_NEWLOCALS
-        places = {(str(path), number + 1) for number in range(slip["first"], slip["last"])}
+        places = {(str(path), number + 1) for number in range(slip["first"], slip["last"])} & reached.keys()
+        if not places:  # within a statement of several lines, of which not each counts as run
+            places = {(str(path), number) for a, _ in pairs for *_, number in a.co_lines()}
         apply = partial(_swap, {_place(a): b for a, b in pairs})
     else:
         statement = _constant(slip, lines)
