@@ -49,8 +49,8 @@ def asked(robot, task, q, sample, gain):
     return chosen.hand_jacobian(q), np.concatenate([gain * angle * axis + sample[8:11], move])
 
 
-@pytest.mark.parametrize("level", [0, 1, 2])
-def test_levels_are_projections(on_a_torso, level):
+@pytest.mark.parametrize(("level", "sign"), [(0, 1), (1, 1), (2, 1), (1, -1)])
+def test_levels_are_projections(on_a_torso, level, sign):
     """Both hands on one torso want to go where they cannot go together: six, then eight rows of 14 inputs."""
     robot, rng = on_a_torso.with_task("left"), np.random.default_rng(3)
     length = np.diag([0.3, 0.3, 0.3, 1, 1, 1])
@@ -59,7 +59,12 @@ def test_levels_are_projections(on_a_torso, level):
         sample = dqc.Sample(robot.fkm(q + 0.1, "right"), rng.uniform(-0.1, 0.1, 6))
         held = FurtherTask("right", 4.0, level=level)
         tasks = PreparedTasks(robot, [held, FurtherTask("relative", 2.0, level=3)], q + 0.1, np.zeros(1))
-        samples = [np.concatenate([each[0, :8], np.zeros(13)]) for each in tasks.samples]
+        samples = []
+        for i in range(2):  # targets that move, of either sign
+            given = tasks.samples_in(tasks.parameters, i)[0]
+            given[:8] *= sign
+            given[8:14] = rng.uniform(-0.2, 0.2, 6)
+            samples.append(given)
         found = robot.kinematics(q)
         out = u.copy()
         assert (
@@ -94,6 +99,32 @@ def test_levels_are_projections(on_a_torso, level):
             change = change + inverse @ (rate - jacobian @ (u + change))
             left = left - inverse @ projected
         np.testing.assert_allclose(out, u + change, rtol=1e-5, atol=1e-7)
+
+
+@pytest.mark.parametrize("part", ["axis", "line"])
+def test_an_axis_takes_the_short_way_and_leaves_what_is_free_about_and_along_it(on_a_torso, part):
+    """In the desired axes: the two turns across it, of a line the two moves across it too"""
+    robot, rng = on_a_torso.with_task("left"), np.random.default_rng(5)
+    for _ in range(6):
+        q, u = rng.uniform(-1, 1, 14), rng.uniform(-0.3, 0.3, 14)
+        task = FurtherTask("right", 3.0, level=0, part=part)
+        tasks = PreparedTasks(robot, [task], q + rng.uniform(-0.3, 0.3, 14), np.zeros(1))
+        sample = tasks.samples_in(tasks.parameters, 0)[0]
+        sample[8:14] = rng.uniform(-0.2, 0.2, 6)
+        found, out = robot.kinematics(q), u.copy()
+        given = dqc.Sample(robot.fkm(q)).numbers, 0, tasks.parameters, np.zeros(tasks.work_size), out
+        assert tasks.kernel(q, found.pose, found.twist_jacobian, *given) == 0
+        chosen = robot.with_task("right")
+        present, desired = (
+            dqc.algebra.matrix_from_rotation(dqc.algebra.rotation(x)) for x in (chosen.fkm(q), sample[:8])
+        )
+        turn = np.cross(present[:, 2], desired[:, 2])
+        angle = np.arctan2(np.linalg.norm(turn), present[:, 2] @ desired[:, 2])
+        _, wanted = asked(robot, "right", q, sample, 3.0)
+        wanted[:3] = 3.0 * angle * turn / np.linalg.norm(turn) + sample[8:11]
+        across = np.kron(np.eye(2), desired[:, :2].T)[: 4 if part == "line" else 2]
+        jacobian = across @ chosen.hand_jacobian(q)
+        np.testing.assert_allclose(jacobian @ out, across @ wanted, atol=1e-9)
 
 
 def test_a_task_before_the_law_s_is_done_whatever_that_wants(arms):
