@@ -349,7 +349,7 @@ def test_limits_alone_watch_nothing():
 
 
 def test_a_jerk_beyond_all_needs_no_window():
-    for jerk, window in ((1e12, 1), (2 * 10.0 / T, 1), (2 * 10.0 / (1.5 * T), 2)):
+    for jerk, window in ((1e14, 1), (2 * 10.0 / T, 1), (2 * 10.0 / (1.5 * T), 2)):
         assert Supervisor(jerk=jerk).prepare(ARM, T).window == window
 
 
@@ -405,9 +405,9 @@ def test_the_box_of_an_arm_on_a_base_is_about_where_the_base_is():
     q = np.array([2.0, 1.0, 0.7, 0.0, -0.9, 0.9, 0.9, 0.0])
     hand = algebra.translation(robot.fkm(q))
     box = WorkspaceBox(lower=tuple(hand - 0.1), upper=tuple(hand + 0.1))
-    prepared = Supervisor(workspace=box, acceleration=5.0, **LOOSE).prepare(robot, T)
+    prepared = Supervisor(workspace=box, acceleration=1.0, **LOOSE).prepare(robot, T)
     state, wanted = prepared.start(q), np.zeros(robot.input_size)
-    wanted[0], wanted[3] = 0.05, -0.2
+    wanted[0], wanted[3] = 0.3, -0.2  # the base is taken to stand where it is
     for _ in range(40):
         u = prepared.command(q, wanted, state)
         q = robot.integrate(q, u, T)
@@ -501,7 +501,7 @@ def test_a_reset_ends_a_hold():
         (RESET, slowed, None),
         (GO, slowed, "slowed"),
     ):
-        prepared.command(q, -0.01 * elbow, state, request=request)
+        prepared.command(q, -1.0 * elbow, state, request=request)
         assert why is None or f"{why} near a singularity" in prepared.reasons(state)
 
 
@@ -517,3 +517,20 @@ def test_a_hand_that_turns_moves_as_fast_as_it_may_however_fast_it_is_wanted(wan
         places.append(algebra.translation(ARM.fkm(q)))
     speed = np.linalg.norm(np.diff(places, axis=0), axis=1) / T
     assert speed[20:] == pytest.approx(0.05, rel=1e-9)
+
+
+@pytest.mark.parametrize(("change", "share"), [(-0.25, 0.8), (1.3, 1.2 / 1.3), (-0.15, 1.0), (1.1, 1.0)])
+def test_a_hand_on_a_circle_takes_what_its_bend_leaves_of_its_acceleration(change, share):
+    """ω² r = 0.5 m/s² inwards of 0.7 allowed: 0.2 are left to pull it in, 1.2 to let it out."""
+    arm = dqc.SerialArm.from_dh(
+        [0, 0], [0, 0], [0, 0], [np.pi / 2, 0], ["revolute", "prismatic"], name="crane"
+    )
+    prepared = Supervisor(acceleration=1e3, velocity=9.0, hand_acceleration=0.7, **LOOSE).prepare(arm, T)
+    q = np.array([0.0, 0.5])
+    state = prepared.start(q)
+    for _ in range(400):
+        q = q + T * prepared.command(q, np.array([1.0, 0.0]), state)
+    assert prepared.rate(state) == pytest.approx([1.0, 0.0])
+    prepared.command(q, np.array([1.0, change * T]), state)
+    assert prepared.rate(state)[1] == pytest.approx(share * change * T, rel=0.02)
+    assert ("hand acceleration limit" in prepared.reasons(state)) == (share < 1)
