@@ -17,6 +17,7 @@ from dqcontrol.supervisor.supervisor import _edges
 from dqcontrol.supervisor.supervisor_layout import (
     BOX,
     GO,
+    HAND_ACCELERATION_LIMIT,
     HEAD,
     PAYLOAD_CENTER,
     PAYLOAD_WEIGHT,
@@ -534,3 +535,28 @@ def test_a_hand_on_a_circle_takes_what_its_bend_leaves_of_its_acceleration(chang
     prepared.command(q, np.array([1.0, change * T]), state)
     assert prepared.rate(state)[1] == pytest.approx(share * change * T, rel=0.02)
     assert ("hand acceleration limit" in prepared.reasons(state)) == (share < 1)
+
+
+@pytest.mark.parametrize("wanted", [(1.0, -0.0025), (1.004, 0.0)])
+def test_a_bend_that_is_run_through_too_fast_is_not_made_worse(wanted):
+    """What would pull the hand further in, or make it faster, waits; what lets it out is taken."""
+    arm = dqc.SerialArm.from_dh(
+        [0, 0], [0, 0], [0, 0], [np.pi / 2, 0], ["revolute", "prismatic"], name="crane"
+    )
+    prepared = Supervisor(acceleration=1e3, velocity=9.0, hand_acceleration=0.7, **LOOSE).prepare(arm, T)
+    q = np.array([0.0, 0.5])
+    state = prepared.start(q)
+    for _ in range(400):
+        q = q + T * prepared.command(q, np.array([1.0, 0.0]), state)
+    prepared.bounds.head[HAND_ACCELERATION_LIMIT] = 0.4
+    prepared.command(q, np.array(wanted), state)
+    assert prepared.rate(state) == pytest.approx([1.0, 0.0], abs=2e-5)
+
+
+@pytest.mark.parametrize("coordinate", range(6))
+def test_each_base_that_jumps_any_way_is_told(coordinate):
+    drives = dqc.WholeBody([dqc.DifferentialDrive(0.05, 0.15, rim_speed=0.8)] * 2)
+    prepared = Supervisor(acceleration=1.0, **FREE).prepare(drives, T)
+    state = prepared.start(np.zeros(6))
+    prepared.command(0.9 * np.eye(6)[coordinate], np.zeros(4), state)
+    assert prepared.reasons(state) == ("measured base jumped",)
