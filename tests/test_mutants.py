@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 TOOLS = Path(__file__).parents[1] / "tools/mutants"
 
 PACKAGE = {
@@ -75,6 +77,7 @@ SLIPS = [
 ]
 
 
+@pytest.mark.slow
 def test_each_slip_is_made_alone_and_only_what_tests_run_is_called_seen(tmp_path):
     for name, text in PACKAGE.items():
         file = tmp_path / name
