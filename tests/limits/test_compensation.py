@@ -94,6 +94,18 @@ def test_what_joints_give_way_more_or_less_in_the_period_is_added_to_their_rates
         assert np.abs(found - u).max() > 1e-3
 
 
+def test_an_observer_sees_nothing_in_an_arm_that_sags_as_it_is_told():
+    """The first command: it is at rest where its targets and its weight have it."""
+    arm, law = dqc.load_robot("iiwa7"), dqc.laws.Proportional(gain=5.0)
+    commands = []
+    for more in ({}, OBSERVER):
+        given = dqc.limits.Compensation(**SAG, **more)
+        prepared = law.prepare(arm, None, 0.01, dqc.limits.CommandLimits(compensation=given), "integrated")
+        q = np.array(START)
+        commands.append(prepared.command(q, dqc.Sample(arm.fkm(q + 0.1)), prepared.initial_state(q)))
+    np.testing.assert_allclose(*commands, atol=1e-12)
+
+
 def test_delays_of_whole_periods_are_whole_whatever_their_division_leaves():
     for k in range(400):
         begun, oldest, _ = dqc.limits.Compensation._answer(k * 0.01, 0.0, 0.01)

@@ -1,5 +1,7 @@
 """Clamping and weighted least norm at single configurations, against their definitions in NumPy."""
 
+import copy
+
 import msgspec
 import numpy as np
 import pytest
@@ -132,6 +134,24 @@ def test_the_target_and_not_the_joint_is_what_is_kept_within_the_limit(arm, side
     assert side * free.command(q, far, free.initial_state(q))[3] > 0.04 / T, "or it would not come near"
     u = prepared.command(q, far, state)
     assert side * u[3] == pytest.approx(share / T, rel=1e-9, abs=1e-12)
+    ends = arm.limits.lower.copy(), arm.limits.upper.copy()
+    ends[int(side > 0)][3] -= side * max(lag, 0.0)
+    nearer = copy.copy(arm)
+    nearer.limits = Limits(*ends, arm.limits.velocity, arm.limits.effort)
+    limits = CommandLimits(position=ModifiedClamping())
+    same = Proportional(gain=40.0).prepare(nearer, None, T, limits)
+    expected = same.command(q, far, same.initial_state(q))
+    np.testing.assert_allclose(u, expected, rtol=1e-9, err_msg="the others make up for it alike")
+
+
+def test_what_was_held_leaves_nothing_for_the_next_sample(arm):
+    q = Q0.copy()
+    q[3] = arm.limits.upper[3] - 0.004
+    law, sample = situation(arm, "K", q)[:2]
+    used, fresh = (law.prepare(arm, None, T, CommandLimits(position=ModifiedClamping())) for _ in range(2))
+    assert used.command(q, sample, used.initial_state(q))[3] == pytest.approx(0.4)
+    commands = [each.command(Q0, sample, each.initial_state(Q0)) for each in (used, fresh)]
+    np.testing.assert_array_equal(*commands)
 
 
 def _lag(state):

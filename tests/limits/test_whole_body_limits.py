@@ -56,6 +56,28 @@ def test_commands_keep_their_direction_and_the_fastest_of_joints_and_rims_is_at_
     assert min(by_wheel, by_joint) > 30
 
 
+def test_the_fastest_rim_of_four_wheels_on_rollers_is_at_its_limit():
+    """|vx| + |vy| + (half track + half wheelbase) |ω| of one of them, whatever the signs."""
+    body = dqc.WholeBody(
+        [dqc.MecanumBase(wheel_radius=0.05, half_track=0.15, half_wheelbase=0.24, rim_speed=RIM)]
+    )
+    by_rim = 0
+    for u in np.random.default_rng(SEED).uniform(-2, 2, (50, 3)):
+        rim, inputs = np.abs(u) @ [1.0, 1.0, 0.39] / RIM, np.abs(u) / body.limits.velocity
+        by_rim += rim > max(1.0, inputs.max())
+        assert scaled(body, [0.3, -0.2, 0.0], u) == pytest.approx(u / max(1.0, rim, inputs.max()))
+    assert by_rim > 20
+
+
+def test_a_car_turns_no_sharper_than_its_wheels_are_steered():
+    body = dqc.WholeBody([dqc.CarLikeBase(0.05, 0.15, wheelbase=0.4, steering_limit=0.6, rim_speed=0.8)])
+    radius = 0.4 / np.tan(0.6)
+    assert scaled(body, np.zeros(3), np.array([0.1, 9.0]))[1] == pytest.approx(
+        scaled(body, np.zeros(3), np.array([0.1, 9.0]))[0] / radius
+    )
+    assert scaled(body, np.zeros(3), np.array([0.1, 0.1])) == pytest.approx([0.1, 0.1])
+
+
 def test_unconstrained_rates_are_scaled_by_the_wheels_that_follow_them():
     body = dqc.load_robot("little-john").in_form("unconstrained")
     q, u = np.array([0, 0, np.pi / 2, 0, 0, 0, 0, 0]), np.array([-0.1, 0.4, 0, 0, 0, 0, 0, 0])

@@ -15,6 +15,7 @@ from dqcontrol.supervisor import KeepOutZones, LinkPoint, Supervisor, WorkspaceB
 from dqcontrol.supervisor.interventions import REASONS, list_interventions, stop_category
 from dqcontrol.supervisor.supervisor import _edges
 from dqcontrol.supervisor.supervisor_layout import (
+    BAD,
     BOX,
     GO,
     HAND_ACCELERATION_LIMIT,
@@ -46,20 +47,23 @@ NEAREST = 5.0 - 0.28
 
 
 def test_points_level_with_corners_are_in_a_polygon_or_not():
-    """A diamond and, beside it, a triangle: what is level with two corners or one is counted once."""
-    diamond = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)]
+    """A rhombus and, beside it, a triangle: what is level with two corners or one is counted once."""
+    rhombus = [(1.0, 0.0), (0.0, 3.0), (-1.0, 0.0), (0.0, -3.0)]
     triangle = [(3.0, 0.0), (4.0, -1.0), (4.0, 1.0)]
-    rows = _edges(FloorMap((np.array(diamond), np.array(triangle))))
-    side = np.sqrt(0.5)
+    rows = _edges(FloorMap((np.array(rhombus), np.array(triangle))))
+    steep, side = np.sqrt(0.1), np.sqrt(0.5)
     for (x, y), expected in {
-        (0.0, 0.0): -side,
-        (0.5, 0.0): -side / 2,
-        (-0.5, 0.0): -side / 2,
+        (0.0, 0.0): -3 * steep,
+        (0.5, 0.0): -1.5 * steep,
+        (-0.5, 0.0): -1.5 * steep,
+        (0.5, 1.0): -0.5 * steep,
+        (-0.6, -1.1): -0.1 * steep,
+        (0.6, 1.5): 0.3 * steep,
+        (-0.4, 2.0): 0.2 * steep,
         (2.0, 0.0): 1.0,
         (-2.0, 0.0): 1.0,
-        (-3.0, 1.0): np.sqrt(5.0),
-        (-3.0, -1.0): np.sqrt(5.0),
-        (0.5, 1.0): np.sqrt(0.125),
+        (-3.0, 1.0): 7 * steep,
+        (-3.0, -1.0): 7 * steep,
         (3.5, 0.0): -side / 2,
         (3.9, 0.0): -0.1,
         (4.5, 0.0): 0.5,
@@ -127,6 +131,57 @@ def test_rims_on_rollers_are_braked_along_the_way_of_what_takes_longest():
     share = (rates - slowest) / (np.array([0.5, 0.2, 1.5]) - slowest)
     assert share == pytest.approx([share[0]] * 3)
     assert 0 < share[0] < 1
+
+
+def test_rims_on_rollers_beyond_what_braking_keeps_are_braked_in_full():
+    prepared = Supervisor(acceleration=1.0, keep_out=KEEP, **FREE).prepare(MECANUM, T)
+    memory = state_layout(prepared.start(np.zeros(3)), 3, 3)
+    memory.rate[:] = 0.7, 0.1, 1.5  # as after a limit fell
+    rates = memory.rate.copy()
+    _keep_rims(prepared.bounds, memory, rates)
+    assert rates == pytest.approx((1 - T * 1.0 / 1.5) * memory.rate)
+
+
+def test_a_return_brings_in_what_started_beyond_its_limit():
+    prepared = Supervisor(acceleration=1e3, **FREE | {"tracking_error": 0.03}).prepare(ARM, T)
+    q = Q0.copy()
+    q[6] = ARM.limits.upper[6] + 0.008
+    state = prepared.start(q)
+    prepared.command(q, np.zeros(7), state, request=STOP)
+    for _ in range(3):
+        prepared.command(q, np.zeros(7), state)
+    assert prepared.rate(state)[6] == 0.0
+    q[0] += 0.02
+    prepared.command(q, np.zeros(7), state, request=RESET)
+    while "command returns to the measured joints" not in prepared.reasons(state):
+        prepared.command(q, np.zeros(7), state)
+    assert prepared.position(state)[6] == pytest.approx(ARM.limits.upper[6], abs=1e-9)
+
+
+def test_measured_speed_after_a_silence_is_that_of_the_way_since():
+    prepared = Supervisor(acceleration=1e3, **LOOSE).prepare(ARM, T)
+    state = prepared.start(Q0)
+    for _ in range(9):
+        prepared.command(Q0, np.zeros(7), state, age=1.0)
+        state_layout(state, 7, 7).numbers[BAD] = 0.0
+    prepared.command(Q0 + 0.01, np.zeros(7), state)
+    assert state_layout(state, 7, 7).speed == pytest.approx(0.01 / (10 * T))
+
+
+def test_joints_behind_a_base_are_watched_and_the_base_needs_no_target():
+    robot = dqc.load_robot("little-john")
+    q = np.array([0.0, 0.0, np.pi / 2, 0.0, -0.9, 0.9, 0.9, 0.0])
+    prepared = Supervisor(acceleration=5.0, **FREE).prepare(robot, T)
+    state, wanted = prepared.start(q), np.zeros(robot.input_size)
+    wanted[0] = 0.3
+    for _ in range(300):  # 0.9 m along y: x is where it was
+        q = robot.integrate(q, prepared.command(q, wanted, state), T)
+        assert prepared.reasons(state) in ((), ("acceleration limit",))
+    assert q[1] > 0.8
+    q[6] = robot.limits.upper[6] + 0.2
+    for _ in range(40):
+        prepared.command(q, np.zeros(robot.input_size), state)
+    assert prepared.is_stopped(state)
 
 
 def test_a_return_to_the_measured_joints_is_not_held_near_a_singularity():
@@ -354,15 +409,16 @@ def test_a_jerk_beyond_all_needs_no_window():
         assert Supervisor(jerk=jerk).prepare(ARM, T).window == window
 
 
-def test_the_footprint_is_that_of_the_shapes_of_the_base():
-    """Little John's chassis: a cylinder of 0.165 m, 0.03 m ahead of the wheels' axis."""
-    robot = dqc.load_robot("little-john")
+@pytest.mark.parametrize(("name", "least", "most"), [("little-john", 0.165, 0.245), ("youbot", 0.25, 0.45)])
+def test_the_footprint_is_that_of_the_shapes_of_the_base(name, least, most):
+    """Little John's chassis: a cylinder of 0.165 m, 0.03 m ahead of the wheels' axis; youBot's is 0.58 m × 0.38 m."""
+    robot = dqc.load_robot(name)
     body = body_points(robot, np.zeros(robot.configuration_size))
     parts = zip(body.points, body.radius, body.carried, strict=True)
     reach = [np.hypot(x, y) + radius for (x, y, _), radius, is_carried in parts if not is_carried]
     found = KeepOutZones(world=WALL).footprint_of(robot)
     assert found == max(reach)
-    assert 0.165 <= found < 0.165 + 0.03 + 0.05
+    assert least <= found <= most
 
 
 TWO = dqc.WholeBody([dqc.CarLikeBase(0.05, 0.15, wheelbase=0.4, steering_limit=0.6, rim_speed=0.8),
