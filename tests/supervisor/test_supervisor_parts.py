@@ -171,7 +171,7 @@ def test_measured_speed_after_a_silence_is_that_of_the_way_since():
 def test_joints_behind_a_base_are_watched_and_the_base_needs_no_target():
     robot = dqc.load_robot("little-john")
     q = np.array([0.0, 0.0, np.pi / 2, 0.0, -0.9, 0.9, 0.9, 0.0])
-    prepared = Supervisor(acceleration=5.0, **FREE).prepare(robot, T)
+    prepared = Supervisor(acceleration=5.0, jump=9.0, overspeed=99.0, **FREE).prepare(robot, T)
     state, wanted = prepared.start(q), np.zeros(robot.input_size)
     wanted[0] = 0.3
     for _ in range(300):  # 0.9 m along y: x is where it was
@@ -179,9 +179,8 @@ def test_joints_behind_a_base_are_watched_and_the_base_needs_no_target():
         assert prepared.reasons(state) in ((), ("acceleration limit",))
     assert q[1] > 0.8
     q[6] = robot.limits.upper[6] + 0.2
-    for _ in range(40):
-        prepared.command(q, np.zeros(robot.input_size), state)
-    assert prepared.is_stopped(state)
+    prepared.command(q, np.zeros(robot.input_size), state)
+    assert "measured joint beyond its limits" in prepared.reasons(state)
 
 
 def test_a_return_to_the_measured_joints_is_not_held_near_a_singularity():
@@ -511,16 +510,20 @@ def test_a_single_disc_is_a_zone():
 
 
 @pytest.mark.parametrize("command", [(0.15, 0.0), (0.18, 0.01)])
-def test_a_hand_that_moves_along_z_keeps_its_speed_too(command):
+@pytest.mark.parametrize("acceleration", [1.0, 1e3])
+def test_a_hand_that_moves_along_z_keeps_its_speed_too(command, acceleration):
+    """Below its limit nothing is told, however long it takes to brake."""
     arm = dqc.SerialArm.from_dh([0, 0], [0, 0], [0, 0], [0, 0], ["prismatic"] * 2, name="lift")
-    prepared = Supervisor(acceleration=1e3, velocity=9.0, hand_speed=0.2, **LOOSE).prepare(arm, T)
+    given = LOOSE | {"acceleration": acceleration, "velocity": 9.0, "hand_speed": 0.2}
+    prepared = Supervisor(**given).prepare(arm, T)
     q = np.array([0.5, 0.4])
     state = prepared.start(q)
-    for _ in range(5):
+    for _ in range(40):
         u = prepared.command(q, np.array(command), state)
         q = q + T * u
-        assert prepared.reasons(state) == ()
-        assert u == pytest.approx(command)
+        assert prepared.reasons(state) in ((), ("acceleration limit",))
+    assert prepared.reasons(state) == ()
+    assert u == pytest.approx(command)
 
 
 def test_a_return_keeps_the_speed_of_the_hand():
@@ -616,3 +619,24 @@ def test_each_base_that_jumps_any_way_is_told(coordinate):
     state = prepared.start(np.zeros(6))
     prepared.command(0.9 * np.eye(6)[coordinate], np.zeros(4), state)
     assert prepared.reasons(state) == ("measured base jumped",)
+
+
+@pytest.mark.parametrize("jerk", [None, 20.0, 100.0])
+def test_a_hand_comes_as_near_to_the_side_of_its_box_with_jerk_as_without(jerk):
+    arm = dqc.SerialArm.from_dh([0, 0], [0, 0], [0, 0], [0, 0], ["prismatic"] * 2, name="lift")
+    box = WorkspaceBox(lower=(-1.0, -1.0, -1.0), upper=(1.0, 1.0, 1.0))
+    given = LOOSE | {"acceleration": 2.0, "velocity": 9.0, "workspace": box, "jerk": jerk}
+    prepared = Supervisor(**given).prepare(arm, T)
+    q = np.array([0.3, 0.2])
+    state, fastest = prepared.start(q), 0.0
+    for _ in range(400):
+        u = prepared.command(q, np.array([0.4, 0.1]), state)
+        q, fastest = q + T * u, max(fastest, u.sum())
+        if u.sum() < fastest - 1e-6 and fastest == pytest.approx(0.5):
+            break
+    left = 1.0 - q.sum()  # where it begins to brake: 0.5²/(2 · 2.5) m, and what jerk takes
+    for _ in range(600):
+        q = q + T * prepared.command(q, np.array([0.4, 0.1]), state)
+    assert 1.0 - 2e-3 < q.sum() <= 1.0 + 1e-9
+    window = 0.0 if jerk is None else prepared.window * T
+    assert left < 0.5**2 / (2 * 2.5) + 0.5 * (window + 3 * T)
