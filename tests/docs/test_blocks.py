@@ -51,6 +51,7 @@ SLOW = {  # parts of commands and of Python
     "own-data.md": ("results/mine", "results/from-python"),
     "painting.md": ("dqcontrol paint",),
     "pereira2016.md": ("--repeats 2", "--plant servo"),
+    "pereira2016-causes.md": EVERYTHING,
     "physics.md": ("run examples/",),
     "real-time.md": EVERYTHING,
     "reports.md": ("results/demo", "figures results", "write_report", "column_width"),
