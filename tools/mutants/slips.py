@@ -34,7 +34,7 @@ def slips(path: Path):
                 ).get_opcodes()
                 if each[0] != "equal"
             ]
-            _, first, last, start, stop = changed[0]
+            first, last, start, stop = changed[0][1], changed[-1][2], changed[0][3], changed[-1][4]
             yield {
                 "path": str(path),
                 "operator": name.removeprefix("core/"),
