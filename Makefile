@@ -149,7 +149,7 @@ release-check: $(VENV)/test $(RELEASE)/tools
 	@$(BIN)/pyright --threads 2 --project pyproject.toml
 	@$(BIN)/python tools/check_release.py dist
 
-# A package's code with a thousand slips, one at a time and in a copy, against its own tests (CONTRIBUTING.md).
+# A package's code with a thousand slips, one at a time, against its own tests (CONTRIBUTING.md).
 FOLDER := supervisor
 SLIPS := results/mutants/$(FOLDER)
 

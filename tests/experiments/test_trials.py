@@ -9,12 +9,17 @@ from study_specs import spec
 
 from dqcontrol.errors import Error
 from dqcontrol.experiments.prepared_experiment import prepare
-from dqcontrol.experiments.trials import Batch, Trial, outcomes, sensible_jobs
+from dqcontrol.experiments.processes import sensible_jobs
+from dqcontrol.experiments.trials import Batch, Trial, outcomes
 
 
 def batches(repeats=3, **changes):
     setting = prepare(spec(repeats=repeats, **changes))
     return [Batch(setting, case, range(repeats), None) for case in setting.cases]
+
+
+def seconds(some):
+    return sum(batch.seconds for batch in some)
 
 
 def test_parts_hold_every_repeat_once_and_take_about_a_second():
@@ -28,9 +33,9 @@ def test_parts_hold_every_repeat_once_and_take_about_a_second():
 
 
 def test_a_few_short_trials_start_no_processes():
-    assert sensible_jobs(batches()) == 1
-    assert sensible_jobs([]) == 1
-    assert sensible_jobs(batches(repeats=100_000)) == joblib.cpu_count()
+    assert sensible_jobs(seconds(batches())) == 1
+    assert sensible_jobs(seconds([])) == 1
+    assert sensible_jobs(seconds(batches(repeats=100_000))) == joblib.cpu_count()
 
 
 def test_physics_and_records_are_longer():

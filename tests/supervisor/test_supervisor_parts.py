@@ -579,9 +579,8 @@ def test_a_hand_that_turns_moves_as_fast_as_it_may_however_fast_it_is_wanted(wan
     assert speed[20:] == pytest.approx(0.05, rel=1e-9)
 
 
-@pytest.mark.parametrize(("change", "share"), [(-0.25, 0.8), (1.3, 1.2 / 1.3), (-0.15, 1.0), (1.1, 1.0)])
-def test_a_hand_on_a_circle_takes_what_its_bend_leaves_of_its_acceleration(change, share):
-    """ω² r = 0.5 m/s² inwards of 0.7 allowed: 0.2 are left to pull it in, 1.2 to let it out."""
+def on_a_circle():
+    """Return a supervisor, its state and the joints of a hand that goes 0.5 m/s on a circle of 0.5 m."""
     arm = dqc.SerialArm.from_dh(
         [0, 0], [0, 0], [0, 0], [np.pi / 2, 0], ["revolute", "prismatic"], name="crane"
     )
@@ -590,6 +589,13 @@ def test_a_hand_on_a_circle_takes_what_its_bend_leaves_of_its_acceleration(chang
     state = prepared.start(q)
     for _ in range(400):
         q = q + T * prepared.command(q, np.array([1.0, 0.0]), state)
+    return prepared, state, q
+
+
+@pytest.mark.parametrize(("change", "share"), [(-0.25, 0.8), (1.3, 1.2 / 1.3), (-0.15, 1.0), (1.1, 1.0)])
+def test_a_hand_on_a_circle_takes_what_its_bend_leaves_of_its_acceleration(change, share):
+    """ω² r = 0.5 m/s² inwards of 0.7 allowed: 0.2 are left to pull it in, 1.2 to let it out."""
+    prepared, state, q = on_a_circle()
     assert prepared.rate(state) == pytest.approx([1.0, 0.0])
     prepared.command(q, np.array([1.0, change * T]), state)
     assert prepared.rate(state)[1] == pytest.approx(share * change * T, rel=0.02)
@@ -599,14 +605,7 @@ def test_a_hand_on_a_circle_takes_what_its_bend_leaves_of_its_acceleration(chang
 @pytest.mark.parametrize("wanted", [(1.0, -0.0025), (1.004, 0.0)])
 def test_a_bend_that_is_run_through_too_fast_is_not_made_worse(wanted):
     """What would pull the hand further in, or make it faster, waits; what lets it out is taken."""
-    arm = dqc.SerialArm.from_dh(
-        [0, 0], [0, 0], [0, 0], [np.pi / 2, 0], ["revolute", "prismatic"], name="crane"
-    )
-    prepared = Supervisor(acceleration=1e3, velocity=9.0, hand_acceleration=0.7, **LOOSE).prepare(arm, T)
-    q = np.array([0.0, 0.5])
-    state = prepared.start(q)
-    for _ in range(400):
-        q = q + T * prepared.command(q, np.array([1.0, 0.0]), state)
+    prepared, state, q = on_a_circle()
     prepared.bounds.head[HAND_ACCELERATION_LIMIT] = 0.4
     prepared.command(q, np.array(wanted), state)
     assert prepared.rate(state) == pytest.approx([1.0, 0.0], abs=2e-5)

@@ -56,7 +56,7 @@ def pytest_runtestloop(session: pytest.Session) -> bool:
     reached, seconds = _reached(session.items, {os.path.abspath(slip["path"]) for slip in slips})
     counts: Counter[str] = Counter()
     unseen = []
-    with Path(option("--seen")).open("a") as seen:
+    with Path(option("--seen")).open("w") as seen:
         for slip in slips:
             outcome, by = _tried(slip, session.items, reached, seconds)
             counts[outcome] += 1

@@ -23,7 +23,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 
-WORTH_PROCESSES = 5.0  # s of work; starting processes for less takes longer than it saves
+_WORTH_PROCESSES = 5.0  # s of work; starting processes for less takes longer than it saves
 
 
 def checked_jobs(jobs: int | None) -> int | None:
@@ -37,6 +37,15 @@ def checked_jobs(jobs: int | None) -> int | None:
     if jobs is not None and (isinstance(jobs, bool) or not isinstance(jobs, int) or jobs < 1):
         raise ValueRangeError(f"jobs: expected an integer ≥ 1, got {jobs!r:.80}")
     return jobs
+
+
+def sensible_jobs(seconds: float) -> int:
+    """Return the number of available processors, or 1 if there is too little to do for them."""
+    if seconds <= _WORTH_PROCESSES:
+        return 1
+    import joblib
+
+    return joblib.cpu_count()
 
 
 @contextmanager
@@ -68,9 +77,7 @@ def workers(
             yield lambda tasks: on_cluster(client, run, tasks)
         return
     if jobs is None:
-        import joblib
-
-        jobs = joblib.cpu_count() if seconds > WORTH_PROCESSES else 1
+        jobs = sensible_jobs(seconds)
     if jobs == 1 or count == 1:
         yield lambda tasks: map(run, tasks)
         return

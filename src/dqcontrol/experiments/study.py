@@ -20,7 +20,7 @@ from dqcontrol.errors import DivergedError, FileFormatError, LimitWarning
 from dqcontrol.experiments.check import warn_unstable
 from dqcontrol.experiments.failure_hints import warn_of_failures
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare, program
-from dqcontrol.experiments.processes import checked_jobs, in_processes
+from dqcontrol.experiments.processes import checked_jobs, in_processes, sensible_jobs
 from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.results_folder import (
     PARENT,
@@ -37,7 +37,7 @@ from dqcontrol.experiments.run import Run, as_run, execute
 from dqcontrol.experiments.run_comparison import MEANS, MOST_CURVES, summary_of, unit_of_way, write_table
 from dqcontrol.experiments.spec import Spec, read_spec
 from dqcontrol.experiments.spec.spec_files import copy_inputs
-from dqcontrol.experiments.trials import Batch, Trial, TrialOutcome, outcomes, sensible_jobs, trial_folder
+from dqcontrol.experiments.trials import Batch, Trial, TrialOutcome, outcomes, trial_folder
 from dqcontrol.experiments.verdict import headline, verdict_of
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop import Record
@@ -499,7 +499,7 @@ def _run(
     report = progress or (lambda done, total: None)
     report(taken_over, len(order))
     runs: dict[Trial, Run] = {}
-    jobs = sensible_jobs(batches) if jobs is None else jobs
+    jobs = sensible_jobs(sum(batch.seconds for batch in batches)) if jobs is None else jobs
     for outcome in outcomes(batches, jobs, lambda done, all_: report(len(rows) + done / all_, len(order))):
         rows[outcome.trial] = outcome.row
         if outcome.run is not None:

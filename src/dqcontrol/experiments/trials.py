@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from dqcontrol.errors import DivergedError
 from dqcontrol.experiments.prepared_experiment import Combination, Names, PreparedExperiment
-from dqcontrol.experiments.processes import WORTH_PROCESSES, in_processes
+from dqcontrol.experiments.processes import in_processes
 from dqcontrol.experiments.results_folder import folder_names
 from dqcontrol.experiments.row_file import Row
 from dqcontrol.experiments.run import Run, as_run, execute, measure
@@ -138,15 +138,6 @@ class Batch:
 def trial_folder(folder: Path, trial: Trial) -> Path:
     """Return where a trial's recording goes: ``folder/LABEL/REPEAT``."""
     return folder / folder_names([trial.names.label])[trial.names.label] / str(trial.repeat)
-
-
-def sensible_jobs(batches: Sequence[Batch]) -> int:
-    """Return the number of available processors, or 1 if there is too little to do for them."""
-    if sum(batch.seconds for batch in batches) <= WORTH_PROCESSES:
-        return 1
-    import joblib
-
-    return joblib.cpu_count()
 
 
 def outcomes(batches: Sequence[Batch], jobs: int, progress: Steps | None = None) -> Iterator[TrialOutcome]:

@@ -84,9 +84,8 @@ class Certificate:
         return float(max(np.diff(self.value).max(initial=0.0), 0.0) / self.value[0])
 
 
-_THRESHOLD = (
-    0.02  # singular values of the end effector's Jacobian below it count as none, as in the law's own inverse
-)
+# singular values of the end effector's Jacobian below it count as none, as in the law's own inverse
+_THRESHOLD = 0.02
 
 
 def certificate(robot: Robot, record: Record, law: FeedbackLinearization) -> Certificate:
