@@ -154,6 +154,8 @@ FOLDER := supervisor
 SLIPS := results/mutants/$(FOLDER)
 
 mutants: $(VENV)/test $(RELEASE)/tools
+	@[ -n '$(FOLDER)' ] && [ -d 'tests/$(FOLDER)' ] && [ -d 'src/dqcontrol/$(FOLDER)' ] \
+	  || { echo "FOLDER: expected a package with tests of its own, as supervisor or laws, got '$(FOLDER)'" >&2; exit 2; }
 	@mkdir -p $(SLIPS)
 	@$(UV) run -q --no-project --with 'cosmic-ray>=8.7' python tools/mutants/slips.py src/dqcontrol/$(FOLDER) >$(SLIPS)/slips.json
 	@PYTHONPATH=src:tools/mutants $(BIN)/python -m pytest -n 0 -s -p interpreted -p mutants tests/$(FOLDER) src/dqcontrol/$(FOLDER) \
