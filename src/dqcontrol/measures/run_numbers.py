@@ -381,9 +381,10 @@ def _measure_motion(desired, mean, out):
     last_step, largest_step = 0.0, 0.0
     mean[:] = 0.0
     for i in range(count):
-        row, real, square = desired[i], 0.0, 0.0
+        row, before, real, along, square = desired[i], desired[max(i - 1, 0)], 0.0, 0.0, 0.0
         for k in range(4):
             real += row[k] * desired[0, k]
+            along += row[k] * before[k]
         sign = 1.0 if real > 0.0 else (-1.0 if real < 0.0 else 0.0)
         for k in range(4):
             mean[k] += sign * row[k]
@@ -392,8 +393,9 @@ def _measure_motion(desired, mean, out):
         mean[5] += y
         mean[6] += z
         if i > 0:
+            same = 1.0 if along >= 0.0 else -1.0  # a pose and its negative are one
             for k in range(8):
-                square += (row[k] - desired[i - 1, k]) ** 2
+                square += (row[k] - same * before[k]) ** 2
             last_step = math.sqrt(square)
             largest_step = max(largest_step, last_step)
     size = math.sqrt(mean[0] ** 2 + mean[1] ** 2 + mean[2] ** 2 + mean[3] ** 2)
@@ -463,7 +465,11 @@ class DesiredMotion:
 
 
 def _first_of_rest(poses: Array) -> int:
-    there = row_by_row(lambda rows: (np.abs(rows - poses[-1]) <= _SAME).all(axis=1), poses)
+    def are_there(rows: Array) -> NDArray[np.bool_]:
+        signs = np.copysign(1.0, rows[:, :4] @ poses[-1, :4])
+        return (np.abs(signs[:, None] * rows - poses[-1]) <= _SAME).all(axis=1)
+
+    there = row_by_row(are_there, poses)
     first = len(there) - int(there[::-1].argmin()) if not there.all() else 0
     return len(there) - max(1, int(LAST * (len(there) - first)))
 
