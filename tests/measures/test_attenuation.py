@@ -66,6 +66,7 @@ def test_the_worst_case_is_the_closed_form_and_tight(arm, law, form, product):
     assert math.isnan(row.orientation), "nothing turns the hand"
     assert row.largest_angle < 3e-3
     assert row.holds
+    assert row.form == form
 
 
 def test_the_printed_sum_cannot_exceed_half_the_root_of_two_with_equal_levels(arm):

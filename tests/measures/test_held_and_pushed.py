@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from dqcontrol.loop.constraint_signals import EFFECT, PRESSURE
-from dqcontrol.measures.held import Deadlock, deadlocks
+from dqcontrol.loop.replanning import PLAN
+from dqcontrol.measures.held import Deadlock, apart_at_plans, deadlocks, plans_of_run
 from dqcontrol.measures.metrics import recovery_time
 from dqcontrol.plants.mujoco.world_model import FORCE
 
@@ -68,3 +69,46 @@ def test_it_is_back_within_two_millimetres_of_before_the_contact(left, time):
         time=0.01 * np.arange(20), readings={FORCE: SimpleNamespace(values=force)}, position_error=error
     )
     assert recovery_time(record) == pytest.approx(time)
+
+
+def planned(at, effect=(1, 0, 0, 0, 1.0, 0.0)):
+    """Return a record of 10 ms a sample with plans at these samples, by what held it in the sample before."""
+    plan = np.zeros((60, 4))
+    for number, k in enumerate(at, 1):
+        plan[k:] = number, 100 * number, 7, 0.012
+    pressure = np.zeros((60, 2))
+    pressure[[k - 1 for k in at if k], 1] = 1.0
+    effects = np.tile([0, 0, 0, 0, 1.0, 1.0], (60, 1))
+    effects[[k - 1 for k in at if k]] = effect
+    return Numbers(
+        time=0.01 * np.arange(60),
+        position=np.arange(180.0).reshape(60, 3),
+        readings={
+            PLAN: SimpleNamespace(values=plan),
+            EFFECT: SimpleNamespace(values=effects),
+            PRESSURE: SimpleNamespace(values=pressure, parts=("wall", "joint_2")),
+        },
+    )
+
+
+def test_plans_say_when_where_and_why_they_were_made():
+    first, second = plans_of_run(planned((0, 30)))
+    assert (first.time, first.edges, first.seed, first.held_by, first.cause) == (0.0, 100, 7, "", "")
+    assert (second.time, second.edges, second.held_by) == (pytest.approx(0.3), 200, "joint_2")
+    assert second.place.tolist() == [90, 91, 92]
+    assert second.cause == "planned again at 0.3 s, held by joint_2"
+    assert second.proof == "certified: least room 12 mm beyond what is asked; 200 edges, seed 7"
+
+
+def test_a_plan_for_a_goal_that_moved_was_held_by_nothing():
+    assert [each.held_by for each in plans_of_run(planned((0, 30), effect=(0, 0, 0, 0, 1.0, 1.0)))] == [
+        "",
+        "",
+    ]
+
+
+def test_what_is_desired_begins_anew_where_a_plan_was_made_again():
+    record = planned((0, 20, 30))
+    parts = apart_at_plans(record, np.arange(60.0)[:, None])
+    assert [(each[0, 0], len(each)) for each in parts] == [(0, 20), (20, 10), (30, 30)]
+    assert [len(each) for each in apart_at_plans(record, np.arange(5.0)[:, None])] == [5]

@@ -1,11 +1,14 @@
 """All numbers of a run beside the same formulas in NumPy: no joint, input or interval is as another."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from dqcontrol import algebra
 from dqcontrol.loop.record import Record
+from dqcontrol.loop.signals import Signal
 from dqcontrol.measures.metrics import evaluate
 from dqcontrol.measures.run_numbers import NUMBERS, DesiredMotion, run_numbers
 from dqcontrol.robots.limits import Limits
@@ -103,6 +106,21 @@ def test_every_number_is_its_formula(count, skip):
     for name, one, other in zip(NUMBERS, found.values, numbers, strict=True):
         assert one == pytest.approx(other, rel=1e-9, abs=1e-12, nan_ok=True), name
     assert list(found.task) == pytest.approx(task, rel=1e-9)
+
+
+def test_further_tasks_have_the_same_formulas():
+    run = make_run(30)
+    away = np.random.default_rng(2).uniform(size=(30, 2))
+    signal = Signal("task.elbow", ("distance", "angle"), ("m", "rad"), away)
+    run = replace(run, readings={"task.elbow": signal})
+    skip = 0.5 * (run.time[4] + run.time[5]) - run.time[0]
+    found = evaluate(run, skip_initial=skip).tasks["elbow"]
+    for deviation, values in (
+        (found.position, 1e3 * away[:, 0]),
+        (found.orientation, np.degrees(away[:, 1])),
+    ):
+        expected = [*joined(run.time, values)[1:], values[-1], *joined(run.time, values, 5)[1:]]
+        assert list(vars(deviation).values()) == pytest.approx(expected)
 
 
 def test_a_desired_motion_is_measured_from_its_mean_and_its_end():

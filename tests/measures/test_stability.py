@@ -21,11 +21,14 @@ from dqcontrol.laws import (
 )
 from dqcontrol.measures.stability import (
     damped_overshoot,
+    damping_limit,
     gain_limits,
     large_error_limit,
     loop_gains,
     overshoot,
     spectral_radius,
+    stability_limit,
+    with_integral,
     with_lag,
     with_mean,
 )
@@ -310,3 +313,70 @@ def test_extreme_gains_are_judged_without_a_warning(gain, integral):
         limits = gain_limits(Servo().linear_model(arm, None, T), T, 1.0, share)
         assert limits.stable == 0 if share else limits.stable > 0
     assert damped_overshoot(np.array([1.0, 0.5], dtype=complex)) == 0
+
+
+@pytest.mark.parametrize("share", [0.05, 0.25, 1.0, 4.0])
+def test_an_integral_takes_gain_away(share):
+    """z² − (2 − P − sP²) z + 1 − P with P = kT, s = k_I/k²: stable to P = (√(1 + 4s) − 1)/s."""
+    ideal = LinearModel(np.ones((1, 1)), np.full((1, 1), T))
+    expected = min((np.sqrt(1 + 4 * share) - 1) / share, 2)
+    assert stability_limit(ideal, T, integral_share=share) == pytest.approx(expected, rel=2e-7)
+    assert gain_limits(ideal, T, integral_share=share).stable == pytest.approx(expected, rel=2e-7)
+
+
+@pytest.mark.parametrize(("damping", "share"), [(0.5, 0.6), (0.7, 0.4), (0.9, 0.28)])
+def test_with_an_integral_poles_are_damped_until_the_slowest_is_negative(damping, share):
+    """Both are real and as large where 2 − P − sP² = 0; at small gains the damping ratio is ½/√s."""
+    ideal = LinearModel(np.ones((1, 1)), np.full((1, 1), T))
+    expected = (np.sqrt(1 + 8 * share) - 1) / (2 * share)
+    assert damping_limit(ideal, T, damping, share) == pytest.approx(expected, rel=1e-5)
+    assert damping_limit(ideal, T, 0.51 / np.sqrt(share), share) < 1e-3
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3])
+@pytest.mark.parametrize("direction", [1.0, np.exp(0.4j)])
+def test_many_gains_at_once_have_the_limit_of_one_at_a_time(share, direction):
+    rng = np.random.default_rng(8)  # two joints that move each other, each with a lag
+    coupled = np.eye(2) * 0.7 + rng.normal(0, 0.05, (2, 2))
+    model = LinearModel(
+        np.block([[np.eye(2), 0.3 * np.eye(2)], [np.zeros((2, 2)), coupled]]),
+        np.vstack([np.zeros((2, 2)), 0.01 * (np.eye(2) + rng.normal(0, 0.1, (2, 2)))]),
+    )
+    found = stability_limit(model, T, direction, share)
+    assert found == pytest.approx(gain_limits(model, T, direction, share).stable, rel=1e-6)
+    gain = found / T
+    for factor, is_stable in ((0.999, True), (1.001, False)):
+        k = gain * factor
+        poles = with_integral(model, share * k, T).poles(k * direction)
+        assert (spectral_radius(poles) < 1) == is_stable
+
+
+def test_a_measured_integral_is_the_sum_of_what_was_measured():
+    """w_j = y_j + ρT Σ_{i ≤ j} y_i along a run of a plant that moves by itself."""
+    rng = np.random.default_rng(4)
+    model = LinearModel(rng.normal(0, 0.4, (3, 3)), rng.normal(0, 1, (3, 2)))
+    seen, state = with_integral(model, 7.0, T), rng.normal(size=3)
+    total = state[:2].copy()
+    measured = np.concatenate([state[:2] + 7.0 * T * total, state])
+    for command in rng.normal(size=(20, 2)):
+        state = model.transition @ state + model.inputs @ command
+        measured = seen.transition @ measured + seen.inputs @ command
+        total += state[:2]
+        np.testing.assert_allclose(measured[:2], state[:2] + 7.0 * T * total, atol=1e-12)
+
+
+@pytest.mark.parametrize("damping", [0.1, 0.5, 0.7, 0.95])
+def test_the_overshoot_of_a_damped_pair_of_poles(damping):
+    step = np.linspace(0, 40, 200_001)
+    rate = np.sqrt(1 - damping**2)
+    answer = 1 - np.exp(-damping * step) * (np.cos(rate * step) + damping / rate * np.sin(rate * step))
+    poles = np.exp(T * np.array([-damping + 1j * rate, -damping - 1j * rate]))
+    assert damped_overshoot(np.append(poles, 0.1)) == pytest.approx(answer.max() - 1, rel=1e-5)
+
+
+def test_real_poles_pass_nothing_and_poles_on_the_unit_circle_do_not_end():
+    assert damped_overshoot(np.array([0.9, 0.5], complex)) == 0
+    assert damped_overshoot(1.001 * np.exp([0.3j, -0.3j])) == np.inf
+    ideal = LinearModel(np.ones((1, 1)), np.full((1, 1), T))
+    assert overshoot(ideal, 1.999 / T) == pytest.approx(0.999)  # the first step
+    assert overshoot(ideal, 2 / T) == np.inf
