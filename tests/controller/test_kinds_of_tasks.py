@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol.controller import FurtherTask
+from dqcontrol.controller import FurtherTask, PreparedTasks
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.robots import PoseTask
 
@@ -145,3 +145,16 @@ def test_bad_input_is_named(task, words):
         PoseTask("frame", ("left",), axis=(0.0, 0.0, 0.0))
     with pytest.raises(dqc.Error, match="has no inertia"):
         dqc.robots.chain_as_tree(dqc.load_robot("kuka-lwr4")).pose_of("center_of_mass", np.zeros(7))
+
+
+def test_a_posture_moves_the_arm_of_a_mobile_robot_and_not_its_base():
+    robot = dqc.load_robot("little-john")
+    q = np.array([0.5, -0.4, 0.8, 0, -0.9, 0.9, 0.9, 0])
+    wanted = q + np.array([1.0, 2.0, 0.5, 0.1, -0.1, 0.2, 0.1, 0.3])
+    tasks = PreparedTasks(robot, [FurtherTask("posture", 2.0, posture=wanted, level=0)], q, np.zeros(1))
+    found, out = robot.kinematics(q), np.zeros(robot.input_size)
+    sample = dqc.Sample(robot.fkm(q)).numbers
+    given = sample, 0, tasks.parameters, np.zeros(tasks.work_size), out
+    assert tasks.kernel(q, found.pose, found.twist_jacobian, *given) == 0
+    base = robot.input_size - 5
+    np.testing.assert_allclose(out[base:], 2.0 * (wanted - q)[3:], atol=1e-9)

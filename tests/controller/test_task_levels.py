@@ -5,7 +5,8 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.controller import FurtherTask, PreparedTasks
-from dqcontrol.errors import ReachError, ShapeError, UnknownNameError, ValueRangeError
+from dqcontrol.controller.task_levels import task_levels
+from dqcontrol.errors import InterpretedWarning, ReachError, ShapeError, UnknownNameError, ValueRangeError
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.loop import Record
 
@@ -26,6 +27,11 @@ def on_a_torso():
         for y in (0.4, -0.4)
     ]
     return dqc.TwoArms(*sides, base=torso)
+
+
+def stands_still(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    _ = "".join(str(type(object())))  # no compiled code for this
+    out[:] = 0.0
 
 
 def circle(robot, q, **other):
@@ -99,6 +105,72 @@ def test_levels_are_projections(on_a_torso, level, sign):
             change = change + inverse @ (rate - jacobian @ (u + change))
             left = left - inverse @ projected
         np.testing.assert_allclose(out, u + change, rtol=1e-5, atol=1e-7)
+
+
+def curvature(hand, error, square_length):
+    """Return the Frobenius norm of Σ eᵢ ∂²xᵢ, of a chain whose joints have the columns [ω ; a] in their order."""
+    m = hand.shape[1]
+    second = np.zeros((m, m))
+    for i in range(m):
+        for j in range(i, m):
+            turn = np.cross(hand[:3, i], hand[3:, j]) @ error[3:]
+            turn += 0.5 * square_length * error[:3] @ np.cross(hand[:3, i], hand[:3, j])
+            second[i, j] = second[j, i] = turn
+    return np.linalg.norm(second)
+
+
+@pytest.mark.parametrize(
+    ("part", "turns", "moves"), [("pose", 1, 1), ("position", 0, 1), ("orientation", 1, 0)]
+)
+@pytest.mark.parametrize("level", [0, 1])
+def test_damping_grows_with_the_curvature_of_the_errors_of_the_first_level(arms, part, turns, moves, level):
+    """λ² = c‖C‖ of the law's error and c_t‖C_t‖ of a task's, less 1/tr (AAᵀ)⁻¹; what follows is damped as it is."""
+    robot, rng = arms.with_task("left"), np.random.default_rng(9)
+    q, u, weight, late, own_growth = (
+        Q + rng.uniform(-0.2, 0.2, 14),
+        rng.uniform(-0.3, 0.3, 14),
+        2.0,
+        0.25,
+        3.0,
+    )
+    task = FurtherTask("right", 8.0, level=level, part=part, weight=weight)
+    tasks = PreparedTasks(robot, [task], q + rng.uniform(-0.3, 0.3, 14), np.zeros(1))
+    at = task_levels.place("growth")
+    tasks.parameters[at : at + 3] = own_growth, late, 0.6
+    wanted = tasks.samples_in(tasks.parameters, 0)[0]
+    found, sample, out = robot.kinematics(q), dqc.Sample(robot.fkm(q + 0.1)), u.copy()
+    given = sample.numbers, 0, tasks.parameters, np.zeros(tasks.work_size), out
+    assert tasks.kernel(q, found.pose, found.twist_jacobian, *given) == 0
+
+    def grown(chosen, goal, square_length, square_move):
+        between = dqc.algebra.short(dqc.algebra.multiply(goal, dqc.algebra.conjugate(chosen.fkm(q))))
+        away = dqc.algebra.translation(goal) - dqc.algebra.translation(chosen.fkm(q))
+        error = np.concatenate([2 * between[1:4] * (square_length > 0), square_move * away])
+        return curvature(chosen.hand_jacobian(q), np.array([0.6] * 5 + [1.0]) * error, square_length)
+
+    right = robot.with_task("right")
+    rows = np.repeat([0.3 * turns, moves], 3) * np.sqrt(weight)
+    hand, rates = asked(robot, "right", q, wanted, 8.0)
+    further = (rows[:, None] * hand)[rows > 0], (rows * rates)[rows > 0]
+    own = np.repeat([0.3, 1.0], 3)[:, None] * robot.hand_jacobian(q)
+    growth = own_growth * grown(robot, sample.pose, 0.09, 1.0)
+    growth_of_task = max(0.1, 8.0 * late) * grown(right, wanted[:8], 0.09 * weight * turns, weight * moves)
+    if level == 0:
+        stages = [(*further, growth_of_task), (own, own @ u, growth)]
+    else:
+        both = np.vstack([own, further[0]]), np.concatenate([own @ u, further[1]])
+        stages = [(*both, growth + growth_of_task)]
+    change, left = np.zeros(14), np.eye(14)
+    for jacobian, rate, needed in stages:
+        projected = jacobian @ left
+        gram = projected @ projected.T
+        least = 1 / np.trace(np.linalg.inv(gram))
+        damping = max(0.02**2 * (1 - least / 0.04**2), needed - least)
+        assert damping > 1e-3, "it is damped"
+        inverse = projected.T @ np.linalg.inv(gram + damping * np.eye(len(gram)))
+        change = change + inverse @ (rate - jacobian @ (u + change))
+        left = left - inverse @ projected
+    np.testing.assert_allclose(out, u + change, rtol=1e-7, atol=1e-9)
 
 
 @pytest.mark.parametrize("part", ["axis", "line"])
@@ -262,3 +334,42 @@ REFUSED = (
 def test_what_is_refused_is_named(change, error, message):
     with pytest.raises(error, match=message):
         prepare({key: value for key, value in spec(**change).items() if value is not None})
+
+
+def test_how_far_tasks_are_is_the_length_and_angle_between_poses(arms):
+    rng, robot = np.random.default_rng(12), arms.with_task("left")
+    tasks = PreparedTasks(
+        robot, [FurtherTask("right", 1.0), FurtherTask("right", 1.0, part="position")], Q, np.zeros(1)
+    )
+    assert len(tasks.labels) == len(set(tasks.labels)) == 2
+    assert tasks.labels[1] == f"{tasks.labels[0]} 2"
+    q = Q + rng.uniform(-0.5, 0.5, (5, 14))
+    first, second = tasks.errors(q).values()
+    goal = dqc.DualQuaternion(robot.fkm(Q, "right"))
+    for k in range(5):
+        pose = dqc.DualQuaternion(robot.fkm(q[k], "right"))
+        _, angle = (pose.conj() * goal).short().axis_angle()
+        assert first[k] == pytest.approx([np.linalg.norm(pose.translation - goal.translation), abs(angle)])
+    np.testing.assert_array_equal(second[:, 0], first[:, 0])
+    assert np.isnan(second[:, 1]).all()
+
+
+def test_a_law_in_python_takes_the_sample_of_a_task_by_its_time(arms):
+    """Asked without a number it rounds the time to periods; beyond the end the last sample stays."""
+    goal = circle(arms, Q)
+    law = dqc.laws.OwnLaw(function=stands_still)
+    task = FurtherTask("right", 3.0, dqc.references.Circle(arms.fkm(Q, "right"), radius=0.1, duration=2.0))
+    tasks = PreparedTasks(arms.with_task("left"), [task], Q, 0.01 * np.arange(201))
+    with pytest.warns(InterpretedWarning):
+        prepared = law.prepare(arms.with_task("left"), goal, 0.01, tasks=tasks)
+    state, numbered = prepared.initial_state(Q), np.empty(14)
+    found = []
+    for time, k in ((0.0, 0), (0.5, 50), (0.504, 50), (0.506, 51), (-0.1, 0)):
+        sample = goal.at(0).numbers.copy()
+        sample[20] = time
+        by_time = prepared.command(Q, dqc.Sample(*np.split(sample[:20], [8, 14]), time), state)
+        prepared.step(Q, sample, k, state, numbered)
+        np.testing.assert_array_equal(by_time, numbered)
+        found.append(by_time.copy())
+    assert np.abs(found[1] - found[0]).max() > 1e-2
+    assert np.abs(found[3] - found[2]).max() > 1e-4

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,6 +7,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.errors import ShapeError, ValueRangeError
 from dqcontrol.loop.record import Record, part_of
+from dqcontrol.loop.signals import ACTUATORS, Signal
 from dqcontrol.measures.metrics import evaluate
 from dqcontrol.robots.limits import Limits
 from dqcontrol.robots.serial_arm import SerialArm
@@ -254,3 +256,10 @@ def test_speeds_that_fit_no_inputs_are_named():
 def test_an_error_of_less_than_a_micrometre_has_no_direction_to_overshoot_in(first, is_known):
     found = evaluate(record(np.linspace(0, 1, 3), along_x(first * np.array([1.0, -0.5, 0.0]))))
     assert np.isfinite(found.position_overshoot) == is_known
+
+
+def test_the_effort_of_a_run_with_actuators_is_theirs():
+    time = np.array([0.0, 2.0, 3.0])
+    torques = Signal("actuators", ("a", "b"), ("N·m", "N·m"), np.array([[3.0, 4.0], [0.0, 1.0], [9.0, 9.0]]))
+    run = replace(record(time, along_x(np.zeros(3))), readings={ACTUATORS: torques})
+    assert evaluate(run).effort == pytest.approx(np.sqrt(25 * 2 + 1))

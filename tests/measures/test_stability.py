@@ -380,3 +380,13 @@ def test_real_poles_pass_nothing_and_poles_on_the_unit_circle_do_not_end():
     ideal = LinearModel(np.ones((1, 1)), np.full((1, 1), T))
     assert overshoot(ideal, 1.999 / T) == pytest.approx(0.999)  # the first step
     assert overshoot(ideal, 2 / T) == np.inf
+
+
+@pytest.mark.parametrize(("name", "own"), [("iiwa7", 1), ("ur5", 0)])
+def test_who_has_a_joint_left_has_a_loop_in_the_null_space(name, own):
+    robot = dqc.load_robot(name)
+    law = Proportional(gain=2.0, null_space=dqc.laws.Posture(gain=0.7))
+    found = loop_gains(law, law.prepare(robot, None, T))
+    assert found is not None
+    assert [each.loop for each in found] == ["position", "orientation", *["null space"] * own]
+    assert [each.value for each in found] == [2.0, 2.0, *[0.7] * own]

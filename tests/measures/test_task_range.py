@@ -13,6 +13,7 @@ from dqcontrol.experiments.run_comparison import summary
 from dqcontrol.figures import range_condition
 from dqcontrol.laws import FeedbackLinearization, FilteredInverse, GuidedProportional
 from dqcontrol.limits import CommandLimits, ModifiedClamping
+from dqcontrol.loop.record import part_of
 from dqcontrol.measures import task_range
 from dqcontrol.measures.task_range import RANGE, lost_share, outside_range, with_range
 from dqcontrol.plants import Integrator
@@ -174,3 +175,13 @@ def test_what_a_singularity_takes_follows_the_inverse_of_the_law_and_its_part():
     for threshold, lost in ((1.1 * least, 1.0), (0.9 * least, 0.0)):
         inverse = FilteredInverse(threshold=threshold)
         assert lost_share(arm, q, down, "position", inverse) == pytest.approx(lost, abs=0.01)
+
+
+def test_a_record_of_one_sample_has_its_range_and_a_task_that_is_done_loses_nothing(robot):
+    record = drive(robot, dqc.laws.Proportional(gain=0.5), robot.fkm(HOME + BESIDE), 1.0)
+    found = task_range(robot, record)
+    at = len(record) // 2
+    one = task_range(robot, part_of(record, at, at + 1))
+    assert (one.asked[0], one.outside[0]) == (found.asked[at], found.outside[at])
+    arm, q = dqc.load_robot("iiwa7"), np.zeros(7)
+    assert lost_share(arm, q, arm.fkm(q)) == 0

@@ -1,5 +1,6 @@
 """Whether runs did what was asked: what counts as reached and followed, and what is said where they did not."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,21 @@ def test_within_two_percent_of_the_way_is_reached(left, outcome):
     time = np.linspace(0, 1, 101)
     hand = np.where(time < 0.5, time, 0.5 - left)
     assert task_result(record_of(np.full(101, 0.5), hand)).outcome == outcome
+
+
+@pytest.mark.parametrize(("left", "outcome"), [(0.0199, "reached"), (0.0201, "not reached")])
+def test_the_way_is_that_from_the_start_where_the_reference_began_nearer(left, outcome):
+    time = np.linspace(0, 1, 101)
+    desired = np.minimum(0.5 + time, 1.0)
+    hand = np.minimum(2 * time, 1.0 - left)
+    assert task_result(record_of(desired, hand)).outcome == outcome
+    turns = [
+        np.hstack([np.cos(x / 2), np.sin(x / 2), np.zeros((101, 6))])
+        for x in (hand[:, None], desired[:, None])
+    ]
+    turned = record_of(desired, hand)
+    samples = np.hstack([turns[1], turned.desired[:, 8:]])
+    assert task_result(replace(turned, pose=turns[0], desired=samples)).outcome == outcome
 
 
 def test_a_millimetre_is_always_reached_and_two_are_said():

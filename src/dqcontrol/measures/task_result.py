@@ -260,9 +260,8 @@ def _judged(record: Record, asked: _Asked, distance: float, orientation: float, 
 
 def _axis_error(record: Record, law: PartialProportional) -> Array:
     """Return the angle between the axis of a law and where it is to be, shape (N,), rad."""
-    direction = np.array(law.axis) / np.linalg.norm(law.axis)
     poses = record.pose, record.desired[:, POSE]
-    is_, wanted = (algebra.matrix_from_pose(each)[..., :3, :3] @ direction for each in poses)
+    is_, wanted = (algebra.matrix_from_pose(each)[..., :3, :3] @ np.array(law.axis) for each in poses)
     return np.arctan2(row_norms(np.cross(is_, wanted)), np.einsum("ij,ij->i", is_, wanted))
 
 
