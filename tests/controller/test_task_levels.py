@@ -9,6 +9,7 @@ from dqcontrol.controller.task_levels import task_levels
 from dqcontrol.errors import InterpretedWarning, ReachError, ShapeError, UnknownNameError, ValueRangeError
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.loop import Record
+from dqcontrol.robots.command_mode import Lag
 
 Q = np.array([-0.1, -0.5, 0.1, -2.2, 0.1, 1.7, 0.8, 0.3, -0.7, -0.2, -2.1, -0.1, 1.5, 0.7])
 LAW = dqc.laws.ProportionalFeedforward(gain=5.0)
@@ -55,6 +56,22 @@ def asked(robot, task, q, sample, gain):
     return chosen.hand_jacobian(q), np.concatenate([gain * angle * axis + sample[8:11], move])
 
 
+def solved(stages, u):
+    """Return u with what each level (J, y, c‖C‖) adds, and by how much each was damped."""
+    change, left, dampings = np.zeros(len(u)), np.eye(len(u)), []
+    for jacobian, rate, grown in stages:
+        projected = jacobian @ left
+        gram = projected @ projected.T
+        smallest = np.linalg.eigvalsh(gram)[0]
+        least = 1 / np.trace(np.linalg.inv(gram)) if smallest > 1e-9 else 0.0
+        damping = max(0.02**2 * (1 - least / 0.04**2), grown - least, 0.0)
+        inverse = projected.T @ np.linalg.inv(gram + damping * np.eye(len(gram)))
+        change = change + inverse @ (rate - jacobian @ (u + change))
+        left = left - inverse @ projected
+        dampings.append(damping)
+    return u + change, dampings
+
+
 @pytest.mark.parametrize(("level", "sign"), [(0, 1), (1, 1), (2, 1), (1, -1)])
 def test_levels_are_projections(on_a_torso, level, sign):
     """Both hands on one torso want to go where they cannot go together: six, then eight rows of 14 inputs."""
@@ -89,22 +106,15 @@ def test_levels_are_projections(on_a_torso, level, sign):
         first = robot.hand_jacobian(q), robot.hand_jacobian(q) @ u
         right, last = asked(robot, "right", q, samples[0], 4.0), asked(robot, "relative", q, samples[1], 2.0)
         stages = {0: ([right], [first]), 1: ([first, right],), 2: ([first], [right])}[level]
-        change, left = np.zeros(14), np.eye(14)
-        for stage in (*stages, [last]):
-            jacobian = np.vstack([length @ each[0] for each in stage])
-            rate = np.concatenate([length @ each[1] for each in stage])
-            projected = jacobian @ left
-            least = 1 / np.trace(np.linalg.pinv(projected @ projected.T))
-            damping = 0.02**2 * max(0.0, 1 - least / 0.04**2)
-            gram = projected @ projected.T
-            if np.linalg.eigvalsh(gram)[0] < 1e-12 or damping:
-                if np.linalg.eigvalsh(gram)[0] < 1e-9:
-                    damping = 0.02**2
-                gram = gram + damping * np.eye(len(gram))
-            inverse = projected.T @ np.linalg.inv(gram)
-            change = change + inverse @ (rate - jacobian @ (u + change))
-            left = left - inverse @ projected
-        np.testing.assert_allclose(out, u + change, rtol=1e-5, atol=1e-7)
+        whole = [
+            (
+                np.vstack([length @ each[0] for each in stage]),
+                np.concatenate([length @ each[1] for each in stage]),
+            )
+            for stage in (*stages, [last])
+        ]
+        expected, _ = solved([(*each, 0.0) for each in whole], u)
+        np.testing.assert_allclose(out, expected, rtol=1e-5, atol=1e-7)
 
 
 def curvature(hand, error, square_length):
@@ -160,17 +170,9 @@ def test_damping_grows_with_the_curvature_of_the_errors_of_the_first_level(arms,
     else:
         both = np.vstack([own, further[0]]), np.concatenate([own @ u, further[1]])
         stages = [(*both, growth + growth_of_task)]
-    change, left = np.zeros(14), np.eye(14)
-    for jacobian, rate, needed in stages:
-        projected = jacobian @ left
-        gram = projected @ projected.T
-        least = 1 / np.trace(np.linalg.inv(gram))
-        damping = max(0.02**2 * (1 - least / 0.04**2), needed - least)
-        assert damping > 1e-3, "it is damped"
-        inverse = projected.T @ np.linalg.inv(gram + damping * np.eye(len(gram)))
-        change = change + inverse @ (rate - jacobian @ (u + change))
-        left = left - inverse @ projected
-    np.testing.assert_allclose(out, u + change, rtol=1e-7, atol=1e-9)
+    expected, damping = solved(stages, u)
+    assert min(damping) > 1e-3, "it is damped"
+    np.testing.assert_allclose(out, expected, rtol=1e-7, atol=1e-9)
 
 
 @pytest.mark.parametrize("part", ["axis", "line"])
@@ -180,7 +182,8 @@ def test_an_axis_takes_the_short_way_and_leaves_what_is_free_about_and_along_it(
     for _ in range(6):
         q, u = rng.uniform(-1, 1, 14), rng.uniform(-0.3, 0.3, 14)
         task = FurtherTask("right", 3.0, level=0, part=part)
-        tasks = PreparedTasks(robot, [task], q + rng.uniform(-0.3, 0.3, 14), np.zeros(1))
+        posture = FurtherTask("posture", 0.5, posture=q + rng.uniform(-0.2, 0.2, 14), level=3, weight=0.25)
+        tasks = PreparedTasks(robot, [task, posture], q + rng.uniform(-0.3, 0.3, 14), np.zeros(1))
         sample = tasks.samples_in(tasks.parameters, 0)[0]
         sample[8:14] = rng.uniform(-0.2, 0.2, 6)
         found, out = robot.kinematics(q), u.copy()
@@ -197,6 +200,17 @@ def test_an_axis_takes_the_short_way_and_leaves_what_is_free_about_and_along_it(
         across = np.kron(np.eye(2), desired[:, :2].T)[: 4 if part == "line" else 2]
         jacobian = across @ chosen.hand_jacobian(q)
         np.testing.assert_allclose(jacobian @ out, across @ wanted, atol=1e-9)
+        weights = np.repeat([0.3, 1.0], 2)[: len(across), None]
+        own = np.repeat([0.3, 1.0], 3)[:, None] * robot.hand_jacobian(q)
+        joints = 0.5 * np.eye(14), 0.5 * 0.5 * (np.asarray(posture.posture) - q)
+        stages = [
+            (weights * jacobian, weights[:, 0] * (across @ wanted), 0.0),
+            (own, own @ u, 0.0),
+            (*joints, 0.0),
+        ]
+        expected, damping = solved(stages, u)
+        assert damping[:2] == [0.0, 0.0]
+        np.testing.assert_allclose(out, expected, rtol=1e-5, atol=1e-7)
 
 
 def test_a_task_before_the_law_s_is_done_whatever_that_wants(arms):
@@ -373,3 +387,50 @@ def test_a_law_in_python_takes_the_sample_of_a_task_by_its_time(arms):
         found.append(by_time.copy())
     assert np.abs(found[1] - found[0]).max() > 1e-2
     assert np.abs(found[3] - found[2]).max() > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("given", "rows"),
+    [
+        ([("right", 1)], 12),
+        ([("right", 2)], 6),
+        ([("right", 2), ("relative", 2), ("right", 3)], 12),
+        ([("posture", 3), ("right", 2)], 14),
+        ([("posture", 1), ("right", 0)], 20),
+    ],
+)
+def test_scratch_is_for_the_level_of_most_rows(arms, given, rows):
+    tasks = [FurtherTask(name, 1.0, level=level) for name, level in given]
+    prepared = PreparedTasks(arms.with_task("left"), tasks, Q, np.zeros(1))
+    assert task_levels(prepared.parameters).rows == rows
+
+
+def test_constraints_are_told_what_errors_of_further_tasks_weigh(arms):
+    """Σ w Jᵀ J: before the law's task an error counts a hundred times, after it a tenth."""
+    robot, m = arms.with_task("left"), 14
+    given = [FurtherTask("right", 1.0, level=level, weight=2.0) for level in (0, 1, 2)]
+    tasks = PreparedTasks(robot, given, Q, np.zeros(1))
+    work, found = np.full(tasks.work_size + m * m, 7.0), robot.kinematics(Q)
+    sample = dqc.Sample(robot.fkm(Q)).numbers
+    assert (
+        tasks.kernel(Q, found.pose, found.twist_jacobian, sample, 0, tasks.parameters, work, np.zeros(m)) == 0
+    )
+    rows = np.repeat([0.3, 1.0], 3)[:, None] * robot.with_task("right").hand_jacobian(Q)
+    expected = 2.0 * (100**2 + 1 + 0.1**2) * rows.T @ rows
+    np.testing.assert_allclose(work[-m * m :].reshape(m, m), expected, atol=1e-9)
+
+
+def test_what_is_late_is_half_of_period_delay_and_lag(arms):
+    tasks = PreparedTasks(arms.with_task("left"), [FurtherTask("right", 1.0)], Q, np.zeros(1))
+    lag = Lag((0.05,) * 14, (0.03,) * 14)
+    prepared = LAW.prepare(
+        arms.with_task("left"), circle(arms.with_task("left"), Q), 0.01, tasks=tasks, lag=lag
+    )
+    assert task_levels(prepared._parts.tasking).late == pytest.approx(0.5 * (0.01 + 0.05 + 0.03))
+
+
+@pytest.mark.parametrize("level", [0, 9])
+def test_levels_from_0_to_9_are_taken(arms, level):
+    PreparedTasks(arms.with_task("left"), [FurtherTask("right", 1.0, level=level)], Q, np.zeros(1))
+    with pytest.raises(ValueRangeError, match="level: must be a whole number from 0 to 9, got"):
+        PreparedTasks(arms, [FurtherTask("right", 1.0, level=10 if level else -1)], Q, np.zeros(1))

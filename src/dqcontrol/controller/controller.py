@@ -375,21 +375,16 @@ class Controller:
         """
         status = self._step(self.plan, self.memory, q, sample, k, self.period, state, out)
         if status:
-            self._say_what_raised(status, q, sample, k, state)
+            self._say_what_raised(status, q, sample, state)
             self._raise(status, q, state, out)
 
-    def _say_what_raised(self, status: int, q: Array, sample: Array, k: int, state: Array) -> None:
+    def _say_what_raised(self, status: int, q: Array, sample: Array, state: Array) -> None:
         """Call a user's function whose compiled code raised in Python: that one says what."""
         plain = self.kernel.plain if isinstance(self.kernel, Kernel) else None
         if status != LAW_FAILED + RAISED or plain is None:
             return
-        plain(*self._asked(q, sample, k, state.copy()), np.zeros(self.robot.input_size))
-
-    def _asked(self, q: Array, sample: Array, k: int, state: Array) -> tuple[Array, ...]:
-        """Return what the law is handed for a sample, once kinematics are found."""
-        row = max(round(sample[TIME] / self.period), 0) if k < 0 else k
-        parameters = self.parameters[min(row, len(self.parameters) - 1)]
-        return q, *split(self._parts.kinematics), sample, parameters, state, self.work
+        parameters, out = self.parameters[0], np.zeros(self.robot.input_size)  # a user's law has one row
+        plain(q, *split(self._parts.kinematics), sample, parameters, state.copy(), self.work, out)
 
     def task_samples(self, number: int) -> Array:
         """Return the samples of a further task, shape (N, 21), where compiled code reads them, to write there.
