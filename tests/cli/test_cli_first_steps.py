@@ -122,6 +122,8 @@ def test_joint_angles_for_a_pose(capsys, monkeypatch):
     arm, text = load_robot("ur5"), out.splitlines()[-1].partition("   #")[0]
     hand = arm.fkm(np.array(yaml.safe_load(text)["start"]))
     assert translation(hand) == pytest.approx([0.4, -0.2, 0.4], abs=1e-4)
+    code, out, _ = call("robots", "solve", "panda", "--position", "0.5", "0", "0.4", capsys=capsys)
+    assert (code, "-0.0 " in out, "e-" in out) == (0, False, False)  # joints at 0 to rounding
     code, _, err = call("robots", "solve", "ur5", "--position", "4", "0", "0", capsys=capsys)
     assert (code, err.startswith("dqcontrol: start: unreachable: the position is 3")) == (2, True)
 

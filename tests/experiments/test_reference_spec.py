@@ -167,7 +167,7 @@ def sequence(*parts):
         (sequence({"kind": "points"}), r"reference\.references\[0\]: missing key 'file'$"),
         (sequence({"radius": 1}), r"reference\.references\[0\]: missing key 'kind' \(allowed"),
         (sequence(), r"reference\.references: expected a list of length >= 1, got \[\]$"),
-        (sequence(3), r"reference\.references\[0\]: expected a mapping, got a whole number$"),
+        (sequence(3), r"reference\.references\[0\]: expected a mapping, got 3$"),
         ({"kind": "sequence"}, r"reference: missing key 'references'$"),
         ({"kind": "sequence", "references": {"a": CIRCLE}}, r"reference\.references: expected a list, got a mapping$"),
         ({**CIRCLE, "repeat": 0}, r"reference\.repeat: expected a whole number >= 1, got 0$"),

@@ -199,6 +199,21 @@ def test_points_that_fail_are_rows_and_have_no_place(tmp_path):
     assert all(str(row["stopped"]).startswith("diverged") for row in bad)
 
 
+def test_points_that_hit_something_have_no_place(tmp_path):
+    """A ball stands where the hand is, or far away."""
+    ball = {"sphere": 0.05, "position": [9.0, 0.0, 1.0]}
+    over = {"world.ball.position.0": [-0.16, 9.0]}  # m
+    law = {"kind": "proportional", "gain": 1}
+    data = study(
+        laws=None, law=law, world={"ball": ball}, sweep={"method": "grid", "points": None, "over": over}
+    )
+    ranking = run_sweep_to(data, tmp_path / "s", jobs=1)
+    assert ranking.column("point").tolist() == [1]
+    assert ranking.table().title == "best 1 of 2 by error.integral; 1 with failed runs left out"
+    failures = [row["failure"] for row in load_study(tmp_path / "s").rows]
+    assert failures == ["contact", "contact", "task", "task"]
+
+
 @pytest.mark.slow
 def test_points_that_cannot_run_are_rows_that_say_why(tmp_path):
     """Both keys can have all their values, but not both together."""

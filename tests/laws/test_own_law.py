@@ -5,7 +5,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.compiled.compile import InterpretedKernel, Kernel
-from dqcontrol.errors import Error, InterpretedWarning, ShapeError
+from dqcontrol.errors import DivergedError, Error, InterpretedWarning, ShapeError
 from dqcontrol.laws import OwnLaw, Proportional
 from dqcontrol.plants import Integrator, OwnPlant
 
@@ -94,6 +94,17 @@ def test_a_law_that_fails_ends_the_run_and_says_when(arm):
     record = run(arm, OwnLaw(function=hopeless), Integrator())
     assert record.stopped.startswith("diverged at 0.06 s")
     assert np.isfinite(record.command).all()
+
+
+def forgetful(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
+    out[0] = 0.0
+
+
+@pytest.mark.parametrize("interpreted", [False, True])
+def test_inputs_that_a_law_does_not_write_end_the_run(arm, interpreted):
+    """Otherwise joints would get whatever was in memory there."""
+    with pytest.raises(DivergedError, match=r"^diverged at 0 s: the command is not finite"):
+        run(arm, OwnLaw(function=forgetful), Integrator(), interpreted)
 
 
 @pytest.mark.parametrize(

@@ -76,6 +76,20 @@ def test_out_of_reach_it_is_calm_and_says_how_far(arm):
     assert live.condition.startswith("active")
 
 
+def test_it_comes_back_from_a_singularity_before_which_it_was_held():
+    """Its target waited ahead of it, where no joint leads: it has to come back for the hand."""
+    arm, start = dqc.load_robot("ur5"), [0, -1.2, 1.5, -1.8, -1.5, 0]
+    live = Live(arm, LAW, dqc.plants.Servo(), T, start=start)
+    home = live.state.pose.copy()
+    live.target = moved(home, [3.0, 0.0, 0.2])
+    steps(live, 1500)
+    assert live.condition == "active: held near a singularity"
+    live.target = home
+    steps(live, 1500)
+    assert live.state.missing < 1e-4
+    assert live.condition == "active"
+
+
 def test_it_holds_when_told_so_and_follows_twists_and_references(arm):
     live = live_arm(arm)
     start = live.state.pose

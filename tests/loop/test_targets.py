@@ -64,6 +64,34 @@ def test_the_desired_pose_waits_for_a_hand_that_is_held():
     assert 0.05 <= p[-1] - p[0] <= 0.056
 
 
+@pytest.mark.parametrize("side", [[-1, 0, 0], [0, 1, 0], [-0.2, 0, -1], [0.3, 1, 0]])
+def test_a_target_ahead_of_a_hand_that_is_held_comes_back_to_where_the_hand_is_led_next(side):
+    """Else no goal would free a hand that stands before a singularity, a limit or a wall."""
+    target, step = PoseTarget(Speeds(linear=0.5)), 0
+    target.start(START)
+    for goal in ([2.0, 0, 0], side):
+        target.goal = algebra.multiply(algebra.pose([1, 0, 0, 0], goal), START)
+        for _ in range(1000):
+            step += 1
+            row = target.sample(step * DT, START)
+        ahead = algebra.translation(row[POSE]) - algebra.translation(START)
+        assert np.linalg.norm(ahead) < 0.06
+        assert ahead @ goal > 0.98 * np.linalg.norm(ahead) * np.linalg.norm(goal)
+
+
+def test_a_turn_ahead_of_a_hand_that_is_held_comes_back():
+    target = PoseTarget(Speeds(linear=0.5))
+    target.start(START)
+    for k, angle in ((0, 2.5), (300, -2.5)):
+        target.goal = algebra.multiply(
+            START, algebra.pose(algebra.rotation_from_axis_angle([0, 0, 1], angle), [0, 0, 0])
+        )
+        for i in range(300):
+            row = target.sample((k + i) * DT, START)
+        turned = algebra.multiply(algebra.conjugate(START), row[POSE])
+        assert 2 * np.arctan2(turned[3], turned[0]) == pytest.approx(0.31 * np.sign(angle), abs=0.015)
+
+
 def test_a_sampled_reference_gives_the_nearest_sample_and_ends():
     rows = np.zeros((3, 21))
     rows[:, 20] = [0.0, 0.01, 0.02]

@@ -188,6 +188,8 @@ def test_limits_that_forbid_a_pose_are_named():
     assert found.reason == "limits: the nearest solution found has joint_1 at 0.05 m (lower limit 0.1)"
     np.testing.assert_array_equal(found.q, [0.1])
     assert found.position_error == pytest.approx(0.05)
+    found = rail.solve(DualQuaternion.from_translation([0, 0, 0.50004]))
+    assert found.reason == "limits: the nearest solution found has joint_1 at 0.50004 m (upper limit 0.5)"
 
 
 def test_a_pose_on_the_border_of_reach_is_reached():

@@ -132,7 +132,7 @@ CHANGES = [  # text, what it becomes, message
     ("d: 0.1", "d: .inf", r"joints\[0\].dh.d: must be finite, got inf"),
     ("d: 0.1", "d: 1e4", r"joints\[0\].dh.d: expected a number <= 1000.0, got 10000.0"),
     ("d: 0.1", "d: ten", r"joints\[0\].dh.d: expected a number, got text"),
-    ("d: 0.1", "d: true", r"joints\[0\].dh.d: expected a number, got true or false"),
+    ("d: 0.1", "d: true", r"joints\[0\].dh.d: expected a number, got true"),
     ("lower: -90", "lower: 90", r"joints\[0\].limits: lower 90 ≥ upper 45; lower must be below upper"),
     ("velocity: 180", "velocity: 0", r"joints\[0\].limits.velocity: expected a number > 0.0, got 0"),
     ("name: b", "name: a", r"joints\[1\].name: 'a' is already the name of joints\[0\]"),

@@ -224,7 +224,9 @@ def doctor(
         print(title)
     optional = sum(one.verdict not in (OK, PROBLEM) for one in findings)
     said = f"{len(problems) or 'no'} problem{'s' * (len(problems) != 1)}"
-    said += "" if all else f"; {len(findings)} things looked at, {optional} optional ones missing: --all"
+    said += (
+        "" if all else f"; {len(findings)} things looked at, {optional} of them optional and missing: --all"
+    )
     print(said)
     if problems:
         sys.exit(FAILED)

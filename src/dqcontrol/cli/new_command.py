@@ -68,7 +68,7 @@ def new(
     force
         Replace the file.
     """
-    from dqcontrol.errors import ExistsError
+    from dqcontrol.errors import ExistsError, writing
 
     if file.exists() and not force:
         raise ExistsError(f"{file}: exists already; choose another name, or replace it with --force")
@@ -77,7 +77,8 @@ def new(
     from dqcontrol.experiments.new_spec import new_spec
 
     text, remark = new_spec(file.stem, **answers, base_link=base_link, tip_link=tip_link)
-    file.write_text(text, encoding="utf-8")
+    with writing(file):
+        file.write_text(text, encoding="utf-8")
     print(f"written: {file}{remark}")
     print(f"next: dqcontrol check {file}, then dqcontrol run {file}")
 

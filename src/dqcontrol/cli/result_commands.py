@@ -297,9 +297,9 @@ def clip(
     elevation
         Direction of view, rad or as -25deg; negative looks down.
     """
-    from dqcontrol.errors import ValueRangeError
+    from dqcontrol.errors import FileFormatError, ValueRangeError
     from dqcontrol.experiments import load_run
-    from dqcontrol.films.clip import render_clip, render_whole
+    from dqcontrol.films.clip import CLIPS, render_clip, render_whole
 
     pixels = re.fullmatch(r"(\d+)x(\d+)", size)
     if not pixels:
@@ -309,6 +309,8 @@ def clip(
             "clip: expected the folder of a run, or several, and a file: dqcontrol clip RUN run.webp"
         )
     *folders, path = runs_and_path
+    if path.suffix.lower() not in (endings := (".png", *CLIPS)):
+        raise FileFormatError(f"{path}: must end in {', '.join(endings)}, got '{path.suffix}'")
     first, *others = (load_run(folder) for folder in folders)
     for folder, other in zip(folders[1:], others, strict=True):
         if other.robot.name != first.robot.name:

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App
+from cyclopts import App, Parameter, validators
 
 from dqcontrol.cli.options import ANGLES, BaseLink, Port, TipLink
 from dqcontrol.cli.screen import joint_columns, joint_values, print_table
@@ -210,7 +210,7 @@ def solve(
     quaternion: tuple[float, float, float, float] | None = None,
     base_link: BaseLink = None,
     tip_link: TipLink = None,
-    top: int = 5,
+    top: Annotated[int, Parameter(validator=validators.Number(gte=1))] = 5,
 ) -> None:
     """Find joint angles that bring a robot's end effector to a pose; the best to start from comes first.
 
@@ -252,4 +252,4 @@ def solve(
         for each in found[:top]
     ]
     print_table(Table(columns, rows, f"{robot.name}: {len(found)} found, the best first"))
-    print(f"start: [{', '.join(f'{value:.6g}' for value in found[0].q)}]   # for a spec: rad or m")
+    print(f"start: [{', '.join(f'{round(value, 9):z.6g}' for value in found[0].q)}]   # for a spec: rad or m")

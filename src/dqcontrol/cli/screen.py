@@ -61,7 +61,7 @@ def joint_columns(robot: Robot) -> list[Column]:
     from dqcontrol.tables.tables import Column
 
     return [
-        Column(name, "°", ".1f") if kind == "revolute" else Column(name, "m", ".4f")
+        Column(name, "°", "z.1f") if kind == "revolute" else Column(name, "m", "z.4f")
         for name, kind in zip(robot.joint_names, robot.joint_types, strict=True)
     ]
 

@@ -22,6 +22,7 @@ from dqcontrol.experiments.prepared_experiment import Combination, Names, Prepar
 from dqcontrol.experiments.spec import AnyPlant, Spec
 from dqcontrol.geometry import Hull, distance_kernels as kernels
 from dqcontrol.limits import CommandLimits, Compensation
+from dqcontrol.measures.number_texts import percent_text
 from dqcontrol.measures.stability import (
     MOST_STATES,
     GainLimits,
@@ -246,7 +247,7 @@ class LoopCheck:
             return f"{self.names.label}: {loop.gain.loop} unstable: so is {what[0]}, with any gain{what[1]}"
         facts = f"k = {abs(loop.gain.value):.3g} 1/s{when}, limit {limits.stable / self.period:.3g} 1/s"
         if verdict == "oscillatory":
-            facts += f", overshoot {100 * loop.overshoot:.2g} %"
+            facts += f", overshoot {percent_text(loop.overshoot)}"
         if verdict == "unstable for large errors":
             beyond = f"; beyond errors of about {self.largest_error:.2g} rad (or m) in a joint"
             facts += f"{beyond} the supervisor's limit of acceleration may keep it oscillating"

@@ -22,6 +22,7 @@ from dqcontrol.laws import (
 )
 from dqcontrol.laws.null_space import BestHeading
 from dqcontrol.measures.metrics import AT_LIMIT, UNSEEN
+from dqcontrol.measures.number_texts import percent_text
 
 Trials = Sequence[Mapping[str, Any]]  # metrics of the repeats of one case
 
@@ -72,8 +73,8 @@ def beyond_velocities(label: str, trials: Trials) -> str:
         return ""
     worst = max(fast, key=lambda trial: trial["peak_velocity_share"])
     return (
-        f"{label}: commands up to {100 * worst['peak_velocity_share']:.3g} % of the velocity limits, in "
-        f"{100 * worst['saturation']:.2g} % of the samples{_count(fast, trials, ', ')}: take a slower reference or "
+        f"{label}: commands up to {percent_text(worst['peak_velocity_share'], 3)} of the velocity limits, in "
+        f"{percent_text(worst['saturation'])} of the samples{_count(fast, trials, ', ')}: take a slower reference or "
         "less gain, or scale them with limits: {velocity: true}"
     )
 
@@ -125,8 +126,8 @@ def _remedies(case: Combination, trial: Mapping[str, Any]) -> Iterator[str]:
         yield "no joint can move the hand that way from there; " + way_out(law)
     if (trial["saturation"] or 0.0) > _OFTEN:
         yield (
-            f"commands were at the velocity limits in {100 * trial['saturation']:.2g} % of the samples; take a slower "
-            "reference, or more time"
+            f"commands were at the velocity limits in {percent_text(trial['saturation'])} of the samples; take a "
+            "slower reference, or more time"
         )
     elif isinstance(law, OpenLoop):
         yield "open-loop corrects no error; take a law that does"

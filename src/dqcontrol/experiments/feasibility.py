@@ -34,6 +34,7 @@ from dqcontrol.laws import (
 )
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.simulate import simulate_prepared
+from dqcontrol.measures.number_texts import percent_text
 from dqcontrol.measures.run_numbers import run_numbers
 from dqcontrol.measures.task_range import inverse_of, lost_share
 from dqcontrol.measures.task_result import FOLLOWED, SETTLED, TaskResult, task_result
@@ -283,7 +284,7 @@ def _of_path(scene: PreparedRobot) -> Iterator[str]:
     if demand.peak_share > _SHARES:
         slower = math.ceil(100 * demand.peak_share) / 100  # as much as it takes: 1.003 is not "1"
         yield (
-            f"reference: needs {demand.joint} at {100 * demand.peak_share:.4g} % of its velocity limit, at "
+            f"reference: needs {demand.joint} at {percent_text(demand.peak_share, 4)} of its velocity limit, at "
             f"t = {demand.time:.3g} s: make it {slower:g} times slower (duration), or start elsewhere"
         )
 
@@ -323,6 +324,5 @@ def _of_first_command(setting: PreparedExperiment, case: Combination) -> Iterato
         joint = robot.input_names[int(shares.argmax())]
         limited = case.limits.velocity or setting.spec.supervisor_of(case.plant) is not None
         then = "commands are scaled to it" if limited else "limits: {velocity: true} scales commands to it"
-        yield (
-            f"{case.names.label}: its first command is {100 * shares.max():.3g} % of {joint}'s velocity limit; {then}"
-        )
+        asked = percent_text(shares.max(), 3)
+        yield f"{case.names.label}: its first command is {asked} of {joint}'s velocity limit; {then}"

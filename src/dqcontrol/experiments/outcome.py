@@ -15,6 +15,7 @@ from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.experiments.spec.reference_spec import Part
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.metrics import contact_force
+from dqcontrol.measures.number_texts import angle_text, force_text, length_text
 from dqcontrol.plants.mujoco.world_model import DEPTH, FORCE, ITSELF, LINK
 from dqcontrol.robots import Robot
 from dqcontrol.world import World
@@ -135,7 +136,7 @@ def judge(
     if given.within is not None:
         near, turned = float(record.position_error[-1]), float(record.orientation_error[-1])
         holds = near <= given.within[0] and turned <= given.within[1]
-        return Judged(holds, f"hand {length_text(near)} and {math.degrees(turned):.2g}° off at the end")
+        return Judged(holds, f"hand {length_text(near)} and {angle_text(turned)} off at the end")
     assert world is not None
     if given.deep is not None:
         return _deep(given.deep, str(given.inside), record, world)
@@ -209,14 +210,3 @@ def hits(record: Record, robot: Robot) -> list[str]:
 
 def _link(links: tuple[str, ...], number: float) -> str:
     return links[int(number)] if 0 <= number < len(links) else "chassis"
-
-
-def length_text(value: float, digits: int = 3) -> str:
-    """Return a length in mm, one of a metre and more in m; negative inside of something."""
-    sign, size = "−" if value < 0 else "", abs(value)
-    return f"{sign}{size:.{digits}g} m" if size >= 1 else f"{sign}{1e3 * size:.{digits}g} mm"
-
-
-def force_text(value: float) -> str:
-    """Return a force in N, three digits or all before the point."""
-    return f"{value:.3g} N" if value < 100 else f"{value:.0f} N"

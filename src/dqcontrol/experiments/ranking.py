@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +15,6 @@ from dqcontrol.errors import FileFormatError, ValueRangeError, unknown_name
 from dqcontrol.experiments.parameter_units import parameter_unit
 from dqcontrol.experiments.row_file import import_pyarrow
 from dqcontrol.experiments.study import ROWS
-from dqcontrol.loop.record import FAILURES
 from dqcontrol.measures.metric_tables import LARGE_IS_GOOD, number_column
 from dqcontrol.measures.repeats import LABELS
 from dqcontrol.tables.tables import Cell, Column, PlusMinus, Table
@@ -40,7 +38,7 @@ class Ranking:
         Name of the number that says which is best, as in `Metrics.flat`.
     groups
         One row a combination: its labels, and mean, standard deviation and count of numbers over its repeats. Those
-        with a run that failed, or lacks the number, stand last, without a place.
+        with a run that failed in more than its task, or lacks the number, stand last, without a place.
     placed
         How many have a place.
     each
@@ -187,11 +185,12 @@ def _read(arrow: Any, folder: Path, numbers: Sequence[str], *, several: bool) ->
     try:
         names = arrow.parquet.read_schema(path).names
         labels = [n for n in names if n in LABELS or n == "point" or n.startswith(_PARAMETER)]
-        rows = arrow.parquet.read_table(path, columns=[*labels, "stopped", *numbers])
+        rows = arrow.parquet.read_table(path, columns=[*labels, "failure", *numbers])
     except (OSError, arrow.ArrowException) as error:
         raise FileFormatError(f"{path}: cannot be read: {' '.join(str(error).split())[:200]}") from None
-    starts = [arrow.compute.starts_with(rows["stopped"], pattern=pattern) for pattern in FAILURES]
-    rows = rows.drop_columns(["stopped"]).append_column("failed", reduce(arrow.compute.or_, starts))
+    # How near a run came to its task is what most numbers say; one that hit something is no better for being near.
+    fair = arrow.compute.is_in(rows["failure"], value_set=arrow.array(["", "task"]))
+    rows = rows.drop_columns(["failure"]).append_column("failed", arrow.compute.invert(fair))
     return rows.add_column(0, "study", arrow.repeat(folder.name, len(rows))) if several else rows
 
 

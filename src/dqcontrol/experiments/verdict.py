@@ -15,7 +15,7 @@ from dqcontrol.constraints.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import SELF
 from dqcontrol.controller import PreparedTasks
 from dqcontrol.experiments.contacts import HAND, contacts_of
-from dqcontrol.experiments.outcome import Expectation, hits, judge, length_text
+from dqcontrol.experiments.outcome import Expectation, hits, judge
 from dqcontrol.experiments.spec import Spec
 from dqcontrol.experiments.spec.reference_spec import ReferenceSpec
 from dqcontrol.laws import Law, PartialProportional
@@ -23,6 +23,7 @@ from dqcontrol.loop.constraint_signals import DISTANCE, PRESSURE, ROOM, held_pos
 from dqcontrol.loop.record import Record, has_failed, row_norms
 from dqcontrol.measures.held import deadlocks
 from dqcontrol.measures.metrics import AT_LIMIT, UNSEEN, Metrics, joint_margins
+from dqcontrol.measures.number_texts import angle_text, length_text, percent_text
 from dqcontrol.measures.run_numbers import DesiredMotion
 from dqcontrol.measures.task_result import TaskResult, further_results
 from dqcontrol.plants import MobilePlant, MujocoPlant, Plant
@@ -264,7 +265,7 @@ class Judge:
         for value, at, i, name in sorted(worst):
             when = _at(record, at)
             if room.units[i] == "rad":
-                yield f"crossed: {name} {math.degrees(-value):.2g}°{when}"
+                yield f"crossed: {name} {angle_text(-value)}{when}"
                 continue
             link = self._nearest_link(record, at, name)
             if distance[at, i] < 0:
@@ -315,14 +316,14 @@ class Judge:
             k = int(joint_margins(record, self.robot.limits)[i].argmin())
             turns = self.robot.joint_types[i] == "revolute"
             beyond = -metrics.limit_margin
-            by = f"{math.degrees(beyond):.2g}°" if turns else length_text(beyond)
+            by = angle_text(beyond) if turns else length_text(beyond)
             yield f"beyond its limit: {metrics.limit_joint} by {by}{_at(record, k)}"
         if metrics.peak_velocity_share > 1 + _ROUNDING:
             shares = np.abs(record.command[:-1]) / self.robot.limits.velocity
             k, i = np.unravel_index(int(shares.argmax()), shares.shape)
-            percent = 100 * metrics.peak_velocity_share
             name = record.input_names[i]
-            yield f"too fast: {name} commanded at {percent:.4g} % of its velocity limit{_at(record, int(k))}"
+            share = percent_text(metrics.peak_velocity_share, 4)
+            yield f"too fast: {name} commanded at {share} of its velocity limit{_at(record, int(k))}"
 
     def _grip(self, record: Record) -> Iterator[str]:
         """Yield what was to be gripped, carried and placed, and was not."""
@@ -408,7 +409,7 @@ class Judge:
             i = int(np.where(shaking, sizes, 0.0).argmax())
             yield (
                 f"shakes: {record.input_names[i]} turns back {turns[i]:.0f} times a second, at "
-                f"{100 * sizes[i]:.3g} % of its velocity limit on average"
+                f"{percent_text(sizes[i], 3)} of its velocity limit on average"
             )
             if held := _braked(record):
                 yield held
@@ -452,7 +453,7 @@ class Judge:
         i = int(np.argmin(np.where(np.array(room.units) == "m", least, np.inf)))
         if room.units[i] != "m":
             i = int(least.argmin())
-            yield f"kept {room.parts[i]} ({math.degrees(least[i]):.2g}° left)"
+            yield f"kept {room.parts[i]} ({angle_text(least[i])} left)"
             return
         name, at = room.parts[i], int(np.nanargmin(room.values[:, i]))
         near = float(distance[at, i])
@@ -489,7 +490,7 @@ class Judge:
             return ""
         far, turned = float(record.position_error.max()), float(record.orientation_error.max())
         mainly = result.position > result.position_tolerance
-        return f"{length_text(far, 2) if mainly else f'{math.degrees(turned):.2g}°'} at most"
+        return f"{length_text(far, 2) if mainly else angle_text(turned)} at most"
 
     def _kept_hand(self, record: Record) -> bool:
         """Return whether the end effector was farthest from its reference while a constraint pressed, or just after."""
@@ -506,17 +507,17 @@ class Judge:
         elif PRESSURE in record.readings and self._kept_hand(record):
             shares = (record.readings[PRESSURE].values > 0).mean(axis=0)
             name = record.readings[PRESSURE].parts[int(shares.argmax())]
-            yield f"pushed aside by {name} for {100 * shares.max():.2g} % of the time"
+            yield f"pushed aside by {name} for {percent_text(shares.max())} of the time"
         yield from (words for words in hits(record, self.robot) if self._may_be_hit(words))
         if "wheel_slip" in record.readings:
             slip = np.abs(record.readings["wheel_slip"].values).max(axis=1)
             if (share := float(np.mean(slip > SLIDING))) > _OFTEN:
-                yield f"slipping: wheels slide at up to {slip.max():.2g} m/s, for {100 * share:.2g} % of the time"
+                yield f"slipping: wheels slide at up to {slip.max():.2g} m/s, for {percent_text(share)} of the time"
         if metrics.saturation > _OFTEN:
             shares = np.abs(record.command[:-1]) / self.robot.limits.velocity >= 1 - _ROUNDING
             often = shares.mean(axis=0)
             name = record.input_names[int(often.argmax())]
-            yield f"saturated: {name} at its velocity limit for {100 * often.max():.2g} % of the time"
+            yield f"saturated: {name} at its velocity limit for {percent_text(often.max())} of the time"
         if words := _braked(record):
             yield words
         if result.at_rest and not result.is_moving:
@@ -547,7 +548,7 @@ def _braked(record: Record) -> str:
         lasted[reason] = lasted.get(reason, 0.0) + end - begin
     reason = max(lasted, key=lambda each: lasted[each], default="")
     share = lasted.get(reason, 0.0) / max(record.duration, 1e-9)
-    return f"held by the supervisor: {reason} for {100 * share:.2g} % of the time" if share > _OFTEN else ""
+    return f"held by the supervisor: {reason} for {percent_text(share)} of the time" if share > _OFTEN else ""
 
 
 def _behind(record: Record, result: TaskResult, desired: DesiredMotion) -> float:

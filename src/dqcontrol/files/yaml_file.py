@@ -233,7 +233,11 @@ def _in_words(text: str, data: Any) -> str:
         return " or ".join(_WORDS.get(name, name) for name in match[1].split(" | "))
 
     text = re.sub(r"'((?:\w+)(?: \| \w+)*)'", plain, text)
-    return f"{text} {data!r:.80}" if isinstance(data, str) and text.endswith(", got text") else text
+    if isinstance(data, str) and text.endswith(", got text"):
+        return f"{text} {data!r:.80}"
+    if isinstance(data, bool | int | float):
+        return re.sub(", got (true or false|a whole number|a number)$", f", got {str(data).lower()}", text)
+    return text
 
 
 def _hint(kinds: list[Any], data: Any) -> str:

@@ -23,6 +23,7 @@ def finite_checked(function: Callable[..., Any]) -> Callable[..., int]:
 
     def own_law(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out):
         fill_pose_jacobian(pose, twist_jacobian, pose_jacobian)
+        out[:] = math.nan  # what the function leaves out must not reach a joint
         function(q, pose, pose_jacobian, twist_jacobian, sample, parameters, state, work, out)
         for i in range(out.shape[0]):
             if not math.isfinite(out[i]):

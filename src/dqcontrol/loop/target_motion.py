@@ -18,7 +18,7 @@ from dqcontrol.compiled.compile import OK, READ, STATUS, WRITE, inline, kernel, 
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.references.sample import SAMPLE_SIZE
 
-# How far the desired pose may be ahead of the end effector before it waits: an end effector that is held must not jump
+# How far the desired pose may be ahead of the end effector before it goes no farther: one that is held must not jump
 # when let go. It then begins with k times that: 0.25 m/s, the reduced speed of ISO 10218-1, at k = 5 1/s.
 _LEAD, _ANGULAR_LEAD = 0.05, 0.3  # m, rad
 _TINY = 1e-12  # against a division by 0
@@ -101,18 +101,58 @@ def _apart(a, b):
 
 
 @inline
-def _time_to_move(pose, time, moving):
-    """Rest at this time; return for how long the target may move, s: 0 while too far ahead of the end effector."""
+def _find_turn(present, goal, turn, way):
+    """Write half the rotation vector, base axes, that turns one pose into another; ``turn`` is scratch."""
+    back = present[0], -present[1], -present[2], -present[3]
+    quaternion_product((goal[0], goal[1], goal[2], goal[3]), back, turn)
+    if turn[0] < 0.0:
+        for i in range(4):
+            turn[i] = -turn[i]
+    half_angle(turn, way)
+
+
+@inline
+def _time_to_move(time, moving):
+    """Rest at this time; return the time since the last, s."""
     passed = max(time - moving.last[0], 0.0)
     moving.last[0] = moving.time[0] = time
     for i in range(6):
         moving.twist[i] = 0.0
-    way, turn = _apart(pose, moving.pose)
-    if way <= _LEAD and turn <= _ANGULAR_LEAD:
-        return passed
+    return passed
+
+
+@inline
+def _kept_share(velocity, ahead, far):
+    """Take from a velocity (3) what leads on ahead (3), so far; return which share of it is left."""
+    x, y, z = velocity[0], velocity[1], velocity[2]
+    farther = (x * ahead[0] + y * ahead[1] + z * ahead[2]) / (far * far)
+    if farther <= 0.0:
+        return 1.0
     for i in range(3):
-        moving.linear[i] = moving.angular[i] = 0.0
-    return 0.0
+        velocity[i] -= farther * ahead[i]
+    left = math.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1] + velocity[2] * velocity[2])
+    return left / math.sqrt(x * x + y * y + z * z)
+
+
+@inline
+def _keep_near(pose, moving):
+    """Lead no farther ahead of the end effector, in place or turn, where the target is too far ahead; back is free.
+
+    Way and turn still take the same time: what is taken from one slows the other.
+    """
+    w, v, ahead = moving.angular, moving.linear, moving.way
+    way, angle = _apart(pose, moving.pose)
+    kept_way = kept_turn = 1.0
+    if way > _LEAD:
+        (px, py, pz), (tx, ty, tz) = position(pose), position(moving.pose)
+        ahead[0], ahead[1], ahead[2] = tx - px, ty - py, tz - pz
+        kept_way = _kept_share(v, ahead, way)
+    if angle > _ANGULAR_LEAD:
+        _find_turn(pose, moving.pose, moving.turn, ahead)
+        kept_turn = _kept_share(w, ahead, 0.5 * angle)
+    for i in range(3):
+        w[i] *= kept_way
+        v[i] *= kept_turn
 
 
 @inline
@@ -162,20 +202,9 @@ def _is_held(pose, time, given, bounds, moving):
 
 
 @inline
-def _find_turn(present, goal, turn, way):
-    """Write half the rotation vector, base axes, that turns one pose into another; ``turn`` is scratch."""
-    back = present[0], -present[1], -present[2], -present[3]
-    quaternion_product((goal[0], goal[1], goal[2], goal[3]), back, turn)
-    if turn[0] < 0.0:
-        for i in range(4):
-            turn[i] = -turn[i]
-    half_angle(turn, way)
-
-
-@inline
 def _goal(pose, time, asked, bounds, moving):
     """Return the time to move, s, and the goal to move to; no time where nothing was asked for."""
-    passed = _time_to_move(pose, time, moving)
+    passed = _time_to_move(time, moving)
     if asked.shape[0] == 0:
         return 0.0, moving.held
     given = asked_pose(asked)
@@ -201,6 +230,7 @@ def move_with_pose(pose, time, asked, speeds, memory):
         w[i] = 2.0 * pace * moving.way[i]
     (px, py, pz), (gx, gy, gz) = position(present), position(goal)
     v[0], v[1], v[2] = pace * (gx - px), pace * (gy - py), pace * (gz - pz)
+    _keep_near(pose, moving)
     _advance(passed, moving)
     return OK
 
@@ -230,6 +260,7 @@ def move_to_pose(pose, time, asked, speeds, memory):
     _find_turn(present, goal, moving.turn, moving.way)
     twice, most = 2.0 * pace, slower * bounds.angular
     _approach(w, (twice * moving.way[0], twice * moving.way[1], twice * moving.way[2]), most)
+    _keep_near(pose, moving)
     _advance(passed, moving)
     for i in range(6):
         moving.twist[i] = 0.0  # poses that somebody streams are followed, not foreseen
@@ -240,7 +271,7 @@ def move_to_pose(pose, time, asked, speeds, memory):
 def move_by_twist(pose, time, asked, speeds, memory):
     """Move on as a twist leads (of `asked_twist`), within accelerations, until it is too old: then stop."""
     moving, bounds = moving_sample(memory), target_speeds(speeds)
-    passed = _time_to_move(pose, time, moving)
+    passed = _time_to_move(time, moving)
     if passed == 0.0 or asked.shape[0] == 0:
         return OK
     given = asked_twist(asked)
@@ -256,5 +287,6 @@ def move_by_twist(pose, time, asked, speeds, memory):
     most = bounds.acceleration * passed
     _approach(moving.linear, v, most)
     _approach(moving.angular, w, most * bounds.angular / bounds.linear)
+    _keep_near(pose, moving)
     _advance(passed, moving)
     return OK

@@ -15,6 +15,7 @@ from dqcontrol.contact import Admittance
 from dqcontrol.controller import PreparedTasks
 from dqcontrol.laws import Law, PartialProportional
 from dqcontrol.loop.record import Record, has_failed, part_of, row_norms
+from dqcontrol.measures.number_texts import angle_text, length_text
 from dqcontrol.measures.run_numbers import LAST, RunNumbers, run_numbers
 from dqcontrol.measures.task_range import inverse_of, lost_share
 from dqcontrol.references.sample import POSE
@@ -84,8 +85,8 @@ class TaskResult:
         """The errors that decide, as ``"rests 281 mm, 12° off"``; of a run that fell short those that are too large."""
         parts = []
         for error, tolerance, text in (
-            (self.position, self.position_tolerance, f"{1e3 * self.position:.3g} mm"),
-            (self.orientation, self.orientation_tolerance, f"{np.degrees(self.orientation):.2g}°"),
+            (self.position, self.position_tolerance, length_text(self.position)),
+            (self.orientation, self.orientation_tolerance, angle_text(self.orientation)),
         ):
             if np.isfinite(error) and (self.succeeded or error > tolerance):
                 parts.append(text)

@@ -19,6 +19,7 @@ from dqcontrol.experiments.parameter_units import parameter_unit
 from dqcontrol.experiments.prepared_experiment import sources
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.files.yaml_file import parse_yaml
+from dqcontrol.measures.number_texts import length_text, number_text
 from dqcontrol.robots import Robot, describe
 from dqcontrol.robots.files.urdf_xml import mesh_names, missing_meshes
 from dqcontrol.robots.serial_arm import SerialArm
@@ -166,9 +167,11 @@ def _of_spec(spec: Spec) -> Iterator[Fact]:
 
 def _error(run: Run) -> str:
     position, orientation = run.metrics.position, run.metrics.orientation
-    words = f"position {position.settled_rms:.3g} mm RMS, {position.settled_peak:.3g} mm at most"
+    rms, most = (length_text(1e-3 * error) for error in (position.settled_rms, position.settled_peak))
+    words = f"position {rms} RMS, {most} at most"
     if orientation.settled_peak >= _SEEN:
-        words += f"; orientation {orientation.settled_rms:.2g}° RMS, {orientation.settled_peak:.2g}° at most"
+        rms, most = (number_text(error, 2) for error in (orientation.settled_rms, orientation.settled_peak))
+        words += f"; orientation {rms}° RMS, {most}° at most"
     return words
 
 

@@ -84,7 +84,7 @@ _PAGE = """<!DOCTYPE html>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta http-equiv="Content-Security-Policy"
-  content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
+  content="{policy}">
 <title>{title}</title>
 <style>{style}</style>
 </head>
@@ -95,10 +95,15 @@ _PAGE = """<!DOCTYPE html>
 </html>
 """
 
+_STILL = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
+# A replay has scripts, and the policy of the page around it holds for it, too; nothing comes from a network either way.
+_MOVING = "default-src 'unsafe-inline' 'unsafe-eval' data: blob:"
 
-def page(title: str, parts: Iterable[str]) -> str:
-    """Return a page of these parts, which are HTML, under a title, which is text."""
-    return _PAGE.format(title=escape(title), style=_STYLE, body="\n".join(parts))
+
+def page(title: str, parts: Iterable[str], *, moves: bool = False) -> str:
+    """Return a page of these parts, which are HTML, under a title, which is text; a replay moves in it."""
+    policy, body = _MOVING if moves else _STILL, "\n".join(parts)
+    return _PAGE.format(title=escape(title), style=_STYLE, policy=policy, body=body)
 
 
 def heading(text: str) -> str:
@@ -309,5 +314,5 @@ def write_report(
         parts += [heading("Versions and seeds"), html_table(origins)]
     target.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(target) as draft:
-        draft.write_text(page(title, parts), encoding="utf-8", newline="\n")
+        draft.write_text(page(title, parts, moves=bool(moving)), encoding="utf-8", newline="\n")
     return target

@@ -24,6 +24,7 @@ from dqcontrol.measures.held import deadlocks, plans_of_run
 from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.measures.metric_tables import metrics_tables
 from dqcontrol.measures.metrics import UNSEEN
+from dqcontrol.measures.number_texts import angle_text, length_text, percent_text
 from dqcontrol.measures.task_range import RANGE, TaskRange
 from dqcontrol.measures.task_result import TaskResult
 from dqcontrol.plants.mujoco.gripper import GRIP_FORCE
@@ -96,8 +97,8 @@ def _end(run: Run) -> Iterator[Row]:
 def _task(task: TaskResult, *, gave_way: bool) -> Iterator[Row]:
     """Yield how the task ended; one that was left only for what is to be kept did not fail."""
     if task.error:
-        allowed = [f"{1e3 * task.position_tolerance:.3g} mm"] * math.isfinite(task.position)
-        allowed += [f"{math.degrees(task.orientation_tolerance):.2g}°"] * math.isfinite(task.orientation)
+        allowed = [length_text(task.position_tolerance)] * math.isfinite(task.position)
+        allowed += [angle_text(task.orientation_tolerance)] * math.isfinite(task.orientation)
         good = "reached" if task.at_rest else "followed"
         verdict = VerdictCell(task.outcome, task.succeeded)
         if gave_way and not task.succeeded:
@@ -121,9 +122,9 @@ def _velocity_limits(run: Run) -> Iterator[Row]:
     if run.plant is not None and command_mode(run.plant) == "measured":
         return  # an offset of the target, which also carries gravity: no velocity
     kept = bool(shares.max() <= 1 + _ROUND_OFF)
-    words = f"{run.record.input_names[joint]}: commands up to {100 * shares.max():.3g} % of its limit"
+    words = f"{run.record.input_names[joint]}: commands up to {percent_text(shares.max(), 3)} of its limit"
     if at_limits := float(np.mean(shares[:-1].max(axis=1) >= 1 - _ROUND_OFF)):
-        words += f", there or beyond in {100 * at_limits:.2g} % of the samples"
+        words += f", there or beyond in {percent_text(at_limits)} of the samples"
     yield ["Velocity limits", VerdictCell.of(kept, "kept", "exceeded"), words]
 
 
@@ -189,7 +190,7 @@ def _range(run: Run) -> Iterator[Row]:
         return
     last = float(TaskRange.recorded(run.record).share[-1])
     stuck = last > _STUCK and not run.task.succeeded
-    words = f"{100 * last:.2g} % of the twist asked for at the end lies outside the range of J"
+    words = f"{percent_text(last)} of the twist asked for at the end lies outside the range of J"
     yield ["Range of J", VerdictCell.of(not stuck, "not stuck", "stuck"), words]
 
 
@@ -211,7 +212,7 @@ def _loop_gains(found: LoopCheck) -> Row:
         worst = found.worst
         words = (
             f"{worst.gain.loop}: k = {abs(worst.gain.value):.3g} 1/s, limit "
-            f"{worst.limits.stable / found.period:.3g} 1/s, overshoot {100 * found.overshoot:.2g} %"
+            f"{worst.limits.stable / found.period:.3g} 1/s, overshoot {percent_text(found.overshoot)}"
         )
     return ["Loop gains", judged(found), words]
 

@@ -33,6 +33,7 @@ from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.measures.metric_tables import NUMBER_COLUMNS
 from dqcontrol.measures.metrics import AT_LIMIT
+from dqcontrol.measures.number_texts import percent_text
 from dqcontrol.tables.tables import Cell, Column, Table
 from dqcontrol.tuning.law_search import LawResult, LawSearch, LawTask, ready_problem
 from dqcontrol.tuning.tune_spec import TuneProblem, read_tune
@@ -200,13 +201,13 @@ class Tuning:
             if (faster := each.faster) is not None:
                 lines.append(
                     f"{each.label}{_FASTER}: {faster.result.total / found.total:.2g} of that total, {faster.verdict} "
-                    f"as check says, overshoot {100 * (faster.overshoot or 0.0):.2g} %, margin "
+                    f"as check says, overshoot {percent_text(faster.overshoot or 0.0)}, margin "
                     f"{faster.margin or math.nan:.3g}; tune: {{damping: 0}} takes it"
                 )
             if found.searched["saturation"] > 0:
                 lines.append(
-                    f"{each.label}: {100 * found.searched['saturation']:.2g} % of the samples are at velocity limits: "
-                    "what was tuned is the saturation"
+                    f"{each.label}: {percent_text(found.searched['saturation'])} of the samples are at velocity "
+                    "limits: what was tuned is the saturation"
                 )
             if found.searched["limit_margin"] < AT_LIMIT:
                 lines.append(

@@ -297,7 +297,9 @@ def _beyond_limits(arm: InverseKinematics, q: Array) -> str:
         ):
             if beyond:
                 unit = "rad" if arm.joint_types[i] == "revolute" else "m"
-                parts.append(f"{arm.joint_names[i]} at {value:.3g} {unit} ({side} limit {bound:.3g})")
+                forms = (f".{digits}g" for digits in range(3, 18))  # the first that tells one from the other
+                form = next(form for form in forms if format(value, form) != format(bound, form))
+                parts.append(f"{arm.joint_names[i]} at {value:{form}} {unit} ({side} limit {bound:{form}})")
     return f"limits: the nearest solution found has {', '.join(parts)}"
 
 

@@ -1,0 +1,39 @@
+"""Numbers in sentences: as many digits as tell something, and no powers of ten."""
+
+from __future__ import annotations
+
+import math
+
+
+def number_text(value: float, digits: int = 3) -> str:
+    """Return a number with so many digits, or all before the point.
+
+    Examples
+    --------
+    >>> number_text(0.12345), number_text(99.7, 2), number_text(46512.3)
+    ('0.123', '100', '46512')
+    """
+    return f"{value:.{digits}g}" if abs(value) < 10**digits - 0.5 else f"{value:.0f}"
+
+
+def length_text(value: float, digits: int = 3) -> str:
+    """Return a length in mm, one of a metre and more in m; negative inside of something."""
+    sign, size = "−" if value < 0 else "", abs(value)
+    return (
+        f"{sign}{number_text(size, digits)} m" if size >= 1 else f"{sign}{number_text(1e3 * size, digits)} mm"
+    )
+
+
+def force_text(value: float) -> str:
+    """Return a force in N."""
+    return f"{number_text(value)} N"
+
+
+def angle_text(value: float) -> str:
+    """Return an angle, rad, in degrees."""
+    return f"{number_text(math.degrees(value), 2)}°"
+
+
+def percent_text(share: float, digits: int = 2) -> str:
+    """Return a share in percent."""
+    return f"{number_text(100 * share, digits)} %"
