@@ -135,7 +135,10 @@ def _tried(slip: Slip, items: list[pytest.Item], reached: Lines, seconds: list[f
     path = Path(slip["path"]).resolve()
     lines = path.read_text().splitlines()
     changed = "\n".join([*lines[: slip["first"]], *slip["lines"], *lines[slip["last"] :]]) + "\n"
-    old, new = (compile(text, str(path), "exec") for text in (path.read_text(), changed))
+    try:
+        old, new = (compile(text, str(path), "exec") for text in (path.read_text(), changed))
+    except SyntaxError:
+        return "not tried", "no Python any more"
     pairs = [(a, b) for a, b in _pairs(old, new) if not _same(a, b)]
     if pairs and all(a.co_flags & 0x2 and "__qualname__" not in a.co_names for a, _ in pairs):  # CO_NEWLOCALS
         places = {(str(path), number + 1) for number in range(slip["first"], slip["last"])} & reached.keys()
