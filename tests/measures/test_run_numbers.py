@@ -154,7 +154,7 @@ def test_a_motion_that_ends_at_rest_is_judged_in_the_last_tenth_of_its_rest_what
     assert found.numbers.largest_step == pytest.approx(1 / 59 / 2)
     moving = DesiredMotion.of(samples[:60])
     assert moving.rest is None
-    assert DesiredMotion.of(samples[59:]).rest == 37  # of 41 that rest from the beginning
+    assert DesiredMotion.of(samples[60:]).rest == 36  # of 40 that rest from the beginning
 
 
 @pytest.mark.parametrize("last", [0.099, 0.101])
@@ -188,3 +188,29 @@ def test_the_joint_that_comes_nearest_to_a_limit_is_named(joint, end):
     assert found["limit_margin"] == pytest.approx(
         0.1 * abs((LIMITS.upper if end > 0 else LIMITS.lower)[joint])
     )
+
+
+def test_directions_are_those_of_samples_that_move():
+    time = np.array([0.0, 1, 2, 4, 5, 6, 7])
+    places = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 4, 0], [2, 8, 0], [2, 8.001, 0], [2, 8.001, 0]])
+    samples = np.hstack(
+        [algebra.pose(np.tile(np.eye(4)[0], (7, 1)), places), np.zeros((7, 12)), time[:, None]]
+    )
+    moves, directions = DesiredMotion.of(samples).directions
+    assert moves.tolist() == [True] * 5 + [False] * 2
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1)
+    np.testing.assert_allclose(
+        directions[[0, 1, 3, 4]], [[1, 0, 0], [1, 0, 0], [0, 1, 0], [0, 1, 0]], atol=1e-12
+    )
+
+
+def test_of_one_sample_further_tasks_have_a_peak_alone():
+    signal = Signal("task.elbow", ("distance", "angle"), ("m", "rad"), np.array([[0.2, 0.1]]))
+    run = make_run(3)
+    one = Record(
+        run.time[:1], run.q[:1], run.q[:1], run.command[:1], run.pose[:1], run.desired[:1], run.joint_names,
+        readings={"task.elbow": signal},
+    )  # fmt: skip
+    found = evaluate(one).tasks["elbow"].position
+    assert (found.peak, found.final) == (200.0, 200.0)
+    assert np.isnan([found.mean, found.rms]).all()

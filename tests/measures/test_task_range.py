@@ -14,6 +14,7 @@ from dqcontrol.figures import range_condition
 from dqcontrol.laws import FeedbackLinearization, FilteredInverse, GuidedProportional
 from dqcontrol.limits import CommandLimits, ModifiedClamping
 from dqcontrol.loop.record import part_of
+from dqcontrol.loop.signals import Signal
 from dqcontrol.measures import task_range
 from dqcontrol.measures.task_range import RANGE, lost_share, outside_range, with_range
 from dqcontrol.plants import Integrator
@@ -185,3 +186,15 @@ def test_a_record_of_one_sample_has_its_range_and_a_task_that_is_done_loses_noth
     assert (one.asked[0], one.outside[0]) == (found.asked[at], found.outside[at])
     arm, q = dqc.load_robot("iiwa7"), np.zeros(7)
     assert lost_share(arm, q, arm.fkm(q)) == 0
+
+
+@pytest.mark.parametrize(
+    ("asked", "outside", "share"), [([2.0, 2, 2], [0.0, 1, 2], 0.5), ([0.0, 0, 0], [0.0] * 3, None)]
+)
+def test_the_share_outside_is_of_what_was_asked_over_time(robot, asked, outside, share):
+    record = part_of(drive(robot, dqc.laws.Proportional(gain=0.5), robot.fkm(HOME), 1.0), 0, 3)
+    values = np.column_stack([asked, outside, np.ones(3)])
+    found = outside_range(
+        replace(record, readings={RANGE: Signal(RANGE, ("", "", ""), ("", "", ""), values)})
+    )
+    assert np.isnan(found) if share is None else found == pytest.approx(share)

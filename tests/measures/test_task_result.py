@@ -305,3 +305,24 @@ def test_the_last_tenth_of_the_rest_decides(at, outcome):
     hand = goal - 0.1 * (np.arange(1001) == at)
     hand[0] = 0.0
     assert task_result(record_of(goal, hand)).outcome == outcome
+
+
+def test_of_an_axis_turns_about_it_do_not_count():
+    still = record_of(np.full(101, 0.5), np.full(101, 0.5))
+    turned = replace(
+        still, pose=np.tile(dqc.algebra.pose([np.cos(0.5), 0, 0, np.sin(0.5)], [0.5, 0, 0]), (101, 1))
+    )
+    for part, axis, outcome in (
+        ("axis", (0, 0, 2), "reached"),
+        ("axis", (0, 1, 0), "not reached"),
+        ("rotation", (0, 0, 1), "not reached"),
+    ):
+        law = dqc.laws.PartialProportional(part=part, axis=axis, gain=1.0)
+        assert task_result(turned, law=law).outcome == outcome
+
+
+def test_a_run_that_its_stop_ended_did_what_it_asked():
+    time = np.linspace(0, 1, 101)
+    off = record_of(np.full(101, 0.5), np.minimum(time, 0.45), stopped="settled")
+    assert task_result(off).outcome == "reached"
+    assert task_result(record_of(time, time - 0.2 * time, stopped="settled")).outcome == "followed"
