@@ -16,8 +16,16 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
 from dqcontrol.figures.paths import desired_in_room, recorded_frames, tip_paths
 from dqcontrol.figures.robot_bodies import arm_meshes, chain_rows, smoothed
-from dqcontrol.films.drawn_scene import COLOURS, DrawnScene, add_actual, add_desired, add_ghost, add_mark
-from dqcontrol.films.offscreen import offscreen, renderer
+from dqcontrol.films.drawn_scene import (
+    COLOURS,
+    DrawnScene,
+    add_actual,
+    add_desired,
+    add_ghost,
+    add_mark,
+    offscreen,
+    renderer,
+)
 from dqcontrol.loop.signals import Signal
 from dqcontrol.measures.held import apart_at_plans, plans_of_run
 from dqcontrol.plants.mobile.wheeled_base import WHEELS

@@ -13,7 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, as_array
-from dqcontrol.films.drawn_scene import add_actual, add_desired, add_ghost
+from dqcontrol.films.drawn_scene import (
+    add_actual,
+    add_desired,
+    add_ghost,
+    check_picture_file,
+    offscreen,
+    renderer,
+)
 from dqcontrol.films.film import (
     add_meshes,
     add_scene_background,
@@ -21,7 +28,6 @@ from dqcontrol.films.film import (
     framing_of_arm,
     link_meshes,
 )
-from dqcontrol.films.offscreen import check_picture_file, offscreen, renderer
 from dqcontrol.plants.mujoco.mujoco_model import compiled, skeleton, skeleton_positions
 from dqcontrol.robots.files.mjcf import import_mujoco
 
