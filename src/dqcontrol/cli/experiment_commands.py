@@ -412,7 +412,7 @@ def export(
 
 
 def compile_beside() -> None:
-    """Compile what every run needs in a second process, while this one compiles what its law needs; nobody waits for it.
+    """Compile what every run needs in a second process, while this one compiles its law's; nobody waits for it.
 
     Only where these kernels are new and kept, and a processor is left.
     """

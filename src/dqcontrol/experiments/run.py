@@ -244,7 +244,7 @@ class Run:
     def write(self, folder: Path, outside: str = PARENT, *, figures: bool = True) -> None:
         """Write the files of `save` into an existing folder; ``outside`` leads from there out of all results."""
         self.write_data(folder)
-        result_pages().write_run(self, folder, outside, figures=figures)
+        result_pages().write_run_report(self, folder, outside, figures=figures)
 
     def write_data(self, folder: Path) -> None:
         """Write the files of `save`, except report and plots, into an existing folder."""

@@ -217,7 +217,7 @@ class Study:
                 records = {label: self.runs[label].record for label in names} or self._first_repeats()
             write_table(self.table(), new, "table")
             pages = {label: f"{name}/report.html" for label, name in names.items()}
-            result_pages().write_study(self, new, tables, records, pages, figures=figures is not False)
+            result_pages().write_study_report(self, new, tables, records, pages, figures=figures is not False)
         return Path(folder)
 
     def _write_runs(

@@ -672,7 +672,7 @@ def run_sweep_to(
             join_files(list(parts.parts().values()), new / ROWS, {"spec": sweep.text})
             ranking = rank([new], by)
             write_table(ranking.table(), new, "best")
-            result_pages().write_sweep(ranking, sweep.text, new)
+            result_pages().write_sweep_report(ranking, sweep.text, new)
         parts.discard()
     return ranking
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Iterator
 from contextlib import suppress
@@ -239,6 +240,15 @@ def figures_of(run: Run) -> dict[str, Figure]:
         constraints=run.surroundings,
     )
     return {name: each() for name, each in draw.items()}
+
+
+def path_picture(record: Record) -> bytes:
+    """Return the path of the end effector as a PNG file."""
+    from dqcontrol.figures.paths import path_3d
+
+    picture = io.BytesIO()
+    path_3d(record).savefig(picture, format="png", dpi=100)
+    return picture.getvalue()
 
 
 def write_run_report(

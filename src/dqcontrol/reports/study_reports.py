@@ -18,6 +18,10 @@ from dqcontrol.loop.record import Record, has_failed
 from dqcontrol.measures.metric_tables import NUMBER_COLUMNS
 from dqcontrol.reports.about import RERUN_FOLDER, about_study, command, origins
 from dqcontrol.reports.report import write_report
+from dqcontrol.reports.run_report import (  # with these this file is a `ResultPages`
+    path_picture as path_picture,
+    write_run_report as write_run_report,
+)
 from dqcontrol.tables.tables import Cell, Column, Table, VerdictCell
 
 if TYPE_CHECKING:

@@ -267,7 +267,7 @@ class Tuning:
         if self.problem.block.front:
             write_json(folder / FRONTS, self.fronts())
         write_table(self.table(), folder, "winners")
-        result_pages().write_tuning(self, text, folder)
+        result_pages().write_tuning_report(self, text, folder)
 
     def fronts(self) -> dict[str, list[dict[str, Any]]]:
         """Return of each law its best compromises: parameters, and both objectives."""

@@ -251,7 +251,7 @@ class Learning:
         }
         write_json(folder / HISTORY, history)
         write_table(self.table(), folder, "learning")
-        result_pages().write_learning(self, text, folder)
+        result_pages().write_learning_report(self, text, folder)
 
 
 def learn(
