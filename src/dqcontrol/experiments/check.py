@@ -41,7 +41,7 @@ from dqcontrol.measures.stability import (
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.robots import Robot
-from dqcontrol.tables.tables import Column, Table, VerdictCell, known
+from dqcontrol.tables.tables import Column, Table, Tabled, VerdictCell, known
 
 _REPEATS = 20
 
@@ -284,7 +284,7 @@ class LoopCheck:
 
 
 @dataclass(frozen=True)
-class Checks(Sequence[LoopCheck]):
+class Checks(Tabled, Sequence[LoopCheck]):
     """The checks of a spec, one a law, parameter set and plant.
 
     Attributes
@@ -318,11 +318,7 @@ class Checks(Sequence[LoopCheck]):
     def __str__(self) -> str:
         """Return the table, and what to do."""
         contact = [] if self.contact is None else ["", str(self.contact)]
-        return "\n".join([str(self.table()), *self.remarks(), *contact])
-
-    def _repr_markdown_(self) -> str:
-        """Return what notebooks show: the same."""
-        return "\n".join([self.table().markdown(), *(f"* {remark}" for remark in self.remarks())])
+        return "\n".join([super().__str__(), *contact])
 
     @property
     def unstable(self) -> bool:

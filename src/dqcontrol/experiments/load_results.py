@@ -11,8 +11,7 @@ import yaml
 from msgspec import Meta
 
 from dqcontrol.errors import Error, FileFormatError, suggest_file
-from dqcontrol.experiments.results_folder import SPEC_FILE
-from dqcontrol.experiments.row_file import Row, read_rows
+from dqcontrol.experiments.results_folder import SPEC_FILE, Row, read_rows
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.spec import RobotSpec, read_data, read_spec
 from dqcontrol.experiments.spec.reference_spec import Part

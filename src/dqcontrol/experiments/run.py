@@ -23,7 +23,7 @@ from dqcontrol.experiments.result_pages import ShownPage, replay, result_pages
 from dqcontrol.experiments.results_folder import PARENT, new_folder
 from dqcontrol.experiments.run_comparison import summary
 from dqcontrol.experiments.spec import AnyLaw, AnyPlant, MetricsFrom, Spec, read_spec
-from dqcontrol.experiments.spec.spec_files import copy_inputs
+from dqcontrol.experiments.spec.spec_files import write_spec
 from dqcontrol.experiments.verdict import Judge, Verdict, verdict_of
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.files.yaml_file import parse_yaml
@@ -248,8 +248,7 @@ class Run:
 
     def write_data(self, folder: Path) -> None:
         """Write the files of `save`, except report and plots, into an existing folder."""
-        (folder / "spec.yaml").write_text(self.spec, encoding="utf-8")
-        copy_inputs(parse_yaml("spec", self.spec), folder)
+        write_spec(self.spec, folder)
         save_record(self.record, folder / "record.mcap", self.spec)
         (folder / "metrics.json").write_text(
             json.dumps(self.metrics.to_dict(), indent=2) + "\n", encoding="utf-8"

@@ -24,19 +24,21 @@ from dqcontrol.experiments.processes import checked_jobs, in_processes, sensible
 from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.results_folder import (
     PARENT,
-    SPEC_FILE,
+    Row,
     WorkingFolder,
     check_new,
     folder_names,
     new_folder,
+    read_rows,
     told_first,
     working_folder,
+    write_rows,
+    write_whole,
 )
-from dqcontrol.experiments.row_file import Row, read_rows, write_rows, write_whole
 from dqcontrol.experiments.run import Run, as_run, execute
 from dqcontrol.experiments.run_comparison import MEANS, MOST_CURVES, summary_of, unit_of_way, write_table
 from dqcontrol.experiments.spec import Spec, read_spec
-from dqcontrol.experiments.spec.spec_files import copy_inputs
+from dqcontrol.experiments.spec.spec_files import write_spec
 from dqcontrol.experiments.trials import Batch, Trial, TrialOutcome, outcomes, trial_folder
 from dqcontrol.experiments.verdict import headline, verdict_of
 from dqcontrol.files.yaml_file import parse_yaml
@@ -49,7 +51,7 @@ from dqcontrol.measures.repeats import (
     repeatability_table,
 )
 from dqcontrol.recording import load_record
-from dqcontrol.tables.tables import Table
+from dqcontrol.tables.tables import Table, Tabled
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -98,7 +100,7 @@ _DRAWN = 20_000  # samples of a run in a picture of several; a longer one takes 
 
 
 @dataclass(frozen=True)
-class Study:
+class Study(Tabled):
     """The trials of a spec.
 
     Attributes
@@ -129,10 +131,6 @@ class Study:
 
     def __repr__(self) -> str:
         return f"Study({self.name!r}, {len(self.rows)} trials, {len(self.runs)} with records)"
-
-    def __str__(self) -> str:
-        """Return the table."""
-        return str(self.table())
 
     @property
     def is_repeated(self) -> bool:
@@ -165,10 +163,6 @@ class Study:
             return means_table(self.rows, MEANS, self.name)
         rows = ((Trial.of(row).names.label, row) for row in self.rows)
         return summary_of(rows, self.name, unit_of_way(run.robot for run in self.runs.values()))
-
-    def _repr_markdown_(self) -> str:
-        """Return what notebooks show: the table."""
-        return self.table().markdown()
 
     def save(
         self,
@@ -204,8 +198,7 @@ class Study:
             If the folder exists (and holds no results, with ``force``).
         """
         with new_folder(folder, force=force) as new:
-            (new / SPEC_FILE).write_text(self.spec, encoding="utf-8")
-            copy_inputs(parse_yaml("spec", self.spec), new)
+            write_spec(self.spec, new)
             names = folder_names(self.runs) if self.runs and not self.is_repeated else {}
             folders = {label: new / name for label, name in names.items()}
             self._write_runs(folders, figures is True, jobs, progress)

@@ -31,13 +31,15 @@ from dqcontrol.experiments.processes import checked_jobs, workers
 from dqcontrol.experiments.ranking import BEST_BY, Ranking, rank
 from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.results_folder import (
-    SPEC_FILE,
+    Row,
     WorkingFolder,
     check_new,
+    join_files,
     new_folder,
+    parquet,
     working_folder,
+    write_whole,
 )
-from dqcontrol.experiments.row_file import Row, join_files, parquet, write_whole
 from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec import (
     Spec,
@@ -48,7 +50,7 @@ from dqcontrol.experiments.spec import (
     readable_again,
 )
 from dqcontrol.experiments.spec.reference_spec import ObjectSpec, Part
-from dqcontrol.experiments.spec.spec_files import copy_inputs, locate_files
+from dqcontrol.experiments.spec.spec_files import locate_files, write_spec
 from dqcontrol.experiments.study import ROWS
 from dqcontrol.experiments.trials import Batch, precompile
 from dqcontrol.files.yaml_file import convert, parse_yaml
@@ -667,8 +669,7 @@ def run_sweep_to(
     ):
         _run(sweep, parts, carry_out, progress or (lambda done, total: None))
         with new_folder(target, force=force) as new:
-            (new / SPEC_FILE).write_text(sweep.text, encoding="utf-8")
-            copy_inputs(parse_yaml("spec", sweep.text), new)
+            write_spec(sweep.text, new)
             join_files(list(parts.parts().values()), new / ROWS, {"spec": sweep.text})
             ranking = rank([new], by)
             write_table(ranking.table(), new, "best")

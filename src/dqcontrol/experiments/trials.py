@@ -15,8 +15,7 @@ from typing import NamedTuple
 from dqcontrol.errors import DivergedError
 from dqcontrol.experiments.prepared_experiment import Combination, Names, PreparedExperiment
 from dqcontrol.experiments.processes import in_processes
-from dqcontrol.experiments.results_folder import folder_names
-from dqcontrol.experiments.row_file import Row
+from dqcontrol.experiments.results_folder import Row, folder_names
 from dqcontrol.experiments.run import Run, as_run, execute, measure
 from dqcontrol.experiments.verdict import Judge
 from dqcontrol.loop import Record

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dqcontrol.experiments.ranking import Ranking
-from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE
-from dqcontrol.experiments.row_file import Row
+from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE, Row
 from dqcontrol.experiments.run_comparison import MOST_CURVES, unit_of_way
 from dqcontrol.experiments.study import Study, by_label
 from dqcontrol.experiments.verdict import verdict_of

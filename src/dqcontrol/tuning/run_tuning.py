@@ -17,24 +17,22 @@ from dqcontrol.experiments.prepared_experiment import prepare_spec, program
 from dqcontrol.experiments.processes import checked_jobs, workers
 from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.results_folder import (
-    SPEC_FILE,
     WorkingFolder,
     check_new,
     new_folder,
     told_first,
     working_folder,
+    write_rows,
 )
-from dqcontrol.experiments.row_file import write_rows
 from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec import as_spec
 from dqcontrol.experiments.spec.reference_spec import ObjectSpec
-from dqcontrol.experiments.spec.spec_files import copy_inputs
+from dqcontrol.experiments.spec.spec_files import write_spec
 from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
-from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.measures.metric_tables import NUMBER_COLUMNS
 from dqcontrol.measures.metrics import AT_LIMIT
 from dqcontrol.measures.number_texts import percent_text
-from dqcontrol.tables.tables import Cell, Column, Table
+from dqcontrol.tables.tables import Cell, Column, Table, Tabled
 from dqcontrol.tuning.law_search import LawResult, LawSearch, LawTask, ready_problem
 from dqcontrol.tuning.tune_spec import TuneProblem, read_tune
 
@@ -102,7 +100,7 @@ class TunedLaw:
 
 
 @dataclass(frozen=True)
-class Tuning:
+class Tuning(Tabled):
     """What a search found.
 
     Attributes
@@ -118,13 +116,6 @@ class Tuning:
 
     def __repr__(self) -> str:
         return f"Tuning({self.problem.spec.name!r}, best: {self.laws[0].label!r})"
-
-    def __str__(self) -> str:
-        """Return the table, and what is to be said of it."""
-        return "\n".join([str(self.table()), *self.remarks()])
-
-    def _repr_markdown_(self) -> str:
-        return "\n".join([self.table().markdown(), *(f"* {remark}" for remark in self.remarks())])
 
     @property
     def best(self) -> TunedLaw:
@@ -258,8 +249,7 @@ class Tuning:
     def write(self, folder: Path) -> None:
         """Write the files of `save` into an existing folder."""
         text = tune_text(self.problem)
-        (folder / SPEC_FILE).write_text(text, encoding="utf-8")
-        copy_inputs(parse_yaml("spec", text), folder)
+        write_spec(text, folder)
         write_json(folder / WINNERS, self.winners())
         (folder / BEST).write_text(yaml_text(self.best_spec), encoding="utf-8")
         rows = [{"law": each.label} | row for each in self.laws for row in each.result.rows]

@@ -23,11 +23,10 @@ from dqcontrol.experiments.contact_check import sensed, stiffness_touched
 from dqcontrol.experiments.feasibility import path_demand
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare_spec
 from dqcontrol.experiments.result_pages import result_pages
-from dqcontrol.experiments.results_folder import SPEC_FILE, WorkingFolder, check_new, new_folder, told_first
+from dqcontrol.experiments.results_folder import WorkingFolder, check_new, new_folder, told_first
 from dqcontrol.experiments.run_comparison import write_table
-from dqcontrol.experiments.spec.spec_files import copy_inputs
+from dqcontrol.experiments.spec.spec_files import write_spec
 from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
-from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop import Clock, Record
 from dqcontrol.loop.record import has_failed
 from dqcontrol.loop.simulate import simulate_prepared
@@ -38,7 +37,7 @@ from dqcontrol.plants.plant import WRENCH_READINGS, Plant
 from dqcontrol.recording import load_record, save_record
 from dqcontrol.references import Points, Previewed
 from dqcontrol.references.sample import POSE, TIME, TWIST
-from dqcontrol.tables.tables import Cell, Column, Table
+from dqcontrol.tables.tables import Cell, Column, Table, Tabled
 from dqcontrol.tuning.learning import learnt_motion
 from dqcontrol.tuning.learning.convergence import (
     HIGHEST,
@@ -116,7 +115,7 @@ class LearningRun:
 
 
 @dataclass(frozen=True)
-class Learning:
+class Learning(Tabled):
     """What was learnt.
 
     Attributes
@@ -155,13 +154,6 @@ class Learning:
     last: Record = field(repr=False)
     forces: learnt_motion.ForceLearning | None = field(default=None, repr=False)
     notes: tuple[str, ...] = ()
-
-    def __str__(self) -> str:
-        """Return the table, and what is to be said of it."""
-        return "\n".join([str(self.table()), *self.remarks()])
-
-    def _repr_markdown_(self) -> str:
-        return "\n".join([self.table().markdown(), *(f"* {line}" for line in self.remarks())])
 
     @property
     def gain(self) -> float:
@@ -227,8 +219,7 @@ class Learning:
     def write(self, folder: Path) -> None:
         """Write the files of `save` into an existing folder."""
         text = _text(self.problem)
-        (folder / SPEC_FILE).write_text(text, encoding="utf-8")
-        copy_inputs(parse_yaml("spec", text), folder)
+        write_spec(text, folder)
         law = json.dumps(self.problem.data.get("law") or self.problem.data.get("laws"))
         plant = json.dumps(self.problem.data.get("plant") or self.problem.data.get("plants"))
         notes = (
