@@ -163,8 +163,7 @@ def timing_histogram(timing: Timing) -> Figure:
     for axes, (name, seconds) in zip(panels, rows.items(), strict=True):
         values = 1e3 * seconds
         axes.hist(values, _TIMING_BINS, color=COLOURS[0], edgecolor="white", linewidth=0.2)
-        axes.set_yscale("log")
-        axes.set_xlabel(f"{name} [ms]")
+        axes.set(yscale="log", xlabel=f"{name} [ms]")
         axes.set_title(
             f"median {np.median(values):.4g}\n99 % below {np.quantile(values, 0.99):.4g}", loc="left"
         )

@@ -177,8 +177,7 @@ def _paths(records: Mapping[str, Record], constraints: Constraints | None) -> Fi
         _draw(front, ways, hands, axes_of_plane, moving)
         _draw_plans(front, made, axes_of_plane)
         front.set_aspect("equal", adjustable="datalim")
-        front.set_xlabel(labels[0])
-        front.set_ylabel(labels[1])
+        front.set(xlabel=labels[0], ylabel=labels[1])
         front.margins(0.08)
         for axis in (front.xaxis, front.yaxis):
             axis.set_major_locator(MaxNLocator(6))

@@ -533,11 +533,7 @@ def lyapunov(certificate: Certificate) -> Figure:
         time, certificate.smallest_singular_value, label=r"smallest $\sigma$ of J", **line_style(7)
     )
     panels[4].set_ylabel("$\\sigma$ [m, rad]")
-    for axes in panels[1:]:
-        at_least(axes, _STILL_THEORY)
-    artists = [artist for axes in panels[1:] for artist in axes.get_legend_handles_labels()[0]]
-    legend_below(figure, panels[0], artists)
-    return figure
+    return _theory(figure, panels)
 
 
 @styled
@@ -565,6 +561,11 @@ def range_condition(found: TaskRange, error: np.ndarray) -> Figure:
     panels[1].set_ylabel("twist [m/s, rad/s]")
     panels[2].plot(time, found.smallest_singular_value, **line_style(3))
     panels[2].set_ylabel("smallest\nsingular value [m, rad]")
+    return _theory(figure, panels)
+
+
+def _theory(figure: Figure, panels: Any) -> Figure:
+    """Return a figure of numbers of theory with its legend, in panels that noise does not fill."""
     for axes in panels[1:]:
         at_least(axes, _STILL_THEORY)
     artists = [artist for axes in panels[1:] for artist in axes.get_legend_handles_labels()[0]]

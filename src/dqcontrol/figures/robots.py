@@ -105,8 +105,7 @@ def base_path(robot: Robot, records: Mapping[str, Record], constraints: Constrai
     axes.plot(*goal[0], "+", ms=11, mew=1.8, color=DESIRED)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.12)
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
+    axes.set(xlabel="x [m]", ylabel="y [m]")
     mark: dict[str, Any] = {"ls": "", "color": NEUTRAL}
     legend_below(
         figure,

@@ -169,8 +169,7 @@ def gain_figure(rows: Sequence[Row], over: str = "set") -> Figure:
     if all(y > 0 for points in curves.values() for _, y, _ in points):
         logarithmic(axes)
     _mark_places(axes, places, numeric)
-    axes.set_xlabel(with_unit(over.removeprefix("parameter.")))
-    axes.set_ylabel(number_column(key).heading)
+    axes.set(xlabel=with_unit(over.removeprefix("parameter.")), ylabel=number_column(key).heading)
     if any(curves):
         legend_below(figure, axes)
     return figure
@@ -484,8 +483,7 @@ def search_figure(tuning: Tuning) -> Figure:
         if math.isfinite(each.result.held_out_total):
             axes.plot(len(best) + 1, each.result.held_out_total, **_mark(i), mfc="none")
     axes.plot([], [], "o", color="0.4", mfc="none", label="held out")
-    axes.set_xlabel("evaluations")
-    axes.set_ylabel("weighted objectives")
+    axes.set(xlabel="evaluations", ylabel="weighted objectives")
     low, high = axes.dataLim.ymin, axes.dataLim.ymax
     if low > 0 and high > _DECADE * low:
         logarithmic(axes)
@@ -522,8 +520,7 @@ def front_figure(tuning: Tuning) -> Figure:
         if low > 0 and high > _DECADE * low:
             scale("log")
     first, second = front.objectives
-    axes.set_xlabel(NUMBER_COLUMNS[first].heading)
-    axes.set_ylabel(NUMBER_COLUMNS[second].heading)
+    axes.set(xlabel=NUMBER_COLUMNS[first].heading, ylabel=NUMBER_COLUMNS[second].heading)
     legend_below(figure, axes)
     return figure
 
@@ -552,8 +549,7 @@ def repeats_of_learning(learning: Learning) -> Figure:
     left.plot(numbers, [each.noise for each in repeats], ":", color=NEUTRAL, label="noise in the band")
     left.plot(learning.best, errors[learning.best], "o", ms=9, mfc="none", mec=NEUTRAL, label="kept")
     logarithmic(left)
-    left.set_xlabel("repeat")
-    left.set_ylabel("position error [mm]" if forces is None else "force error [N]")
+    left.set(xlabel="repeat", ylabel="position error [mm]" if forces is None else "force error [N]")
     legend_above(left, 2)
     left.xaxis.get_major_locator().set_params(integer=True)
     of_first = {"color": COLOURS[1], "label": "first"}

@@ -15,7 +15,7 @@ from dqcontrol.errors import MissingExtraError
 from dqcontrol.experiments.check import LoopCheck, judged
 from dqcontrol.experiments.result_pages import replay
 from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE
-from dqcontrol.experiments.run import Run, units_of
+from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.run_comparison import unit_of_way
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop import Record, Timing
@@ -230,16 +230,7 @@ def figures_of(run: Run) -> dict[str, Figure]:
     """
     from dqcontrol.figures import run_figures
 
-    draw = run_figures(
-        run.record,
-        run.robot.limits,
-        **units_of(run.robot),
-        robot=run.robot,
-        timing=run.timing,
-        certificate=Certificate.recorded(run.record),
-        constraints=run.surroundings,
-    )
-    return {name: each() for name, each in draw.items()}
+    return {name: draw() for name, draw in run_figures(run).items()}
 
 
 def path_picture(record: Record) -> bytes:
