@@ -210,16 +210,15 @@ def test_figures_ignore_and_keep_the_users_settings():
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("default")
 def test_every_figure_of_a_run_is_written_once_and_twice_the_same(tmp_path):
     spec = {
         "name": "circle",
         "robot": "iiwa7",
         "start": [0, 0.6, 0, 1.6, 0, 0.6, 0],
         "period": 0.01,
-        "reference": {"kind": "circle", "radius": 0.02, "duration": 0.2},
-        "law": {"kind": "proportional", "gain": 5.0},
-        "plant": {"kind": "servo"},
+        "reference": {"kind": "circle", "radius": 0.02, "duration": 2, "ramp": 0.5},
+        "law": {"kind": "proportional-feedforward", "gain": 5.0},
+        "plant": {"kind": "integrator"},
     }
 
     def write(folder):
