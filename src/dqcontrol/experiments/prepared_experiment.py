@@ -51,8 +51,7 @@ from dqcontrol.experiments.spec import (
 from dqcontrol.experiments.spec.parameter_sets import Variant
 from dqcontrol.extensions import user_code
 from dqcontrol.files.long_array import row_by_row
-from dqcontrol.laws import Law
-from dqcontrol.laws.null_space import Posture
+from dqcontrol.laws import Law, Posture
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.closed_loop import FARTHEST, check_disturbed
 from dqcontrol.loop.simulate import step_count
@@ -61,9 +60,8 @@ from dqcontrol.measures.stability import LoopGain, loop_gains
 from dqcontrol.planning.certified_edges import CertifiedEdges
 from dqcontrol.planning.followed_path import first_through
 from dqcontrol.plants.plant import lagging_mode, running_plant
-from dqcontrol.references import Previewed, Reference
+from dqcontrol.references import POSE, TIME, Previewed, Reference
 from dqcontrol.references.gripping import GripperStep
-from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import ReachingPosture, Robot, TreeRobot, WholeBody, describe
 from dqcontrol.robots.command_mode import Lag
 from dqcontrol.robots.kinematics.kinematics_kernels import split

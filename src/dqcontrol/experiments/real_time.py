@@ -21,8 +21,7 @@ from dqcontrol.experiments.results_folder import (
     told_first,
 )
 from dqcontrol.experiments.run import Run, as_run, execute
-from dqcontrol.loop import Clock
-from dqcontrol.loop.record import Record
+from dqcontrol.loop import Clock, Record
 from dqcontrol.loop.supervision import BlackBox, Watch
 from dqcontrol.recording import RecordStream
 from dqcontrol.recording.mcap import FOLDER, save_last_seconds

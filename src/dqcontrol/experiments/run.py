@@ -27,8 +27,7 @@ from dqcontrol.experiments.spec.spec_files import write_spec
 from dqcontrol.experiments.verdict import Judge, Verdict, verdict_of
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.files.yaml_file import parse_yaml
-from dqcontrol.loop import Record, Timing
-from dqcontrol.loop.simulate import simulate_prepared
+from dqcontrol.loop import Record, Timing, simulate_prepared
 from dqcontrol.measures.lyapunov import with_certificate
 from dqcontrol.measures.metrics import Metrics, metrics_of
 from dqcontrol.measures.run_numbers import run_numbers

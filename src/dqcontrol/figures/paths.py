@@ -26,8 +26,7 @@ from dqcontrol.figures.surroundings import corners_of, draw_flat, draw_in_space,
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.held import PlanOfRun, apart_at_plans, plans_of_run
 from dqcontrol.plants.plant import BASE_POSITION, BASE_QUATERNION
-from dqcontrol.robots.robot import Robot
-from dqcontrol.robots.tree_robot import TreeRobot
+from dqcontrol.robots import Robot, TreeRobot
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

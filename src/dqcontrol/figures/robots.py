@@ -32,10 +32,7 @@ from dqcontrol.figures.surroundings import (
     faces_of,
 )
 from dqcontrol.loop.record import Record, thinned
-from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
-from dqcontrol.robots.robot import Robot
-from dqcontrol.robots.serial_arm import SerialArm
-from dqcontrol.robots.two_arms import TwoArms
+from dqcontrol.robots import LinkShape, LinkShapes, Robot, SerialArm, TwoArms
 from dqcontrol.robots.whole_body import Drive, WholeBody, parts_with_offsets
 
 if TYPE_CHECKING:

@@ -35,8 +35,7 @@ from dqcontrol.loop.constraint_signals import DISTANCE
 from dqcontrol.measures.held import plans_of_run
 from dqcontrol.measures.metrics import contact_force
 from dqcontrol.plants.mobile.mobile_plant import MobilePlant
-from dqcontrol.robots.serial_arm import SerialArm
-from dqcontrol.robots.tree_robot import TreeRobot
+from dqcontrol.robots import SerialArm, TreeRobot
 from dqcontrol.world import World, stands
 
 CLIPS = (".gif", ".mp4", ".webp")

@@ -31,8 +31,7 @@ from dqcontrol.constraints.constraint_rows import (
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.planning.standing_world import standing
-from dqcontrol.robots.limits import Limits
-from dqcontrol.robots.robot import Robot
+from dqcontrol.robots import Limits, Robot
 
 # m or rad: how far a base that stands may be off its place, a tenth of what counts as rounding
 _STANDS = 1e-10

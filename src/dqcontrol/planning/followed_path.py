@@ -14,10 +14,9 @@ from dqcontrol.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import PlanError, ReachError, ShapeError, ValueRangeError, as_array
 from dqcontrol.planning.certified_edges import CertifiedEdges, standing_at
+from dqcontrol.references import POSE, Reference
 from dqcontrol.references.drive_to import PlannedWay
 from dqcontrol.references.gripping import GripperStep
-from dqcontrol.references.reference import Reference
-from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot, postures
 from dqcontrol.robots.poses import unit_poses
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import joblib
 
 from dqcontrol.errors import FileFormatError, LimitWarning, NoteWarning
+from dqcontrol.experiments import prepare, rank, read_spec
 from dqcontrol.experiments.check import LoopCheck, loop_checks
 from dqcontrol.experiments.load_results import (
     is_study,
@@ -21,12 +22,9 @@ from dqcontrol.experiments.load_results import (
     run_folders,
     why_no_run,
 )
-from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.processes import in_processes
-from dqcontrol.experiments.ranking import rank
 from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE, added_files
 from dqcontrol.experiments.run_comparison import unit_of_way
-from dqcontrol.experiments.spec.spec import read_spec
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.reports.run_report import figures_of, write_run_report
 from dqcontrol.reports.study_reports import figures_of_several, surroundings_of

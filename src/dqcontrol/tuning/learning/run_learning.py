@@ -27,16 +27,13 @@ from dqcontrol.experiments.results_folder import WorkingFolder, check_new, new_f
 from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec.spec_files import write_spec
 from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
-from dqcontrol.loop import Clock, Record
-from dqcontrol.loop.record import has_failed
-from dqcontrol.loop.simulate import simulate_prepared
+from dqcontrol.loop import Clock, Record, has_failed, simulate_prepared
 from dqcontrol.measures.metrics import low_passed
 from dqcontrol.measures.stability import GOOD_MARGIN, gain_margin
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import WRENCH_READINGS, Plant
 from dqcontrol.recording import load_record, save_record
-from dqcontrol.references import Points, Previewed
-from dqcontrol.references.sample import POSE, TIME, TWIST
+from dqcontrol.references import POSE, TIME, TWIST, Points, Previewed
 from dqcontrol.tables.tables import Cell, Column, Table, Tabled
 from dqcontrol.tuning.learning import learnt_motion
 from dqcontrol.tuning.learning.convergence import (
