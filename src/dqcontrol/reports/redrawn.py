@@ -24,10 +24,9 @@ from dqcontrol.experiments.load_results import (
 )
 from dqcontrol.experiments.processes import in_processes
 from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE, added_files
-from dqcontrol.experiments.run_comparison import unit_of_way
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.reports.run_report import figures_of, write_run_report
-from dqcontrol.reports.study_reports import figures_of_several, surroundings_of
+from dqcontrol.reports.study_reports import figures_of_runs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -141,6 +140,4 @@ def figures_of_results(folders: Sequence[Path]) -> dict[str, Figure]:
     runs = load_runs(folders)
     if len(runs) == 1:
         return figures_of(next(iter(runs.values())))
-    records = {label: run.record for label, run in runs.items()}
-    unit = unit_of_way(run.robot for run in runs.values())
-    return figures_of_several(records, unit, surroundings_of(runs.values()))
+    return figures_of_runs(runs)
