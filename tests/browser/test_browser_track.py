@@ -17,10 +17,16 @@ from dqcontrol.browser.run_view_model import (
     places,
     step_back,
     viewpoint,
-    wheel_angles,
 )
 from dqcontrol.errors import FileFormatError
-from dqcontrol.figures.robot_bodies import DARK, mesh_file, pose_matrix, robot_shapes, urdf_shapes
+from dqcontrol.figures.robot_bodies import (
+    DARK,
+    mesh_file,
+    pose_matrix,
+    robot_shapes,
+    urdf_shapes,
+    wheel_angles,
+)
 from dqcontrol.loop import Record
 from dqcontrol.robots.poses import pose7
 

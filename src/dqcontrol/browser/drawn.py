@@ -8,9 +8,9 @@ import numpy as np
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.browser.run_view_model import Track, wheel_angles, with_wheels
+from dqcontrol.browser.run_view_model import Track, with_wheels
 from dqcontrol.constraints.constraint_view import NEAR
-from dqcontrol.figures.robot_bodies import Colour, Surface, ball, box, robot_shapes, rod, tinted
+from dqcontrol.figures.robot_bodies import Colour, Surface, ball, box, robot_shapes, rod, tinted, wheel_angles
 from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, InfiniteCylinder, Plane, Shape, Sphere
 from dqcontrol.robots import Robot
 from dqcontrol.robots.poses import pose7

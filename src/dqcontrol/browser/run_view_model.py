@@ -14,7 +14,8 @@ from dqcontrol.arrays import Array
 from dqcontrol.browser.served_page import FIELD
 from dqcontrol.constraints.constraint_view import ConstraintView, NearestPair
 from dqcontrol.constraints.constraints import Constraints
-from dqcontrol.figures.paths import desired_in_room, recorded_frames, tip_paths
+from dqcontrol.figures.paths import desired_in_room, finite_rows, recorded_frames, tip_paths
+from dqcontrol.figures.robot_bodies import wheel_angles
 from dqcontrol.figures.style import LIMIT
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.held import PlanOfRun, apart_at_plans, plans_of_run
@@ -177,7 +178,7 @@ class Track:
 
 def pieces(points: Array) -> Array:
     """Return a path through points (N, 3) as pieces (M, 2, 3) that are not empty, at most some hundreds."""
-    points = points[np.isfinite(points).all(axis=1)]
+    points = finite_rows(points)
     kept = points[np.linspace(0, len(points) - 1, min(len(points), _PIECES + 1)).astype(int)]
     pairs = np.stack([kept[:-1], kept[1:]], axis=1)
     return pairs[np.linalg.norm(pairs[:, 1] - pairs[:, 0], axis=1) > 1e-9]
@@ -192,21 +193,6 @@ def with_wheels(robot: Robot, frames: Sequence[Array], angles: Array) -> Array:
             axle = np.array([np.cos(half), 0, np.sin(half), 0, 0, y, radius])
             poses.append(compose(poses[int(first) + 2], axle))
     return np.array(poses)
-
-
-def wheel_angles(robot: Robot, q: Array) -> Array:
-    """Return how far the right and the left wheel of each drive have rolled since the first sample, (N, 2 k), rad.
-
-    Each rolls without slipping: dθ = (ds ± b dφ)/r with ds the step along the mean heading. [S17 4.25]
-    """
-    angles = np.zeros((len(q), 2 * len(robot.drives)))
-    for j, (first, _, radius, half_track, *_) in enumerate(robot.drives):
-        x, y, heading = np.nan_to_num(q[:, int(first) : int(first) + 3]).T
-        turn, middle = np.diff(heading), (heading[1:] + heading[:-1]) / 2
-        ahead = np.diff(x) * np.cos(middle) + np.diff(y) * np.sin(middle)
-        for side, sign in enumerate((1.0, -1.0)):
-            angles[1:, 2 * j + side] = np.cumsum(ahead + sign * half_track * turn) / radius
-    return angles
 
 
 def numbers(readings: Sequence[tuple[str, str, Reading]]) -> str:

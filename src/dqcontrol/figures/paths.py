@@ -151,9 +151,9 @@ def _paths(records: Mapping[str, Record], constraints: Constraints | None) -> Fi
     from matplotlib.ticker import MaxNLocator
 
     first = first_of(records)
-    hands = {label: _finite(record.position) for label, record in records.items()}
+    hands = {label: finite_rows(record.position) for label, record in records.items()}
     made = [each for each in plans_of_run(first) if each.held_by]
-    desired = _finite(first.desired_position)
+    desired = finite_rows(first.desired_position)
     ways = apart_at_plans(first, desired)
     everything = np.concatenate([desired, *hands.values()])
     moving = len(desired) > 1 and np.ptp(desired, axis=0).max() > 1e-6
@@ -262,5 +262,6 @@ def path_plane(points: Array) -> tuple[Array, tuple[str, str]] | None:
     )
 
 
-def _finite(points: Array) -> Array:
+def finite_rows(points: Array) -> Array:
+    """Return those rows of points or configurations (N, k) that are finite."""
     return points[np.isfinite(points).all(axis=1)]

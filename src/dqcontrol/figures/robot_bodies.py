@@ -447,3 +447,18 @@ def _front(wheelbase: float, radius: float, half_width: float) -> Surface:
 
 def _along_z(low: float, high: float) -> tuple[Array, Array]:
     return np.array([0, 0, low]), np.array([0, 0, high])
+
+
+def wheel_angles(robot: Robot, q: Array) -> Array:
+    """Return how far the right and the left wheel of each drive have rolled since the first sample, (N, 2 k), rad.
+
+    Each rolls without slipping: dθ = (ds ± b dφ)/r with ds the step along the mean heading. [S17 4.25]
+    """
+    angles = np.zeros((len(q), 2 * len(robot.drives)))
+    for j, (first, _, radius, half_track, *_) in enumerate(robot.drives):
+        x, y, heading = np.nan_to_num(q[:, int(first) : int(first) + 3]).T
+        turn, middle = np.diff(heading), (heading[1:] + heading[:-1]) / 2
+        ahead = np.diff(x) * np.cos(middle) + np.diff(y) * np.sin(middle)
+        for side, sign in enumerate((1.0, -1.0)):
+            angles[1:, 2 * j + side] = np.cumsum(ahead + sign * half_track * turn) / radius
+    return angles

@@ -12,7 +12,14 @@ from numpy.typing import NDArray
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
-from dqcontrol.figures.paths import desired_in_room, outline, outlined, recorded_frames, tip_paths
+from dqcontrol.figures.paths import (
+    desired_in_room,
+    finite_rows,
+    outline,
+    outlined,
+    recorded_frames,
+    tip_paths,
+)
 from dqcontrol.figures.style import (
     COLOURS,
     DESIRED,
@@ -81,12 +88,12 @@ def base_path(robot: Robot, records: Mapping[str, Record], constraints: Constrai
         raise ShapeError("records: expected at least one run of a robot with a mobile base")
     figure = new_figure(6.0, 5.0)
     axes = figure.subplots()
-    tracks = [robot.frames(outlined(_finite(each.q))) for each in records.values()]
+    tracks = [robot.frames(outlined(finite_rows(each.q))) for each in records.values()]
     ways = np.vstack([algebra.translation(frames[:, 2:]).reshape(-1, 3) for frames in tracks])
     drawn = faces_near(constraints, ways, next(iter(records.values())))
     draw_flat(axes, drawn, np.eye(3)[:2])
     for i, ((label, record), frames) in enumerate(zip(records.items(), tracks, strict=True)):
-        style, q = line_style(i), _finite(record.q)
+        style, q = line_style(i), finite_rows(record.q)
         hand = algebra.translation(frames[:, -1])
         some = robot.frames(q[np.unique(np.linspace(0, len(q) - 1, _HEADINGS).astype(int))])
         axes.plot(*hand[:, :2].T, color=style["color"], ls=":", lw=1.0)
@@ -196,10 +203,6 @@ def superimposed(
 def has_base(robot: Robot) -> bool:
     """Return whether a robot has a mobile base, so that `base_path` can draw it."""
     return bool(_bases(robot))
-
-
-def _finite(q: Array) -> Array:
-    return q[np.isfinite(q).all(axis=1)]
 
 
 def _bases(robot: Robot) -> list[tuple[int, float]]:

@@ -15,7 +15,7 @@ from dqcontrol.algebra import matrix_from_pose, translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
 from dqcontrol.figures.paths import desired_in_room, recorded_frames, tip_paths
-from dqcontrol.figures.robot_bodies import arm_meshes, chain_rows, smoothed
+from dqcontrol.figures.robot_bodies import arm_meshes, chain_rows, smoothed, wheel_angles
 from dqcontrol.films.drawn_scene import (
     COLOURS,
     DrawnScene,
@@ -455,11 +455,5 @@ def with_rolling_wheels(robot: Robot, record: Record) -> Record:
     """
     if "wheel_angle" in record.readings:
         return record
-    _, _, radius, half_track, *_ = robot.drives[0]
-    x, y, heading = record.q[:, :3].T
-    middle = 0.5 * (heading[1:] + heading[:-1])
-    ahead = np.diff(x) * np.cos(middle) + np.diff(y) * np.sin(middle)
-    turned = half_track * np.diff(heading)
-    steps = np.stack([ahead + turned, ahead - turned], axis=1) / radius
-    angles = Signal("wheel_angle", WHEELS, ("rad", "rad"), np.vstack([np.zeros(2), np.cumsum(steps, axis=0)]))
+    angles = Signal("wheel_angle", WHEELS, ("rad", "rad"), wheel_angles(robot, record.q)[:, :2])
     return replace(record, readings={**record.readings, angles.name: angles})
