@@ -295,7 +295,7 @@ def tune(
         Address of a Dask scheduler, as tcp://127.0.0.1:8786, whose workers search.
     """
     from dqcontrol.tuning import tune_to
-    from dqcontrol.tuning.tune_spec import read_tune
+    from dqcontrol.tuning.spec_blocks import read_tune
 
     folder = out or Path("results") / f"{read_tune(spec).spec.name}-tuned"
     compile_beside()
@@ -341,7 +341,7 @@ def learn(
     """
     from dqcontrol.errors import ValueRangeError
     from dqcontrol.tuning import learn_to
-    from dqcontrol.tuning.learning.learn_spec import read_learn
+    from dqcontrol.tuning.spec_blocks import read_learn
 
     folder = out or Path("results") / f"{read_learn(spec).spec.name}-learnt"
     runner = None

@@ -30,7 +30,7 @@ from dqcontrol.tuning.law_evaluation import (
     searched_scenes,
 )
 from dqcontrol.tuning.searches import Point, SimplexSearch, nondominated, search_front
-from dqcontrol.tuning.tune_spec import (
+from dqcontrol.tuning.spec_blocks import (
     PlantFamily,
     SearchRange,
     Slack,

@@ -34,7 +34,7 @@ from dqcontrol.measures.metrics import AT_LIMIT
 from dqcontrol.measures.number_texts import percent_text
 from dqcontrol.tables.tables import Cell, Column, Table, Tabled
 from dqcontrol.tuning.law_search import LawResult, LawSearch, LawTask, ready_problem
-from dqcontrol.tuning.tune_spec import TuneProblem, read_tune
+from dqcontrol.tuning.spec_blocks import TuneProblem, read_tune
 
 TuneProgress = Callable[[int, int], None]  # laws done; laws in all
 WINNERS, BEST, EVALUATIONS, FRONTS = "winners.json", "best.yaml", "evaluations.parquet", "fronts.json"

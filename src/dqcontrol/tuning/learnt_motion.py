@@ -27,7 +27,7 @@ from dqcontrol.plants.wrist import TOUCH_FORCE
 from dqcontrol.references import POSE, TIME, Points
 from dqcontrol.references.points import DUAL_QUATERNION
 from dqcontrol.robots import Robot
-from dqcontrol.tuning.learning.convergence import Convergence
+from dqcontrol.tuning.learning_convergence import Convergence
 
 _TAPER = 1.0  # s, in which errors fade beyond both ends of a record
 TRACKED_POSE = "tracked_pose"  # among the readings of a record: where a tracker saw the end effector, (N, 8)

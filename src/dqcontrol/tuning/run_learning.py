@@ -35,8 +35,8 @@ from dqcontrol.plants.plant import WRENCH_READINGS, Plant
 from dqcontrol.recording import load_record, save_record
 from dqcontrol.references import POSE, TIME, TWIST, Points, Previewed
 from dqcontrol.tables.tables import Cell, Column, Table, Tabled
-from dqcontrol.tuning.learning import learnt_motion
-from dqcontrol.tuning.learning.convergence import (
+from dqcontrol.tuning import learnt_motion
+from dqcontrol.tuning.learning_convergence import (
     HIGHEST,
     Convergence,
     ForceShape,
@@ -44,8 +44,7 @@ from dqcontrol.tuning.learning.convergence import (
     loop_shape,
     widest,
 )
-from dqcontrol.tuning.learning.learn_spec import LearnProblem, read_learn
-from dqcontrol.tuning.tune_spec import plant_family
+from dqcontrol.tuning.spec_blocks import LearnProblem, plant_family, read_learn
 
 LEARNT, LEARNT_SPEC, HISTORY = "learnt.csv", "learnt.yaml", "learning.json"
 LearnProgress = Callable[[int, int], None]
