@@ -41,7 +41,7 @@ from dqcontrol.measures.stability import (
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.robots import Robot
-from dqcontrol.tables.tables import Column, Table, Tabled, VerdictCell, known
+from dqcontrol.tables.tables import Cell, Column, Table, Tabled, VerdictCell, known
 
 _REPEATS = 20
 
@@ -333,22 +333,10 @@ class Checks(Tabled, Sequence[LoopCheck]):
     def table(self) -> Table:
         """Return one row a law, parameter set and plant: gains at their largest, limits of the worst of its loops."""
         places = [field for field in Names._fields if any(getattr(row.names, field) for row in self.rows)]
-        columns = [
-            *map(Column, places),
-            Column("verdict"),
-            Column("margin", "", ".3g"),
-            Column("largest recommended k", "1/s", ".3g"),
-            Column("limit", "1/s", ".3g"),
-            Column("k position", "1/s", ".3g"),
-            Column("k orientation", "1/s", ".3g"),
-            Column("T", "ms", ".4g"),
-            Column("overshoot", "%", ".2g"),
-            Column("time constant", "s", ".3g"),
-        ]
-        return Table(columns, [_cells(row, places) for row in self.rows], self.name)
+        return Table.of((_cells(row, places) for row in self.rows), self.name)
 
 
-def _cells(row: LoopCheck, places: list[str]) -> list[str | float | None]:
+def _cells(row: LoopCheck, places: list[str]) -> list[tuple[Column, Cell]]:
     gains = {loop.gain.loop: abs(loop.gain.value) for loop in row.loops}
     limit = margin = advised = passed = constant = None
     if row.loops:
@@ -359,9 +347,18 @@ def _cells(row: LoopCheck, places: list[str]) -> list[str | float | None]:
         limit, margin, constant = limits.stable / row.period, worst.margin, row.time_constant
     elif row.numeric:
         margin, constant = row.numeric.margin, row.time_constant
-    kept = (gains.get("position"), gains.get("orientation"), 1e3 * row.period)
-    numbers = (margin, advised, limit, *kept, passed, constant)
-    return [*(getattr(row.names, place) for place in places), judged(row), *map(known, numbers)]
+    return [
+        *((Column(place), getattr(row.names, place)) for place in places),
+        (Column("verdict"), judged(row)),
+        (Column("margin", "", ".3g"), known(margin)),
+        (Column("largest recommended k", "1/s", ".3g"), known(advised)),
+        (Column("limit", "1/s", ".3g"), known(limit)),
+        (Column("k position", "1/s", ".3g"), known(gains.get("position"))),
+        (Column("k orientation", "1/s", ".3g"), known(gains.get("orientation"))),
+        (Column("T", "ms", ".4g"), 1e3 * row.period),
+        (Column("overshoot", "%", ".2g"), known(passed)),
+        (Column("time constant", "s", ".3g"), known(constant)),
+    ]
 
 
 def judged(row: LoopCheck) -> VerdictCell:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -31,7 +31,6 @@ from dqcontrol.tuning.law_evaluation import (
 )
 from dqcontrol.tuning.searches import Point, SimplexSearch, nondominated, search_front
 from dqcontrol.tuning.spec_blocks import (
-    PlantFamily,
     SearchRange,
     Slack,
     StabilityJudge,
@@ -461,11 +460,9 @@ class LawSearch:
         ]
 
 
-@dataclass(frozen=True)
-class ReadyProblem:
+class ReadyProblem(NamedTuple):
     """What all laws of a problem share in one process."""
 
-    family: PlantFamily
     searched: LawEvaluation
     held_out: LawEvaluation
 
@@ -487,7 +484,6 @@ def ready_problem(problem: TuneProblem) -> ReadyProblem:
         judge = StabilityJudge(spec, scenes[0], family, block.damping)
     seeds = range(spec.seed, spec.seed + block.seeds)
     return ReadyProblem(
-        family,
         LawEvaluation(problem, scenes, family, seeds, judge),
         LawEvaluation(problem, held_out_scenes(problem), family, held_out_seeds(problem), None),
     )

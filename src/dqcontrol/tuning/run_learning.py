@@ -7,7 +7,6 @@ import math
 import warnings
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
-from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +33,7 @@ from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import WRENCH_READINGS, Plant
 from dqcontrol.recording import load_record, save_record
 from dqcontrol.references import POSE, TIME, TWIST, Points, Previewed
-from dqcontrol.tables.tables import Cell, Column, Table, Tabled
+from dqcontrol.tables.tables import Column, Table, Tabled
 from dqcontrol.tuning import learnt_motion
 from dqcontrol.tuning.learning_convergence import (
     HIGHEST,
@@ -162,25 +161,22 @@ class Learning(Tabled):
     def table(self) -> Table:
         """Return one row a repeat."""
         forced = self.repeats[0].force is not None
-        columns = [
-            Column("repeat"),
-            *([Column("force error RMS", "N", ".3g")] if forced else []),
-            Column("position error RMS", "mm", ".3g"),
-            Column("peak", "mm", ".3g"),
-            Column("orientation error RMS", "°", ".3g"),
-            Column("as measured", "mm", ".3g"),
-            Column("noise in the band", "N" if forced else "mm", ".2g"),
-            Column("cut-off", "Hz", ".3g"),
-            Column("peak |u|", "rad/s or m/s", ".3g"),
-            Column("outcome"),
-        ]
-        names = ("position", "peak", "orientation", "seen", "noise", "cutoff", "peak_command")
-        numbers = attrgetter(*(["force"] if forced else []), *names)
-        rows: list[list[Cell]] = [
-            [each.number, *numbers(each), each.outcome + ", kept" * (each.number == self.best)]
+        rows = (
+            [
+                (Column("repeat"), each.number),
+                *([(Column("force error RMS", "N", ".3g"), each.force)] if forced else []),
+                (Column("position error RMS", "mm", ".3g"), each.position),
+                (Column("peak", "mm", ".3g"), each.peak),
+                (Column("orientation error RMS", "°", ".3g"), each.orientation),
+                (Column("as measured", "mm", ".3g"), each.seen),
+                (Column("noise in the band", "N" if forced else "mm", ".2g"), each.noise),
+                (Column("cut-off", "Hz", ".3g"), each.cutoff),
+                (Column("peak |u|", "rad/s or m/s", ".3g"), each.peak_command),
+                (Column("outcome"), each.outcome + ", kept" * (each.number == self.best)),
+            ]
             for each in self.repeats
-        ]
-        return Table(columns, rows, f"{self.problem.spec.name}: learning from repetition")
+        )
+        return Table.of(rows, f"{self.problem.spec.name}: learning from repetition")
 
     def remarks(self) -> list[str]:
         """Say what was expected, and why it ended."""
