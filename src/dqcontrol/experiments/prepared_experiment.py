@@ -27,8 +27,6 @@ from dqcontrol.controller import Controller, PreparedTasks
 from dqcontrol.errors import (
     Error,
     LimitWarning,
-    NoteWarning,
-    PlanError,
     ReachError,
     ShapeError,
     ValueRangeError,
@@ -58,7 +56,7 @@ from dqcontrol.loop.simulate import step_count
 from dqcontrol.measures.run_numbers import DesiredMotion
 from dqcontrol.measures.stability import LoopGain, loop_gains
 from dqcontrol.planning.certified_edges import CertifiedEdges
-from dqcontrol.planning.followed_path import first_through
+from dqcontrol.planning.followed_path import start_through
 from dqcontrol.plants.plant import lagging_mode, running_plant
 from dqcontrol.references import POSE, TIME, Previewed, Reference
 from dqcontrol.references.gripping import GripperStep
@@ -540,12 +538,8 @@ def _through_all(spec: Spec, folder: Path, robot: Robot, found: list[ReachingPos
         goes = 0.0 if math.isinf(reference.duration) else reference.duration
         times = np.linspace(0.0, goes, PATH_SAMPLES if goes else 1)
         paths.append((each.q, reference.samples(times)[:, POSE]))
-    try:
-        through = first_through(paths, CertifiedEdges(robot, asked), aside=given[0] is not None)
-    except PlanError as error:
-        warnings.warn(f"start: {error}", NoteWarning, stacklevel=2)
-        return found[0]
-    return next(each for each in found if np.array_equal(each.q, through[0]))
+    start = start_through(paths, CertifiedEdges(robot, asked), aside=given[0] is not None)
+    return next(each for each in found if np.array_equal(each.q, start))
 
 
 def _start(given: Start, robot: Robot, chosen: Callable[[list[ReachingPosture]], ReachingPosture]) -> Array:

@@ -136,18 +136,7 @@ class Tuning(Tabled):
     def table(self) -> Table:
         """Return one row a law: parameters, objectives on what was searched and on what was not, margin."""
         names = list(self.problem.block.objectives)
-        columns = [
-            Column("law"),
-            Column("parameters"),
-            *(NUMBER_COLUMNS[name] for name in names),
-            Column("total"),
-            Column("total, held out"),
-            Column("margin", "", ".3g"),
-            Column("overshoot", "%", ".2g"),
-            Column("verdict"),
-            Column("evaluations"),
-        ]
-        rows: list[list[Cell]] = []
+        rows: list[list[tuple[Column, Cell]]] = []
         shown = [
             (f"{law.label}{_FASTER}" if law is each.faster else law.label, law)
             for each in self.laws
@@ -157,13 +146,22 @@ class Tuning(Tabled):
         for label, each in shown:
             found = each.result
             parameters = [f"{key} {_in_short(value)}" for key, value in found.parameters.items()]
-            objectives = [found.searched[name] for name in names]
-            numbers = [*objectives, found.total, found.held_out_total, each.margin]
             percent = None if each.overshoot is None else 100 * each.overshoot
             overshoot = percent if percent is None or percent >= LEAST_OVERSHOOT else 0.0
-            cells = [label, ", ".join(parameters), *finite_or_none(numbers)]
-            rows.append([*cells, overshoot, each.verdict, found.evaluations])
-        return Table(columns, rows, f"{self.problem.spec.name}: every law tuned")
+            rows.append(
+                [
+                    (Column("law"), label),
+                    (Column("parameters"), ", ".join(parameters)),
+                    *((NUMBER_COLUMNS[name], finite_or_none(found.searched[name])) for name in names),
+                    (Column("total"), finite_or_none(found.total)),
+                    (Column("total, held out"), finite_or_none(found.held_out_total)),
+                    (Column("margin", "", ".3g"), finite_or_none(each.margin)),
+                    (Column("overshoot", "%", ".2g"), overshoot),
+                    (Column("verdict"), each.verdict),
+                    (Column("evaluations"), found.evaluations),
+                ]
+            )
+        return Table.of(rows, f"{self.problem.spec.name}: every law tuned")
 
     def remarks(self) -> list[str]:
         """Say what the table does not: constraints broken, sides of the box reached, limits of speed met."""
