@@ -14,17 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from dqcontrol.cli.options import (
-    BaseLink,
-    Force,
-    Jobs,
-    Out,
-    ReplaceResults,
-    RosArguments,
-    Seconds,
-    Switch,
-    TipLink,
-)
+from dqcontrol.cli import options
 from dqcontrol.cli.screen import FAILED, joint_columns, joint_values, print_found, print_table, progress_bar
 
 if TYPE_CHECKING:
@@ -110,12 +100,12 @@ def run(
     spec: Path,
     /,
     *,
-    out: Out = None,
-    force: Force = False,
-    jobs: Jobs = None,
+    out: options.Out = None,
+    force: options.Force = False,
+    jobs: options.Jobs = None,
     figures: bool | None = None,
-    real_time: Switch = False,
-    compiled: Switch = False,
+    real_time: options.Switch = False,
+    compiled: options.Switch = False,
     over: Literal["udp", "shared-memory"] | None = None,
 ) -> None:
     """Run an experiment and write its table, recordings and plots; rerun it to resume after an interruption.
@@ -178,7 +168,7 @@ def run(
         sys.exit(FAILED)
 
 
-def _in_real_time(spec: Path, folder: Path, compiled: dict[str, Any] | None, **options: bool) -> None:
+def _in_real_time(spec: Path, folder: Path, compiled: dict[str, Any] | None, **wanted: bool) -> None:
     """Run in real time, in Python or with these further options ``compiled``."""
     from dqcontrol.experiments import run_in_real_time, summary
     from dqcontrol.export import run_compiled_in_real_time
@@ -193,7 +183,7 @@ def _in_real_time(spec: Path, folder: Path, compiled: dict[str, Any] | None, **o
         print_found(*tables, folder=folder, words=[f"ended: {done.record.stopped}"])
 
     run_it = run_in_real_time if compiled is None else run_compiled_in_real_time
-    if run_it(spec, folder, watch=watch, computed=show, **options, **(compiled or {})).verdict.failure:
+    if run_it(spec, folder, watch=watch, computed=show, **wanted, **(compiled or {})).verdict.failure:
         sys.exit(FAILED)
 
 
@@ -201,9 +191,9 @@ def sweep(
     spec: Path,
     /,
     *,
-    out: Out = None,
-    force: Force = False,
-    jobs: Jobs = None,
+    out: options.Out = None,
+    force: options.Force = False,
+    jobs: options.Jobs = None,
     scheduler: str | None = None,
     by: str = "error.integral",
 ) -> None:
@@ -238,11 +228,11 @@ def gains(
     robot: str,
     /,
     *,
-    period: Seconds,
-    delay: Seconds = 0.0,
-    lag: Seconds = 0.0,
-    base_link: BaseLink = None,
-    tip_link: TipLink = None,
+    period: options.Seconds,
+    delay: options.Seconds = 0.0,
+    lag: options.Seconds = 0.0,
+    base_link: options.BaseLink = None,
+    tip_link: options.TipLink = None,
 ) -> None:
     """Say which gains a period, a delay and a lag allow each law, what to expect of them, and why.
 
@@ -274,9 +264,9 @@ def tune(
     spec: Path,
     /,
     *,
-    out: Out = None,
-    force: Force = False,
-    jobs: Jobs = None,
+    out: options.Out = None,
+    force: options.Force = False,
+    jobs: options.Jobs = None,
     scheduler: str | None = None,
 ) -> None:
     """Find the best parameters of every law, under the same budget; rerun it to resume after an interruption.
@@ -314,13 +304,13 @@ def tune(
 def learn(
     spec: Path,
     /,
-    *ros_arguments: RosArguments,
+    *ros_arguments: options.RosArguments,
     repeats: int | None = None,
-    out: Out = None,
-    force: ReplaceResults = False,
+    out: options.Out = None,
+    force: options.ReplaceResults = False,
     real_time: bool = False,
     ros2: Literal["velocity", "position", "trajectory"] | None = None,
-    network: Switch = False,
+    network: options.Switch = False,
 ) -> None:
     """Repeat a motion and learn from each repeat; writes learnt.csv, and learnt.yaml, which dqcontrol run runs.
 
@@ -378,7 +368,7 @@ def export(
     law: str | None = None,
     target: Target = "native",
     out: Annotated[Path, Parameter(name=["--out", "-o"])],
-    force: Force = False,
+    force: options.Force = False,
 ) -> None:
     """Write the controller of a spec as a library in C, with its tests.
 

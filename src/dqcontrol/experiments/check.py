@@ -22,22 +22,8 @@ from dqcontrol.experiments.prepared_experiment import Combination, Names, Prepar
 from dqcontrol.experiments.spec import AnyPlant, Spec
 from dqcontrol.geometry import Hull, distance_kernels as kernels
 from dqcontrol.limits import CommandLimits, Compensation
+from dqcontrol.measures import stability
 from dqcontrol.measures.number_texts import percent_text
-from dqcontrol.measures.stability import (
-    MOST_STATES,
-    GainLimits,
-    LoopGain,
-    NumericLoop,
-    Verdict,
-    damped_overshoot,
-    gain_limits,
-    linearise_law,
-    overshoot,
-    spectral_radius,
-    with_integral,
-    with_lag,
-    with_mean,
-)
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.robots import Robot
@@ -94,9 +80,10 @@ _FREE = CommandLimits(velocity=False)
 _HORIZON = 2.0  # s, in which what matters of an observer is seen
 LEAST_OVERSHOOT = 0.05  # %; less is none
 
-Known = dict[tuple[complex, float, float], GainLimits]  # by direction, integral share and lag of the gain
+# by direction, integral share and lag of the gain
+Known = dict[tuple[complex, float, float], stability.GainLimits]
 
-_WORST_FIRST: tuple[Verdict, ...] = (
+_WORST_FIRST: tuple[stability.Verdict, ...] = (
     "unstable",
     "unstable for large errors",
     "oscillatory",
@@ -121,8 +108,8 @@ class Loop:
         T, s.
     """
 
-    gain: LoopGain
-    limits: GainLimits
+    gain: stability.LoopGain
+    limits: stability.GainLimits
     model: LinearModel
     period: float
 
@@ -137,7 +124,7 @@ class Loop:
         return self.limits.stable / self.product if self.product else math.inf
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> stability.Verdict:
         """What becomes of errors."""
         return self.limits.verdict(self.product)
 
@@ -145,13 +132,13 @@ class Loop:
     def overshoot(self) -> float:
         """By how much of it the loop passes a step, 0 or more; infinite if it is unstable."""
         if self.gain.integral_share or self.gain.value.imag:
-            return damped_overshoot(self.model.poles(self.gain.value))
-        return overshoot(self.model, self.gain.value.real)
+            return stability.damped_overshoot(self.model.poles(self.gain.value))
+        return stability.overshoot(self.model, self.gain.value.real)
 
     @property
     def radius(self) -> float:
         """Factor by which the loop's errors shrink a period, in the long run."""
-        return spectral_radius(self.model.poles(self.gain.value))
+        return stability.spectral_radius(self.model.poles(self.gain.value))
 
 
 @dataclass(frozen=True)
@@ -185,7 +172,7 @@ class LoopCheck:
     loops: tuple[Loop, ...]
     unknown: str = ""
     acceleration: float = math.inf
-    numeric: NumericLoop | None = None
+    numeric: stability.NumericLoop | None = None
     observed: bool = False
     fails: bool = False
 
@@ -198,7 +185,7 @@ class LoopCheck:
         return min(self.loops, key=lambda loop: loop.margin)
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> stability.Verdict:
         """What becomes of errors in the worst of the loops."""
         if self.unknown:
             return "cannot be decided"
@@ -253,7 +240,7 @@ class LoopCheck:
             facts += f"{beyond} the supervisor's limit of acceleration may keep it oscillating"
         return f"{self.names.label}: {loop.gain.loop} {verdict}: {facts}; {self._advice(loop)}"
 
-    def _at_the_start(self, loop: NumericLoop) -> str:
+    def _at_the_start(self, loop: stability.NumericLoop) -> str:
         factor, how = loop.margin, "by numeric linearisation at the start only"
         if not math.isfinite(factor):
             return f"stable with any factor on its command, {how}"
@@ -430,9 +417,9 @@ def loop_checks(setting: PreparedExperiment) -> Iterator[LoopCheck]:
         model, acceleration, limits = plants[place]
         if model is None:
             yield LoopCheck(case.names, period, (), "the plant has no linear model")
-        elif len(model.transition) > MOST_STATES:
+        elif len(model.transition) > stability.MOST_STATES:
             size = len(model.transition)
-            many = f"plant and supervisor have a model of {size} states; {MOST_STATES} at most are judged"
+            many = f"plant and supervisor have a model of {size} states; {stability.MOST_STATES} at most are judged"
             yield LoopCheck(case.names, period, (), many)
         elif case.gains is None:
             yield _numeric_check(setting, case, model)
@@ -450,14 +437,14 @@ def _numeric_check(setting: PreparedExperiment, case: Combination, model: Linear
     """Return what is to be expected of a law whose gains are unknown, as it is at the start."""
     period, loop, unknown, fails = setting.spec.period, None, "", False
     try:
-        law = linearise_law(case.prepare_law(setting.spec).with_limits(_FREE), case.scene.start)
+        law = stability.linearise_law(case.prepare_law(setting.spec).with_limits(_FREE), case.scene.start)
     except DivergedError as error:
         law, fails = None, True
         unknown = f"the law's loop gains are unknown, and it fails at the start: {error}"
     if law is not None:
-        loop = NumericLoop(law, model)
-        if loop.size > MOST_STATES:
-            unknown = f"law, plant and supervisor have {loop.size} states; {MOST_STATES} at most are judged"
+        loop = stability.NumericLoop(law, model)
+        if loop.size > stability.MOST_STATES:
+            unknown = f"law, plant and supervisor have {loop.size} states; {stability.MOST_STATES} at most are judged"
     elif not unknown:
         unknown = "the law's loop gains are unknown, and its command jumps or bends at the start"
     return LoopCheck(case.names, period, (), unknown, numeric=None if unknown else loop, fails=fails)
@@ -472,7 +459,7 @@ def driven_model(spec: Spec, plant: AnyPlant, robot: Robot, start: Array) -> tup
         return model, math.inf
     mode = command_mode(plant)
     prepared = supervisor.prepare(robot, period, mode)
-    behind = with_mean(model, prepared.window, period, from_measured=mode == "measured")
+    behind = stability.with_mean(model, prepared.window, period, from_measured=mode == "measured")
     return behind, float(prepared.acceleration.min())
 
 
@@ -485,11 +472,11 @@ def with_observer(model: LinearModel, compensation: Compensation, robot: Robot, 
     return whole.reduced(round(_HORIZON / period)) or whole
 
 
-def _loop(gain: LoopGain, model: LinearModel, period: float, limited: bool, known: Known) -> Loop:
+def _loop(gain: stability.LoopGain, model: LinearModel, period: float, limited: bool, known: Known) -> Loop:
     """Return a loop with the limits of its gain's direction, integral and lag, which are found once for each."""
     way = gain.value / abs(gain.value) if gain.value.imag else 1.0
-    share, model = gain.integral_share, with_lag(model, gain.lag, period)
+    share, model = gain.integral_share, stability.with_lag(model, gain.lag, period)
     kind = way, share, gain.lag
     if kind not in known:
-        known[kind] = gain_limits(model, period, way, share, accelerations_limited=limited)
-    return Loop(gain, known[kind], with_integral(model, share * abs(gain.value), period), period)
+        known[kind] = stability.gain_limits(model, period, way, share, accelerations_limited=limited)
+    return Loop(gain, known[kind], stability.with_integral(model, share * abs(gain.value), period), period)

@@ -17,24 +17,12 @@ import msgspec
 
 from dqcontrol.compiled.kernel_cache import source_hash
 from dqcontrol.errors import DivergedError, FileFormatError, LimitWarning
+from dqcontrol.experiments import results_folder
 from dqcontrol.experiments.check import warn_unstable
 from dqcontrol.experiments.failure_hints import warn_of_failures
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare, program
 from dqcontrol.experiments.processes import checked_jobs, in_processes, sensible_jobs
 from dqcontrol.experiments.result_pages import result_pages
-from dqcontrol.experiments.results_folder import (
-    PARENT,
-    Row,
-    WorkingFolder,
-    check_new,
-    folder_names,
-    new_folder,
-    read_rows,
-    told_first,
-    working_folder,
-    write_rows,
-    write_whole,
-)
 from dqcontrol.experiments.run import Run, as_run, execute
 from dqcontrol.experiments.run_comparison import MEANS, MOST_CURVES, summary_of, unit_of_way, write_table
 from dqcontrol.experiments.spec import Spec, read_spec
@@ -125,7 +113,7 @@ class Study(Tabled):
     name: str
     spec: str
     runs: dict[str, Run]
-    rows: list[Row] = field(default_factory=list)
+    rows: list[results_folder.Row] = field(default_factory=list)
     recordings: Path | None = None
     taken_over: int = 0
 
@@ -197,9 +185,9 @@ class Study(Tabled):
         ExistsError
             If the folder exists (and holds no results, with ``force``).
         """
-        with new_folder(folder, force=force) as new:
+        with results_folder.new_folder(folder, force=force) as new:
             write_spec(self.spec, new)
-            names = folder_names(self.runs) if self.runs and not self.is_repeated else {}
+            names = results_folder.folder_names(self.runs) if self.runs and not self.is_repeated else {}
             folders = {label: new / name for label, name in names.items()}
             self._write_runs(folders, figures is True, jobs, progress)
             if not names:
@@ -232,7 +220,7 @@ class Study(Tabled):
                 progress(count, len(pages))
 
     def _write_trials(self, new: Path) -> None:
-        write_rows(new / ROWS, self.rows, {"spec": self.spec})
+        results_folder.write_rows(new / ROWS, self.rows, {"spec": self.spec})
         if self.recordings is not None:
             shutil.copytree(self.recordings, new / "runs", copy_function=_link_or_copy)
         elif self.runs:
@@ -283,12 +271,12 @@ class _Page(NamedTuple):
 
 def _write_page(page: _Page) -> None:
     page.folder.mkdir()
-    page.run.write(page.folder, f"{PARENT}/{PARENT}", figures=page.figures)
+    page.run.write(page.folder, f"{results_folder.PARENT}/{results_folder.PARENT}", figures=page.figures)
 
 
-def by_label(rows: Iterable[Row]) -> dict[str, list[Row]]:
+def by_label(rows: Iterable[results_folder.Row]) -> dict[str, list[results_folder.Row]]:
     """Return the repeats of each combination."""
-    groups: dict[str, list[Row]] = {}
+    groups: dict[str, list[results_folder.Row]] = {}
     for row in rows:
         groups.setdefault(Trial.of(row).names.label, []).append(row)
     return groups
@@ -302,7 +290,7 @@ def _link_or_copy(source: str, target: str) -> None:
         shutil.copy2(source, target)
 
 
-class Journal(WorkingFolder):
+class Journal(results_folder.WorkingFolder):
     """A working folder with the rows of a study's finished trials, in the order that they finish.
 
     Parameters
@@ -314,12 +302,12 @@ class Journal(WorkingFolder):
     """
 
     def __init__(self, folder: Path, setting: PreparedExperiment, *, force: bool = False) -> None:
-        self._pending: list[Row] = []
+        self._pending: list[results_folder.Row] = []
         self._written = time.monotonic()
         super().__init__(folder, setting.text, setting.fingerprint(), force=force)
         self._next = max(self.parts(), default=-1) + 1
 
-    def finished(self) -> dict[Trial, Row]:
+    def finished(self) -> dict[Trial, results_folder.Row]:
         """Return the rows of all finished trials.
 
         Raises
@@ -327,10 +315,10 @@ class Journal(WorkingFolder):
         FileFormatError
             If a part is damaged.
         """
-        rows: dict[Trial, Row] = {}
+        rows: dict[Trial, results_folder.Row] = {}
         for path in self.parts().values():
             try:
-                rows |= {Trial.of(row): row for row in read_rows(path)}
+                rows |= {Trial.of(row): row for row in results_folder.read_rows(path)}
             except (FileFormatError, KeyError) as error:
                 raise FileFormatError(
                     f"{path}: is damaged ({error}); remove it to repeat its trials"
@@ -345,7 +333,7 @@ class Journal(WorkingFolder):
 
     def _flush(self) -> None:
         if self._pending:
-            write_rows(self.part(self._next), self._pending, {})
+            results_folder.write_rows(self.part(self._next), self._pending, {})
             self._pending, self._next = [], self._next + 1
         self._written = time.monotonic()
 
@@ -447,22 +435,22 @@ def run_study_to(
         As for `run_study`, or if the folder must not be written.
     """
     setting, target = prepare(source), Path(folder)
-    check_new(target, force=force)
+    results_folder.check_new(target, force=force)
     jobs = checked_jobs(jobs)
     if setting.spec.keeps_records and setting.spec.repeats == 1:
         study = _run(setting, jobs, progress, None)
         if not study.runs:
             raise DivergedError(str(study.rows[0]["stopped"]))
-        with told_first(computed, study):
+        with results_folder.told_first(computed, study):
             _warn(setting, study)
             if setting.spec.is_single:
                 next(iter(study.runs.values())).save(target, force=force, figures=figures is not False)
             else:
                 study.save(target, force=force, figures=figures, jobs=jobs, progress=drawing)
         return study
-    with Journal(working_folder(target), setting, force=force) as journal:
+    with Journal(results_folder.working_folder(target), setting, force=force) as journal:
         study = _run(setting, jobs, progress, journal)
-        with told_first(computed, study):
+        with results_folder.told_first(computed, study):
             _warn(setting, study)
             study.save(target, force=force, figures=figures, jobs=jobs, progress=drawing)
             journal.discard()
@@ -554,7 +542,11 @@ def work_through(
     if not parts:
         return []
     report, found = progress or (lambda done, total: None), {}
-    kept = nullcontext() if folder is None else WorkingFolder(folder, spec, _fingerprint(function, parts))
+    kept = (
+        nullcontext()
+        if folder is None
+        else results_folder.WorkingFolder(folder, spec, _fingerprint(function, parts))
+    )
     with kept as working:
         files = [working.part(i).with_suffix(".found") for i in range(len(parts))] if working else []
         for i, file in enumerate(files):
@@ -565,7 +557,7 @@ def work_through(
         for i, result in _results(function, left, jobs):
             found[i] = result
             if files:
-                write_whole(files[i], msgspec.msgpack.encode(result))
+                results_folder.write_whole(files[i], msgspec.msgpack.encode(result))
             report(len(found), len(parts))
     return [found[i] for i in range(len(parts))]
 

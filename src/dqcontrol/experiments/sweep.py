@@ -26,20 +26,11 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from dqcontrol.errors import Error, FileFormatError, ShapeError, ValueRangeError, suggest
+from dqcontrol.experiments import results_folder
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, check_program, prepare_spec, program
 from dqcontrol.experiments.processes import checked_jobs, workers
 from dqcontrol.experiments.ranking import BEST_BY, Ranking, rank
 from dqcontrol.experiments.result_pages import result_pages
-from dqcontrol.experiments.results_folder import (
-    Row,
-    WorkingFolder,
-    check_new,
-    join_files,
-    new_folder,
-    parquet,
-    working_folder,
-    write_whole,
-)
 from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec import (
     Spec,
@@ -382,7 +373,7 @@ class Sweep:
             digest.update(setting.fingerprint().encode())
         return digest.hexdigest()
 
-    def rows(self, runs: range) -> Iterator[Row]:
+    def rows(self, runs: range) -> Iterator[results_folder.Row]:
         """Run the trials of some runs, in the order of their points, repeats and cases."""
         repeats = self.first.spec.repeats
         points = self.sampling.points_between(runs[0] // repeats, runs[-1] // repeats + 1)
@@ -415,9 +406,9 @@ class Sweep:
 
     def _rows_at(
         self, number: int, point: Point, repeats: list[int], setting: PreparedExperiment | Error
-    ) -> Iterator[Row]:
+    ) -> Iterator[results_folder.Row]:
         shown = {f"parameter.{key}": self._shown(key, value) for key, value in point.items()}
-        place: Row = {"point": number} | shown
+        place: results_folder.Row = {"point": number} | shown
         try:
             if isinstance(setting, Error):
                 raise setting
@@ -425,7 +416,7 @@ class Sweep:
         except Error as error:
             why, nothing = self._worded(point, error), dict.fromkeys(METRIC_COLUMNS)
             for repeat, case in product(repeats, self.first.cases):
-                trial: Row = {"repeat": repeat, "seed": None, "stopped": f"{REFUSED}{why}"}
+                trial: results_folder.Row = {"repeat": repeat, "seed": None, "stopped": f"{REFUSED}{why}"}
                 yield {**place, **case.names._asdict(), **trial, **nothing}
             return
         for i in range(len(repeats)):
@@ -599,7 +590,7 @@ class Task:
         check_program(self.program)
         with _ONE_AT_A_TIME:
             rows = list(_known(self.text, self.folder).rows(self.runs))
-        return self.part, len(rows), parquet(rows, {})
+        return self.part, len(rows), results_folder.parquet(rows, {})
 
 
 @lru_cache(maxsize=1)
@@ -658,19 +649,21 @@ def run_sweep_to(
                 "reference: is an object of this program, which other processes do not have; leave out jobs"
             )
         jobs = 1
-    check_new(target, force=force)
+    results_folder.check_new(target, force=force)
     number_column(by)
     fingerprint = sweep.fingerprint()
     with (
-        WorkingFolder(working_folder(target), sweep.text, fingerprint, force=force) as parts,
+        results_folder.WorkingFolder(
+            results_folder.working_folder(target), sweep.text, fingerprint, force=force
+        ) as parts,
         workers(
             Task.run, jobs, scheduler, sweep.seconds, sweep.parts, lambda: _precompile_ends(sweep)
         ) as carry_out,
     ):
         _run(sweep, parts, carry_out, progress or (lambda done, total: None))
-        with new_folder(target, force=force) as new:
+        with results_folder.new_folder(target, force=force) as new:
             write_spec(sweep.text, new)
-            join_files(list(parts.parts().values()), new / ROWS, {"spec": sweep.text})
+            results_folder.join_files(list(parts.parts().values()), new / ROWS, {"spec": sweep.text})
             ranking = rank([new], by)
             write_table(ranking.table(), new, "best")
             result_pages().write_sweep_report(ranking, sweep.text, new)
@@ -684,7 +677,7 @@ def _precompile_ends(sweep: Sweep) -> None:
 
 def _run(
     sweep: Sweep,
-    parts: WorkingFolder,
+    parts: results_folder.WorkingFolder,
     carry_out: Callable[[Iterable[Task]], Iterator[tuple[int, int, bytes]]],
     report: SweepProgress,
 ) -> None:
@@ -696,6 +689,6 @@ def _run(
     left = (part for part in range(sweep.parts) if part not in finished)
     tasks = (Task(text, sweep.folder, version, part, sweep.runs_of(part)) for part in left)
     for part, count, content in carry_out(tasks):
-        write_whole(parts.part(part), content)
+        results_folder.write_whole(parts.part(part), content)
         done += count
         report(done, sweep.trials)
