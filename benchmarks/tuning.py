@@ -30,7 +30,7 @@ from dqcontrol.references import Previewed
 from dqcontrol.tuning import hypervolume, nondominated, search_front
 from dqcontrol.tuning.law_search import LawSearch, ready_problem
 from dqcontrol.tuning.searches import SimplexSearch
-from dqcontrol.tuning.tune_spec import Front, read_tune
+from dqcontrol.tuning.spec_blocks import Front, read_tune
 
 START = [0, 0.6, 0, 1.6, 0, 0.6, 0]
 CIRCLE = {"kind": "circle", "radius": 0.06, "duration": 4, "ramp": 0.5}
@@ -325,11 +325,11 @@ def learning(after: int = 20) -> None:
         )
 
 
-def _in_short(found: dqc.tuning.learning.Learning) -> str:
+def _in_short(found: dqc.tuning.Learning) -> str:
     return ", ".join(f"{each.position:.3g}" for each in found.repeats)
 
 
-def _replayed(spec: dict[str, Any], found: dqc.tuning.learning.Learning, seeds: range) -> list[float]:
+def _replayed(spec: dict[str, Any], found: dqc.tuning.Learning, seeds: range) -> list[float]:
     """Return the errors of a learnt motion with other noise, mm."""
     setting = prepare(spec)
     (case,) = setting.cases

@@ -24,9 +24,9 @@ __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
 def _report_pages() -> _result_pages.ResultPages:
-    from dqcontrol.reports import report_writer
+    from dqcontrol.reports import study_reports
 
-    return report_writer
+    return study_reports
 
 
 def _replay(runs: Mapping[str, Run]) -> str:

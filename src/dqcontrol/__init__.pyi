@@ -29,7 +29,7 @@ from . import (
     world as world,
 )
 from .algebra import DualQuaternion as DualQuaternion
-from .browser.play.notebook import play as play
+from .browser.play.play_page import play as play
 from .errors import Error as Error
 from .experiments import (
     Run as Run,

@@ -9,10 +9,24 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.browser import Track
-from dqcontrol.browser.layout import ASPECT, FIELD, extent, places, step_back, viewpoint
-from dqcontrol.browser.run_view_model import numbers, wheel_angles
+from dqcontrol.browser.run_view_model import (
+    ASPECT,
+    FIELD,
+    extent,
+    numbers,
+    places,
+    step_back,
+    viewpoint,
+)
 from dqcontrol.errors import FileFormatError
-from dqcontrol.figures.robot_bodies import DARK, mesh_file, pose_matrix, robot_shapes, urdf_shapes
+from dqcontrol.figures.robot_bodies import (
+    DARK,
+    mesh_file,
+    pose_matrix,
+    robot_shapes,
+    urdf_shapes,
+    wheel_angles,
+)
 from dqcontrol.loop import Record
 from dqcontrol.robots.poses import pose7
 

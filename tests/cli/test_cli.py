@@ -268,7 +268,7 @@ def test_malformed_files(here, capsys, name, text, message):
         (["run"], "SPEC"),
         (["run", "missing.yaml"], "missing.yaml: no such file"),
         (["compare"], "give at least one folder"),
-        (["compare", "nowhere"], "nowhere: does not exist"),
+        (["compare", "nowhere"], "nowhere: no such file"),
         (["robots", "show", "iwa7"], "did you mean 'iiwa7'"),
         (["robots", "show", "bad.urdf"], "bad.urdf"),
         (["rn", "spec.yaml"], "rn"),

@@ -112,7 +112,7 @@ def test_convert_writes_every_format_and_overwrites_only_by_force(here, monkeypa
             "convert run out.xls",
             "out.xls: suffix: unknown name '.xls'; did you mean '.csv'? (allowed: .csv, .mat, .parquet)",
         ),
-        ("convert nothing out.csv", "nothing: does not exist"),
+        ("convert nothing out.csv", "nothing: no such file"),
     ],
 )
 def test_a_mistake_gives_one_line_and_exit_code_2(here, monkeypatch, capsys, arguments, message):

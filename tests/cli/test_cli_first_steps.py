@@ -10,7 +10,7 @@ from test_cli import SPEC, call, here  # noqa: F401
 
 from dqcontrol import cli
 from dqcontrol.algebra import translation
-from dqcontrol.cli import new_command
+from dqcontrol.cli import start_commands
 from dqcontrol.experiments import check
 from dqcontrol.experiments.new_spec import new_spec
 from dqcontrol.experiments.prepared_experiment import prepare
@@ -64,7 +64,7 @@ def test_defaults_make_an_experiment_that_is_stable(tmp_path, capsys, monkeypatc
     assert (code, "--force" in err) == (2, True)
 
 
-@pytest.mark.parametrize("motion", new_command.MOTIONS)
+@pytest.mark.parametrize("motion", start_commands.MOTIONS)
 def test_every_motion_fits(tmp_path, capsys, monkeypatch, motion):
     monkeypatch.chdir(tmp_path)
     given = [

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from dqcontrol.cli import kernels_beside
-from dqcontrol.compiled import kernel_cache
+from dqcontrol.cli import experiment_commands
+from dqcontrol.compiled import kernel_cache, numba_choice
 from dqcontrol.loop.rollout import rollout
 from dqcontrol.measures.run_numbers import measure_kernel
 
@@ -36,8 +36,8 @@ def started(monkeypatch, tmp_path):
 
 
 def test_new_kernels_start_one_process(started):
-    kernels_beside.compile_beside()
-    assert started == [[sys.executable, "-P", "-m", "dqcontrol.cli.kernels_beside"]]
+    experiment_commands.compile_beside()
+    assert started == [[sys.executable, "-P", "-m", "dqcontrol.cli.experiment_commands"]]
 
 
 @pytest.mark.parametrize(
@@ -46,12 +46,12 @@ def test_new_kernels_start_one_process(started):
         (kernel_cache, "is_kept", lambda function: True),
         (kernel_cache, "root", lambda: None),
         (os, "cpu_count", lambda: 1),
-        (kernels_beside, "IS_PLAIN", True),
+        (numba_choice, "IS_PLAIN", True),
     ],
 )
 def test_nothing_starts_where_it_would_not_help(started, monkeypatch, owner, name, value):
     monkeypatch.setattr(owner, name, value)
-    kernels_beside.compile_beside()
+    experiment_commands.compile_beside()
     assert started == []
 
 
@@ -59,11 +59,11 @@ def test_nothing_starts_where_it_would_not_help(started, monkeypatch, owner, nam
 def test_the_second_process_compiles_into_the_same_cache(tmp_path):
     environment = {
         **os.environ,
-        "PYTHONPATH": str(Path(kernels_beside.__file__).parents[2]),
+        "PYTHONPATH": str(Path(experiment_commands.__file__).parents[2]),
         "DQCONTROL_CACHE": str(tmp_path / "kernels"),
     }
     (tmp_path / "circle.yaml").write_text(SPEC, encoding="utf-8")
-    beside = subprocess.Popen([sys.executable, "-m", "dqcontrol.cli.kernels_beside"], env=environment)
+    beside = subprocess.Popen([sys.executable, "-m", "dqcontrol.cli.experiment_commands"], env=environment)
     assert beside.wait(300) == 0
     folder = tmp_path / "kernels"
     compiled = {path.name for path in folder.rglob("*.nbi")}

@@ -83,7 +83,7 @@ def test_in_an_experiment(here, capsys, change, message):  # noqa: F811
         ("robots solve iiwa7 --position 5 5 5", "m beyond the reach of iiwa7"),
         ("view spec.yaml", "if it is an experiment: dqcontrol run spec.yaml"),
         ("report", "give at least one folder of a run or a study"),
-        ("report folde", "folde: does not exist; did you mean 'folder'?"),
+        ("report folde", "folde: no such file; did you mean 'folder'?"),
         ("clip folder a.mp4", "is not the folder of a run"),
         ("clip folder a.jpg", "a.jpg: must end in .png, .gif, .mp4, .webp, got '.jpg'"),
         (

@@ -9,8 +9,7 @@ from dqcontrol.experiments.spec import as_spec
 from dqcontrol.experiments.sweep import read_sweep
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.robots import load_robot
-from dqcontrol.tuning.learning.learn_spec import read_learn
-from dqcontrol.tuning.tune_spec import read_tune
+from dqcontrol.tuning.spec_blocks import read_learn, read_tune
 
 START = [0, 0.6, 0, 1.6, 0, 0.6, 0]
 

@@ -8,7 +8,7 @@ from page_blocks import PAGES, ROOT
 from rich.console import Console
 
 import dqcontrol as dqc
-from dqcontrol.cli import list_command, robots_command
+from dqcontrol.cli import robots_command, start_commands
 from dqcontrol.tables.fitted import fitted
 from dqcontrol.tables.tables import Column, Table
 
@@ -63,10 +63,10 @@ def test_tables_of_examples_fit(cells, width):
 @pytest.mark.parametrize("width", WIDTHS)
 def test_lists_and_robots_fit(width, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", str(width))
-    list_command.laws()
-    list_command.references()
-    list_command.plants()
-    list_command.robots()
+    start_commands.laws()
+    start_commands.references()
+    start_commands.plants()
+    start_commands.robots()
     for name in dqc.robot_names():
         robots_command.show(name)
     lines = capsys.readouterr().out.splitlines()

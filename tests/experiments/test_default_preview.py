@@ -10,7 +10,7 @@ from dqcontrol.references import Previewed
 from dqcontrol.references.sample import TWIST
 from dqcontrol.ros2.loading import load
 from dqcontrol.tuning.law_search import ready_problem
-from dqcontrol.tuning.tune_spec import read_tune
+from dqcontrol.tuning.spec_blocks import read_tune
 
 LAG, DELAY, PERIOD = 0.05, 0.02, 0.01
 SPEC = {

@@ -1,6 +1,7 @@
 """What a verdict says of a recording, breach by breach: what happened is written into the samples."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from dqcontrol.loop import Record
 from dqcontrol.loop.signals import Signal
 from dqcontrol.measures.metrics import metrics_of
 from dqcontrol.measures.task_result import task_result
-from dqcontrol.plants import MobilePlant
+from dqcontrol.plants import Integrator, MobilePlant
 from dqcontrol.plants.mujoco.gripper import Gripper, GripperEvent
 from dqcontrol.supervisor import KeepOutZones, Supervisor, WorkspaceBox
 from dqcontrol.world import Body, World
@@ -36,10 +37,14 @@ def recorded(robot, q, command=None, **readings):
     return Record(TIME, q, q, command, pose, desired, robot.joint_names, robot.input_names, readings=signals)
 
 
-def said(record, robot, **other):
+def said(record, robot, plant=None, *, supervisor=None, world=None):
     """Return the words on a run, and in what way it failed."""
-    result = task_result(record, law=other.get("law"), robot=robot)
-    return Judge(robot, **other).verdict(record, metrics_of(record, result, robot.limits, 0.0), result)
+    result = task_result(record, robot=robot)
+    asked = {"reference": None, "period": 1.0, "surroundings": world, "outcome": None}
+    spec = SimpleNamespace(supervisor_of=lambda _: supervisor, **asked)
+    return Judge(robot, None, plant or Integrator(), spec).verdict(
+        record, metrics_of(record, result, robot.limits, 0.0), result
+    )
 
 
 PRESSED = {"contact_force": 14.0, "penetration": 1.4e-3, "contact_link": 6.0}

@@ -10,7 +10,7 @@ import yaml
 from exported import SPEC, make, needs_c
 
 from dqcontrol import cli
-from dqcontrol.cli.export_command import Target
+from dqcontrol.cli.experiment_commands import Target
 from dqcontrol.compiled.object_code import TARGETS
 from dqcontrol.export.controller_folder import _BUILT
 

@@ -29,8 +29,8 @@ def test_criteria_are_the_norms_that_the_metrics_integrate():
         "$|1 - x^{*} x_d|$": np.full(80, 0.005),
         "control\n[rad/s or m/s]": np.linalg.norm(record.command, axis=1)[:-1],
         "joint step\n[rad or m]": np.linalg.norm(np.diff(record.q, axis=0), axis=1),
-        "hand speed\n[m/s]": np.full(79, 2 * 0.09 * np.sin(np.pi * step / 2) / step),  # chords of the circle
-        "hand acc.\n[m/s²]": np.full(78, 0.09 * (2 * np.sin(np.pi * step / 2) / step) ** 2),
+        "speed\n[m/s]": np.full(79, 2 * 0.09 * np.sin(np.pi * step / 2) / step),  # chords of the circle
+        "acceleration\n[m/s²]": np.full(78, 0.09 * (2 * np.sin(np.pi * step / 2) / step) ** 2),
     }
     for label, values in expected.items():
         np.testing.assert_allclose(shown[label].lines[0].get_ydata(), values, rtol=1e-9)

@@ -6,11 +6,12 @@ import matplotlib
 import numpy as np
 import pytest
 
+import dqcontrol as dqc
 from dqcontrol.errors import ExistsError, ShapeError, UnknownNameError
 from dqcontrol.figures.comparisons import compare_errors
 from dqcontrol.figures.paths import compare_paths, path_3d
 from dqcontrol.figures.plots import control_signals, errors, joint_angles, pose_coefficients
-from dqcontrol.figures.save import save_plots
+from dqcontrol.figures.save import run_figures, save_figures
 from dqcontrol.loop.record import Record
 from dqcontrol.robots.limits import Limits, symmetric_limits
 
@@ -209,9 +210,22 @@ def test_figures_ignore_and_keep_the_users_settings():
 
 
 @pytest.mark.slow
-def test_save_plots_writes_every_figure_once_and_twice_the_same(tmp_path):
-    limits = symmetric_limits([3, 3, 7], [1, 1, 1], [1, 1, 1])
-    first = save_plots(run(), tmp_path / "a", limits, formats=["png", "svg"])
+def test_every_figure_of_a_run_is_written_once_and_twice_the_same(tmp_path):
+    spec = {
+        "name": "circle",
+        "robot": "iiwa7",
+        "start": [0, 0.6, 0, 1.6, 0, 0.6, 0],
+        "period": 0.01,
+        "reference": {"kind": "circle", "radius": 0.02, "duration": 2, "ramp": 0.5},
+        "law": {"kind": "proportional-feedforward", "gain": 5.0},
+        "plant": {"kind": "integrator"},
+    }
+
+    def write(folder):
+        figures = {name: draw() for name, draw in run_figures(dqc.run(spec)).items()}
+        return save_figures(figures, folder, ["png", "svg"])
+
+    first = write(tmp_path / "a")
     assert [path.name for path in first[::2]] == [
         "path.png",
         "errors.png",
@@ -221,14 +235,14 @@ def test_save_plots_writes_every_figure_once_and_twice_the_same(tmp_path):
         "inputs.png",
     ]
     assert first[0].read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
-    second = save_plots(run(), tmp_path / "b", limits, formats=["png", "svg"])
+    second = write(tmp_path / "b")
     assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
 
 
-def test_save_plots_overwrites_nothing(tmp_path):
+def test_figures_overwrite_nothing(tmp_path):
     (tmp_path / "joints.png").write_text("precious")
     with pytest.raises(ExistsError, match=r"joints\.png: exists already"):
-        save_plots(run(), tmp_path)
+        save_figures({"errors": errors(run()), "joints": joint_angles(run())}, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["joints.png"]
 
 
@@ -238,7 +252,11 @@ def test_save_plots_overwrites_nothing(tmp_path):
         (lambda r: joint_angles(r, symmetric_limits([1], [1], [1])), ShapeError, "limits: expected 3"),
         (lambda r: joint_angles(r, units=["rad"]), ShapeError, "units: expected 3 units, got 1"),
         (lambda r: control_signals(r, ["rad", "rad", "deg"]), UnknownNameError, "units: unknown name 'deg'"),
-        (lambda r: save_plots(r, "nowhere", formats=["pgn"]), UnknownNameError, "'pgn'; did you mean 'png'"),
+        (
+            lambda r: save_figures({"errors": errors(r)}, "nowhere", ["pgn"]),
+            UnknownNameError,
+            "'pgn'; did you mean 'png'",
+        ),
     ],
 )
 def test_bad_options(call, kind, message):

@@ -10,8 +10,8 @@ from dqcontrol.algebra import translation
 from dqcontrol.cli.result_commands import clip
 from dqcontrol.errors import ExistsError, FileFormatError, MissingExtraError, ShapeError, ValueRangeError
 from dqcontrol.films.clip import _film, _moments, render_clip, render_strip, render_whole
+from dqcontrol.films.drawn_scene import offscreen
 from dqcontrol.films.film import with_rolling_wheels
-from dqcontrol.films.offscreen import offscreen
 from dqcontrol.plants import CompliantPlant, Gripper, MobilePlant
 from dqcontrol.world import Body, Motion, World
 

@@ -48,7 +48,7 @@ def test_the_nearest_pair_is_that_of_the_row_with_least_room(kept, record):
 def test_the_browser_draws_what_is_around_and_reddens_what_is_near(kept, record):
     pytest.importorskip("viser")
     from dqcontrol.browser import Page, Track
-    from dqcontrol.browser.drawn_things import _CLOSE, _SOLID
+    from dqcontrol.browser.drawn import _CLOSE, _SOLID
     from dqcontrol.browser.run_view_model import numbers
 
     track = Track("one", ARM, record, constraints=kept)

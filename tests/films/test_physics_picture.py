@@ -12,7 +12,7 @@ from dqcontrol.errors import (
     UnknownNameError,
     ValueRangeError,
 )
-from dqcontrol.films.offscreen import offscreen
+from dqcontrol.films.drawn_scene import offscreen
 from dqcontrol.films.physics_picture import render_run
 from dqcontrol.robots.serial_arm import SerialArm
 

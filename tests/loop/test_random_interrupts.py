@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 import dqcontrol as dqc
-from dqcontrol.cli.jog_command import _drive
+from dqcontrol.cli.live_commands import _drive
 from dqcontrol.devices import Jog, Keyboard
 from dqcontrol.loop import Clock, Live, Supervision, close_loop
 from dqcontrol.loop.clock import allows_real_time, real_time

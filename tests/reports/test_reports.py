@@ -348,7 +348,7 @@ def test_figures_of_saved_results_as_files_for_papers(run, tmp_path, monkeypatch
     assert int.from_bytes(png[16:20], "big") == 1050  # 3.5 in of 300 dots
     for words, message in (
         ("figures", "give at least one folder"),
-        ("figures nowhere --out other", "nowhere: does not exist"),
+        ("figures nowhere --out other", "nowhere: no such file"),
         ("figures run --format gif --out other", "gif"),
         ("figures run", "figures: exists"),
     ):

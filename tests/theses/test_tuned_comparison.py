@@ -3,7 +3,7 @@
 import pytest
 
 import dqcontrol_theses as published
-from dqcontrol.tuning.tune_spec import read_tune
+from dqcontrol.tuning.spec_blocks import read_tune
 from dqcontrol_theses.pereira2016.pereira2016_catalogue import PHYSICS, SERVO
 from dqcontrol_theses.pereira2016.tuned_comparison import linear_counterpart, tuned_comparison_spec
 from dqcontrol_theses.pereira2016.writing import writing_spec

@@ -18,9 +18,9 @@ from dqcontrol.loop.signals import Signal
 from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.references.points import DUAL_QUATERNION
 from dqcontrol.tuning import Convergence, learn_to
-from dqcontrol.tuning.learning.convergence import LoopShape, loop_shape
-from dqcontrol.tuning.learning.learnt_motion import TRACKED_POSE, hand_error, motion_of, shifted_poses
-from dqcontrol.tuning.learning.run_learning import _outcome
+from dqcontrol.tuning.learning_convergence import LoopShape, loop_shape
+from dqcontrol.tuning.learnt_motion import TRACKED_POSE, hand_error, motion_of, shifted_poses
+from dqcontrol.tuning.run_learning import _outcome
 
 START = np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
 SPEC = {
@@ -95,7 +95,7 @@ def test_what_was_interrupted_goes_on_with_the_repeats_that_are_left(tmp_path, m
         ran.append(options["seed"])
         return simulate_prepared(*given, **options)
 
-    monkeypatch.setattr("dqcontrol.tuning.learning.run_learning.simulate_prepared", counted)
+    monkeypatch.setattr("dqcontrol.tuning.run_learning.simulate_prepared", counted)
     resumed = dqc.learn(noisy("proportional"), repeats=3, journal=tmp_path / "kept")
     assert ran == list(range(2, len(whole.repeats)))
     assert resumed.repeats == whole.repeats
@@ -271,7 +271,7 @@ def test_a_mistake_is_one_clear_line_before_anything_moves(name, monkeypatch):
     changes, block, text = MISTAKES[name]
     data = {key: value for key, value in spec().items() if key != "law" or "laws" not in changes} | changes
     monkeypatch.setattr(
-        "dqcontrol.tuning.learning.run_learning.simulate_prepared", lambda *_, **__: pytest.fail("it ran")
+        "dqcontrol.tuning.run_learning.simulate_prepared", lambda *_, **__: pytest.fail("it ran")
     )
     with pytest.raises(Error) as caught:
         dqc.learn(data, **block)
@@ -286,7 +286,7 @@ def test_a_motion_that_ends_elsewhere_is_learnt_if_the_hand_may_go_back():
 
 def test_growth_is_recognised_and_the_best_is_kept(monkeypatch):
     """A learning operator that is far too strong: the guard narrows the band, goes back and learns half as much."""
-    from dqcontrol.tuning.learning import learnt_motion
+    from dqcontrol.tuning import learnt_motion
 
     usual = learnt_motion.increment
     monkeypatch.setattr(learnt_motion, "increment", lambda *given: 3.5 * usual(*given))
@@ -302,7 +302,7 @@ def test_a_loop_near_its_limit_is_told_before_anything_moves(monkeypatch):
     data = spec(law={"kind": "proportional", "gain": 30})
     (row,) = check(data)
     ran = Mock(side_effect=KeyboardInterrupt)
-    monkeypatch.setattr("dqcontrol.tuning.learning.run_learning.simulate_prepared", ran)
+    monkeypatch.setattr("dqcontrol.tuning.run_learning.simulate_prepared", ran)
     with (
         pytest.warns(NoteWarning, match=rf"law: {row.worst.margin:.3g} × its gain makes the loop unstable"),
         pytest.raises(KeyboardInterrupt),

@@ -15,8 +15,8 @@ from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.plants.servo import Servo
 from dqcontrol.references import SetPoint
 from dqcontrol.references.sample import POSE
-from dqcontrol.tuning.learning.convergence import Convergence, ForceShape, loop_shape
-from dqcontrol.tuning.learning.learnt_motion import ForceLearning, motion_of
+from dqcontrol.tuning.learning_convergence import Convergence, ForceShape, loop_shape
+from dqcontrol.tuning.learnt_motion import ForceLearning, motion_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 START = [0, 0.6, 0, -1.6, 0, 0.9, 0]

@@ -29,7 +29,7 @@ from dqcontrol.tuning import hypervolume, nondominated, search_front, tune_to
 from dqcontrol.tuning.law_evaluation import held_out_scenes
 from dqcontrol.tuning.law_search import LawSearch
 from dqcontrol.tuning.searches import SimplexSearch, _added_areas
-from dqcontrol.tuning.tune_spec import read_tune
+from dqcontrol.tuning.spec_blocks import read_tune
 
 
 def test_every_law_is_better_than_it_was_and_keeps_the_margin(tuned, small_problem):

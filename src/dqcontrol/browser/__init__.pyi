@@ -1,4 +1,4 @@
-from .drawn_robot import DrawnRobot as DrawnRobot
+from .drawn import DrawnRobot as DrawnRobot
 from .live import (
     GrowingRecording as GrowingRecording,
     LiveRun as LiveRun,

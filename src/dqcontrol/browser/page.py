@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.browser.drawn_robot import DrawnRobot
-from dqcontrol.browser.drawn_things import DrawnThings
-from dqcontrol.browser.layout import extent, places, step_back, viewpoint
-from dqcontrol.browser.run_view_model import Track, numbers
+from dqcontrol.browser.drawn import DrawnRobot, DrawnThings
+from dqcontrol.browser.run_view_model import Track, extent, numbers, places, step_back, viewpoint
 from dqcontrol.browser.served_page import ServedPage
 from dqcontrol.figures.robot_bodies import Colour
 from dqcontrol.figures.style import COLOURS, DESIRED

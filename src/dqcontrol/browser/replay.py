@@ -7,9 +7,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from dqcontrol.browser.layout import extent
 from dqcontrol.browser.page import Page
-from dqcontrol.browser.run_view_model import Reading, Track
+from dqcontrol.browser.run_view_model import Reading, Track, extent
 from dqcontrol.browser.served_page import stop_server
 from dqcontrol.experiments.run import Run
 

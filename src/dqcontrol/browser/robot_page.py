@@ -8,9 +8,8 @@ import numpy as np
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.browser.drawn_robot import DrawnRobot
-from dqcontrol.browser.layout import Extent, viewpoint
-from dqcontrol.browser.run_view_model import html_table
+from dqcontrol.browser.drawn import DrawnRobot
+from dqcontrol.browser.run_view_model import Extent, html_table, viewpoint
 from dqcontrol.browser.served_page import ServedPage
 from dqcontrol.robots import Robot, describe
 

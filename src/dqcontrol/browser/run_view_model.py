@@ -11,9 +11,11 @@ import numpy as np
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
+from dqcontrol.browser.served_page import FIELD
 from dqcontrol.constraints.constraint_view import ConstraintView, NearestPair
 from dqcontrol.constraints.constraints import Constraints
-from dqcontrol.figures.paths import desired_in_room, recorded_frames, tip_paths
+from dqcontrol.figures.paths import desired_in_room, finite_rows, recorded_frames, tip_paths
+from dqcontrol.figures.robot_bodies import wheel_angles
 from dqcontrol.figures.style import LIMIT
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.held import PlanOfRun, apart_at_plans, plans_of_run
@@ -176,7 +178,7 @@ class Track:
 
 def pieces(points: Array) -> Array:
     """Return a path through points (N, 3) as pieces (M, 2, 3) that are not empty, at most some hundreds."""
-    points = points[np.isfinite(points).all(axis=1)]
+    points = finite_rows(points)
     kept = points[np.linspace(0, len(points) - 1, min(len(points), _PIECES + 1)).astype(int)]
     pairs = np.stack([kept[:-1], kept[1:]], axis=1)
     return pairs[np.linalg.norm(pairs[:, 1] - pairs[:, 0], axis=1) > 1e-9]
@@ -191,21 +193,6 @@ def with_wheels(robot: Robot, frames: Sequence[Array], angles: Array) -> Array:
             axle = np.array([np.cos(half), 0, np.sin(half), 0, 0, y, radius])
             poses.append(compose(poses[int(first) + 2], axle))
     return np.array(poses)
-
-
-def wheel_angles(robot: Robot, q: Array) -> Array:
-    """Return how far the right and the left wheel of each drive have rolled since the first sample, (N, 2 k), rad.
-
-    Each rolls without slipping: dθ = (ds ± b dφ)/r with ds the step along the mean heading. [S17 4.25]
-    """
-    angles = np.zeros((len(q), 2 * len(robot.drives)))
-    for j, (first, _, radius, half_track, *_) in enumerate(robot.drives):
-        x, y, heading = np.nan_to_num(q[:, int(first) : int(first) + 3]).T
-        turn, middle = np.diff(heading), (heading[1:] + heading[:-1]) / 2
-        ahead = np.diff(x) * np.cos(middle) + np.diff(y) * np.sin(middle)
-        for side, sign in enumerate((1.0, -1.0)):
-            angles[1:, 2 * j + side] = np.cumsum(ahead + sign * half_track * turn) / radius
-    return angles
 
 
 def numbers(readings: Sequence[tuple[str, str, Reading]]) -> str:
@@ -258,3 +245,84 @@ def _block(label: str, css: str, reading: Reading) -> str:
         f"<div style='border-left:4px solid {css};margin:8px 12px;padding-left:8px;font-size:0.85em'>"
         f"<b>{html.escape(label)}</b>{html_table(rows)}</div>"
     )
+
+
+_MOMENTS = 12  # of a run that are looked at
+_BESIDE = 0.6  # rad; the viewer stands so far beside the line from the robot to the path
+_UP = 0.42
+ASPECT = 0.95  # of the scene beside the controls in a window of 1000 × 640, width by height
+
+
+class Extent(NamedTuple):
+    """Box around all robots and paths, m."""
+
+    lower: Array
+    upper: Array
+
+    @property
+    def size(self) -> float:
+        """Its diagonal."""
+        return float(np.linalg.norm(self.upper - self.lower)) or 1.0
+
+
+def extent(tracks: Sequence[Track]) -> Extent:
+    """Return the box around some runs, at rest in one place."""
+    points = [np.zeros((1, 3))]
+    for track in tracks:
+        for k in np.linspace(0, len(track.record) - 1, _MOMENTS).astype(int):
+            points.append(track.frames(k)[:, 4:])
+        points += [track.hand_path().reshape(-1, 3), track.target]
+    cloud = np.vstack(points)
+    cloud = cloud[np.isfinite(cloud).all(axis=1)]
+    return Extent(cloud.min(axis=0), cloud.max(axis=0))
+
+
+def viewpoint(foot: Array, hands: Sequence[Array], box: Extent) -> tuple[Array, Array]:
+    """Return where the viewer stands and looks, m: the paths of hands (N, 3) from the front, robots behind them."""
+    middle = (box.lower + box.upper) / 2
+    ahead = np.nanmean(np.vstack(hands), axis=0) - foot
+    azimuth = np.arctan2(ahead[1], ahead[0]) + _BESIDE if np.linalg.norm(ahead[:2]) > 1e-6 else _BESIDE
+    towards = np.array([np.cos(azimuth), np.sin(azimuth), _UP])
+    return middle + 1.3 * (box.size + 0.2) * towards / np.linalg.norm(towards), middle
+
+
+def places(count: int, box: Extent, towards: Array) -> Array:
+    """Return the displacement of each of several runs, shape (count, 3), m: from left to right for a viewer.
+
+    Parameters
+    ----------
+    count
+        Number of runs.
+    box
+        Around them all in one place.
+    towards
+        Direction from what is looked at to the viewer, shape (3,), not vertical.
+    """
+    right = _right(towards)
+    width = float(np.abs(right) @ (box.upper - box.lower))
+    out: Array = np.outer(np.arange(count) - (count - 1) / 2, (width + 0.1 * box.size) * right)
+    return out
+
+
+def step_back(apart: Array, box: Extent, towards: Array) -> float:
+    """Return how many times as far off the viewer must stand to see all runs side by side; at least 1.
+
+    Parameters
+    ----------
+    apart
+        Displacements of the runs, as `places` gives them.
+    box, towards
+        As for `places`; ``towards`` as long as the viewer is off.
+    """
+    half = (box.upper - box.lower) / 2
+    signs = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, -1).T
+    corners = (apart[:, None] + signs * half).reshape(-1, 3)
+    distance = float(np.linalg.norm(towards))
+    across = np.abs(corners @ _right(towards)) / (ASPECT * np.tan(FIELD / 2))
+    return max(1.0, float((across + corners @ towards / distance).max()) / distance)
+
+
+def _right(towards: Array) -> Array:
+    """Return the viewer's direction to the right, horizontal, of length 1."""
+    right = np.array([-towards[1], towards[0], 0.0])
+    return right / np.linalg.norm(right)

@@ -13,11 +13,11 @@ from typing import Any, Literal
 from urllib.parse import urlsplit
 
 from dqcontrol.arrays import Array
-from dqcontrol.browser.layout import FIELD
 from dqcontrol.errors import Error, from_extra
 
 HOST = "127.0.0.1"  # nobody else's machine: there is no password
 _LOOPBACK = {HOST, "localhost", "::1"}
+FIELD = 0.7  # rad; of view, from bottom to top
 _TICK = 1 / 30  # s
 _AMBIENT = 1.2  # beside viser's own lights: shadows are not black
 

@@ -79,9 +79,11 @@ app: App = App(
     suppress_keyboard_interrupt=False,
 )
 _TOGETHER = {  # in one file; others have one of their own
-    "experiment_commands": ("check", "plan", "run", "sweep", "gains", "tune", "learn"),
+    "start_commands": ("new", "list"),
+    "experiment_commands": ("check", "plan", "run", "sweep", "gains", "tune", "learn", "export"),
     "result_commands": ("compare", "view", "report", "figures", "clip"),
     "log_commands": ("evaluate", "excite", "identify", "calibrate", "convert"),
+    "live_commands": ("play", "jog"),
 }
 _FILES = {name: file for file, names in _TOGETHER.items() for name in names}
 for _place, (_title, _commands) in enumerate(GROUPS.items()):
@@ -90,7 +92,7 @@ for _place, (_title, _commands) in enumerate(GROUPS.items()):
         _file, _function = _FILES.get(_name, f"{_name}_command"), "kinds" if _name == "list" else _name
         app.command(f"dqcontrol.cli.{_file}:{_function}", name=_name, help=_help, group=_group)
 app.command(
-    "dqcontrol.cli.install_completion_command:install_completion",
+    "dqcontrol.cli.start_commands:install_completion",
     name="--install-completion",
     help="Let the shell (bash, zsh, fish) complete commands and options.",
 )
@@ -126,7 +128,7 @@ def main() -> None:
     warnings.showwarning = _warnings_once()
     arguments = _without_flags(sys.argv[1:])
     if not sys.argv[1:]:
-        from dqcontrol.cli.start_page import print_start_page
+        from dqcontrol.cli.start_commands import print_start_page
 
         print_start_page()
         return

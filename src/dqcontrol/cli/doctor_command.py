@@ -161,7 +161,7 @@ def _cache() -> Finding:
 
 def _opengl() -> Finding:
     from dqcontrol.errors import Error
-    from dqcontrol.films.offscreen import offscreen
+    from dqcontrol.films.drawn_scene import offscreen
 
     try:
         with offscreen(16, 16) as backend:

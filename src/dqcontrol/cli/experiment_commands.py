@@ -1,32 +1,30 @@
-"""Check, plan, run, tune and learn: what is done with an experiment's file."""
+"""Check, plan, run, tune, learn and export: what is done with an experiment's file."""
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from dqcontrol.cli.options import (
-    BaseLink,
-    Force,
-    Jobs,
-    Out,
-    ReplaceResults,
-    RosArguments,
-    Seconds,
-    Switch,
-    TipLink,
-)
+from cyclopts import Parameter
+
+from dqcontrol.cli import options
 from dqcontrol.cli.screen import FAILED, joint_columns, joint_values, print_found, print_table, progress_bar
 
 if TYPE_CHECKING:
+    from dqcontrol.compiled.compile import Kernel
     from dqcontrol.experiments import Run, Study
     from dqcontrol.planning import PlanTo
     from dqcontrol.tables import Table
+
+# named here: looking at `TARGETS` would load the compiler
+Target = Literal["native", "x86-64-v2", "x86-64-v3", "aarch64", "armv7", "riscv64", "cortex-m4f", "cortex-m7"]
 
 
 def check(spec: Path, /) -> None:
@@ -102,12 +100,12 @@ def run(
     spec: Path,
     /,
     *,
-    out: Out = None,
-    force: Force = False,
-    jobs: Jobs = None,
+    out: options.Out = None,
+    force: options.Force = False,
+    jobs: options.Jobs = None,
     figures: bool | None = None,
-    real_time: Switch = False,
-    compiled: Switch = False,
+    real_time: options.Switch = False,
+    compiled: options.Switch = False,
     over: Literal["udp", "shared-memory"] | None = None,
 ) -> None:
     """Run an experiment and write its table, recordings and plots; rerun it to resume after an interruption.
@@ -132,7 +130,6 @@ def run(
     over
         With --compiled: law and supervisor in a process, the plant in another one, which it reaches over this.
     """
-    from dqcontrol.cli.kernels_beside import compile_beside
     from dqcontrol.errors import DivergedError, ShapeError
     from dqcontrol.experiments import read_spec, run_study_to
 
@@ -171,7 +168,7 @@ def run(
         sys.exit(FAILED)
 
 
-def _in_real_time(spec: Path, folder: Path, compiled: dict[str, Any] | None, **options: bool) -> None:
+def _in_real_time(spec: Path, folder: Path, compiled: dict[str, Any] | None, **wanted: bool) -> None:
     """Run in real time, in Python or with these further options ``compiled``."""
     from dqcontrol.experiments import run_in_real_time, summary
     from dqcontrol.export import run_compiled_in_real_time
@@ -186,7 +183,7 @@ def _in_real_time(spec: Path, folder: Path, compiled: dict[str, Any] | None, **o
         print_found(*tables, folder=folder, words=[f"ended: {done.record.stopped}"])
 
     run_it = run_in_real_time if compiled is None else run_compiled_in_real_time
-    if run_it(spec, folder, watch=watch, computed=show, **options, **(compiled or {})).verdict.failure:
+    if run_it(spec, folder, watch=watch, computed=show, **wanted, **(compiled or {})).verdict.failure:
         sys.exit(FAILED)
 
 
@@ -194,9 +191,9 @@ def sweep(
     spec: Path,
     /,
     *,
-    out: Out = None,
-    force: Force = False,
-    jobs: Jobs = None,
+    out: options.Out = None,
+    force: options.Force = False,
+    jobs: options.Jobs = None,
     scheduler: str | None = None,
     by: str = "error.integral",
 ) -> None:
@@ -215,7 +212,6 @@ def sweep(
     by
         Number that says which points are best, as in runs.parquet.
     """
-    from dqcontrol.cli.kernels_beside import compile_beside
     from dqcontrol.experiments import run_sweep_to
     from dqcontrol.experiments.sweep import read_sweep
 
@@ -232,11 +228,11 @@ def gains(
     robot: str,
     /,
     *,
-    period: Seconds,
-    delay: Seconds = 0.0,
-    lag: Seconds = 0.0,
-    base_link: BaseLink = None,
-    tip_link: TipLink = None,
+    period: options.Seconds,
+    delay: options.Seconds = 0.0,
+    lag: options.Seconds = 0.0,
+    base_link: options.BaseLink = None,
+    tip_link: options.TipLink = None,
 ) -> None:
     """Say which gains a period, a delay and a lag allow each law, what to expect of them, and why.
 
@@ -268,9 +264,9 @@ def tune(
     spec: Path,
     /,
     *,
-    out: Out = None,
-    force: Force = False,
-    jobs: Jobs = None,
+    out: options.Out = None,
+    force: options.Force = False,
+    jobs: options.Jobs = None,
     scheduler: str | None = None,
 ) -> None:
     """Find the best parameters of every law, under the same budget; rerun it to resume after an interruption.
@@ -288,9 +284,8 @@ def tune(
     scheduler
         Address of a Dask scheduler, as tcp://127.0.0.1:8786, whose workers search.
     """
-    from dqcontrol.cli.kernels_beside import compile_beside
     from dqcontrol.tuning import tune_to
-    from dqcontrol.tuning.tune_spec import read_tune
+    from dqcontrol.tuning.spec_blocks import read_tune
 
     folder = out or Path("results") / f"{read_tune(spec).spec.name}-tuned"
     compile_beside()
@@ -309,13 +304,13 @@ def tune(
 def learn(
     spec: Path,
     /,
-    *ros_arguments: RosArguments,
+    *ros_arguments: options.RosArguments,
     repeats: int | None = None,
-    out: Out = None,
-    force: ReplaceResults = False,
+    out: options.Out = None,
+    force: options.ReplaceResults = False,
     real_time: bool = False,
     ros2: Literal["velocity", "position", "trajectory"] | None = None,
-    network: Switch = False,
+    network: options.Switch = False,
 ) -> None:
     """Repeat a motion and learn from each repeat; writes learnt.csv, and learnt.yaml, which dqcontrol run runs.
 
@@ -336,7 +331,7 @@ def learn(
     """
     from dqcontrol.errors import ValueRangeError
     from dqcontrol.tuning import learn_to
-    from dqcontrol.tuning.learning.learn_spec import read_learn
+    from dqcontrol.tuning.spec_blocks import read_learn
 
     folder = out or Path("results") / f"{read_learn(spec).spec.name}-learnt"
     runner = None
@@ -364,3 +359,78 @@ def learn(
             progress=partial(progress, label="repeats"),
             computed=lambda found: print_found(found.table(), folder=folder, words=found.remarks()),
         )
+
+
+def export(
+    spec: Path,
+    /,
+    *,
+    law: str | None = None,
+    target: Target = "native",
+    out: Annotated[Path, Parameter(name=["--out", "-o"])],
+    force: options.Force = False,
+) -> None:
+    """Write the controller of a spec as a library in C, with its tests.
+
+    Parameters
+    ----------
+    spec
+        YAML file of a controller.
+    law
+        Of a spec with several laws: label of the one to export.
+    target
+        Processor; native is this one.
+    out
+        New folder for the library.
+    force
+        Replace an earlier folder.
+    """
+    from dqcontrol.errors import ShapeError
+    from dqcontrol.export import export_controller
+
+    if spec.is_dir():
+        raise ShapeError(
+            f"{spec}: is a folder; a controller is exported from its spec, {spec / 'spec.yaml'}; "
+            f"the signals of a run: dqcontrol convert {spec} log.csv"
+        )
+    done = export_controller(spec, out, law=law, target=target, force=force)
+    print(f"results: {done.folder} (try: make -C {done.folder} test)")
+    print(
+        f"{done.target}: {done.code / 1024:.0f} kB of code, {done.constants / 1024:.0f} kB of constants, "
+        f"{done.controller / 1024:.1f} kB a controller; law {done.law_hash}"
+    )
+
+
+def compile_beside() -> None:
+    """Compile what every run needs in a second process, while this one compiles its law's; nobody waits for it.
+
+    Only where these kernels are new and kept, and a processor is left.
+    """
+    from dqcontrol.compiled import kernel_cache
+    from dqcontrol.compiled.numba_choice import IS_PLAIN
+
+    if (
+        IS_PLAIN  # kernels are kept by Numba's internals alone
+        or kernel_cache.root() is None
+        or (os.cpu_count() or 1) < 2
+        or kernel_cache.is_kept(_kernels_of_every_run()[2].function)
+    ):
+        return
+    command = [sys.executable, "-P", "-m", __name__]  # -P: no module of the folder that it runs in
+    nothing = subprocess.DEVNULL
+    subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing)
+
+
+def _kernels_of_every_run() -> tuple[Kernel, ...]:
+    """Return half of what a first run compiles, in its order."""
+    from dqcontrol.loop.record import pose_errors
+    from dqcontrol.loop.rollout import rollout
+    from dqcontrol.measures.run_numbers import measure_kernel
+    from dqcontrol.robots.inverse.inverse_kernels import solve
+
+    return solve, rollout, measure_kernel, pose_errors
+
+
+if __name__ == "__main__":
+    for each in _kernels_of_every_run():
+        _ = each.compiled

@@ -8,23 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
-from dqcontrol.cli.options import (
-    DEFAULT_JOINT_OPTIONS,
-    DEFAULT_LOG_OPTIONS,
-    SECONDS,
-    BaseLink,
-    Force,
-    JointOptions,
-    LoggedRobot,
-    LogOptions,
-    Out,
-    ReplaceResults,
-    Seconds,
-    Switch,
-    TipLink,
-    in_unit,
-    numbers,
-)
+from dqcontrol.cli import options
 from dqcontrol.cli.screen import FAILED, print_found
 
 if TYPE_CHECKING:
@@ -34,7 +18,7 @@ if TYPE_CHECKING:
     from dqcontrol.files.lerobot_dataset import Feature
     from dqcontrol.robots import Robot
 
-Way = Annotated[float, in_unit("rad or m", "17deg")]
+Way = Annotated[float, options.in_unit("rad or m", "17deg")]
 Start = Annotated[
     str | None,
     Parameter(help="Configuration about which it moves: a,b,c in rad or m, or with units: 90deg,0."),
@@ -54,18 +38,18 @@ def evaluate(
     /,
     *,
     robot: str | None = None,
-    options: LogOptions = DEFAULT_LOG_OPTIONS,
+    logged: options.LogOptions = options.DEFAULT_LOG_OPTIONS,
     reference: Path | None = None,
     reference_topic: str | None = None,
     reference_joints: str | None = None,
     missing: Literal["interpolate", "skip"] = "interpolate",
-    start_time: Seconds = 0.0,
-    align: Switch = False,
-    duration: Annotated[float | None, SECONDS] = None,
-    skip_initial: Annotated[float | None, SECONDS] = None,
-    low_pass: Annotated[float | None, in_unit("Hz", "10Hz")] = None,
-    out: Out = None,
-    force: ReplaceResults = False,
+    start_time: options.Seconds = 0.0,
+    align: options.Switch = False,
+    duration: Annotated[float | None, options.SECONDS] = None,
+    skip_initial: Annotated[float | None, options.SECONDS] = None,
+    low_pass: Annotated[float | None, options.in_unit("Hz", "10Hz")] = None,
+    out: options.Out = None,
+    force: options.ReplaceResults = False,
 ) -> None:
     """Measure your own joint log against a reference: table, and plots and report if --out is given.
 
@@ -112,7 +96,7 @@ def evaluate(
         reference,
         reference_topic=reference_topic,
         reference_joints=reference_joints,
-        **options.arguments(),
+        **logged.arguments(),
         missing=missing,
         start=start_time,
         align=align,
@@ -132,29 +116,29 @@ def evaluate(
 
 
 def excite(
-    robot: LoggedRobot,
+    robot: options.LoggedRobot,
     /,
     *,
     start: Start = None,
-    base_link: BaseLink = None,
-    tip_link: TipLink = None,
+    base_link: options.BaseLink = None,
+    tip_link: options.TipLink = None,
     signal: Literal["zigzag", "multisine", "chirp"] = "zigzag",
-    together: Switch = False,
-    duration: Seconds = 60.0,
-    period: Seconds = 0.008,
+    together: options.Switch = False,
+    duration: options.Seconds = 60.0,
+    period: options.Seconds = 0.008,
     amplitude: Way = 0.3,
-    joint_speed: Annotated[float, in_unit("rad/s or m/s", "60deg/s")] = 1.0,
-    joint_acceleration: Annotated[float, in_unit("rad/s² or m/s²", "90deg/s²")] = 6.0,
+    joint_speed: Annotated[float, options.in_unit("rad/s or m/s", "60deg/s")] = 1.0,
+    joint_acceleration: Annotated[float, options.in_unit("rad/s² or m/s²", "90deg/s²")] = 6.0,
     workspace: Annotated[
         str | None, Parameter(help="Box that the hand does not leave: x0,x1,y0,y1,z0,z1 in m, base frame.")
     ] = None,
-    lag: Seconds = 0.05,
-    delay: Seconds = 0.02,
+    lag: options.Seconds = 0.05,
+    delay: options.Seconds = 0.02,
     noise: Way = 1e-4,
     resolution: Way = 0.0,
     seed: int = 1,
-    out: Out = None,
-    force: Force = False,
+    out: options.Out = None,
+    force: options.Force = False,
 ) -> None:
     """Generate an excitation trajectory for `identify`, and say how precise the estimates will be.
 
@@ -198,7 +182,7 @@ def excite(
         check_new(out, force=False)
     found = design(
         robot,
-        numbers("start", start, "rad or m"),
+        options.numbers("start", start, "rad or m"),
         base_link=base_link,
         tip_link=tip_link,
         signal=signal,
@@ -208,7 +192,7 @@ def excite(
         amplitude=amplitude,
         speed=joint_speed,
         acceleration=joint_acceleration,
-        workspace=numbers("workspace", workspace, "m"),
+        workspace=options.numbers("workspace", workspace, "m"),
         lag=lag,
         delay=delay,
         noise=noise,
@@ -234,13 +218,13 @@ def servos(
     logs: list[Path],
     /,
     *,
-    robot: LoggedRobot,
-    options: LogOptions = DEFAULT_LOG_OPTIONS,
+    robot: options.LoggedRobot,
+    logged: options.LogOptions = options.DEFAULT_LOG_OPTIONS,
     targets: str | None = None,
     target_topic: str | None = None,
-    replay: Switch = False,
-    out: Out = None,
-    force: Force = False,
+    replay: options.Switch = False,
+    out: options.Out = None,
+    force: options.Force = False,
 ) -> None:
     """Find lag, delay, gain, sag and encoder of each joint from logs of commands and measured positions.
 
@@ -268,7 +252,7 @@ def servos(
         check_new(out, force=False)
     if replay and out is None:
         raise ValueRangeError("--replay: needs a folder for its runs; give --out")
-    found = identify_servos(logs, robot, targets=targets, target_topic=target_topic, **options.arguments())
+    found = identify_servos(logs, robot, targets=targets, target_topic=target_topic, **logged.arguments())
     print_found(found.table, folder=out, words=found.remarks)
     if out is not None:
         found.save(out, force=force)
@@ -285,14 +269,14 @@ def tool(
     logs: list[Path],
     /,
     *,
-    robot: LoggedRobot,
+    robot: options.LoggedRobot,
     known: Path | None = None,
     sensor_position: SensorPosition = None,
     sensor_rpy: SensorTurn = None,
     wrench_topic: str | None = None,
-    options: JointOptions = DEFAULT_JOINT_OPTIONS,
-    out: Out = None,
-    force: Force = False,
+    logged: options.JointOptions = options.DEFAULT_JOINT_OPTIONS,
+    out: options.Out = None,
+    force: options.Force = False,
 ) -> None:
     """Find mass, centre and bias of the tool on a force sensor, from logs in which the robot rests in several poses.
 
@@ -313,7 +297,7 @@ def tool(
     from dqcontrol.logs import tool_from_logs
     from dqcontrol.robots import load_robot
 
-    chosen = options.arguments()
+    chosen = logged.arguments()
     found = tool_from_logs(
         logs,
         load_robot(robot, chosen.pop("base_link"), chosen.pop("tip_link")),
@@ -327,15 +311,15 @@ def tool(
 
 @identify.command
 def tool_motion(
-    robot: LoggedRobot,
+    robot: options.LoggedRobot,
     /,
     *,
     start: Start = None,
     sensor_position: SensorPosition = None,
     sensor_rpy: SensorTurn = None,
-    period: Seconds = 0.008,
-    out: Out = None,
-    force: Force = False,
+    period: options.Seconds = 0.008,
+    out: options.Out = None,
+    force: options.Force = False,
 ) -> None:
     """Propose a motion that rests where the tool on a force sensor can be told, and say how well.
 
@@ -351,7 +335,10 @@ def tool_motion(
     from dqcontrol.logs import tool_motion as propose
 
     found = propose(
-        robot, numbers("start", start, "rad or m"), _sensor(sensor_position, sensor_rpy), period=period
+        robot,
+        options.numbers("start", start, "rad or m"),
+        _sensor(sensor_position, sensor_rpy),
+        period=period,
     )
     print_found(found.table, folder=out and found.save(out, force=force))
     if out is not None:
@@ -363,8 +350,8 @@ def _sensor(position: str | None, rpy: str | None) -> Any:
     from dqcontrol.contact import ForceSensor
 
     given = {
-        "position": numbers("sensor-position", position, "m"),
-        "rpy": numbers("sensor-rpy", rpy, "rad"),
+        "position": options.numbers("sensor-position", position, "m"),
+        "rpy": options.numbers("sensor-rpy", rpy, "rad"),
     }
     told: dict[str, Any] = {key: tuple(value) for key, value in given.items() if value is not None}
     return ForceSensor(**told)
@@ -374,11 +361,11 @@ def calibrate(
     log: Path,
     /,
     *,
-    robot: LoggedRobot,
-    options: JointOptions = DEFAULT_JOINT_OPTIONS,
+    robot: options.LoggedRobot,
+    logged: options.JointOptions = options.DEFAULT_JOINT_OPTIONS,
     pose_topic: str | None = None,
-    out: Out = None,
-    force: Force = False,
+    out: options.Out = None,
+    force: options.Force = False,
 ) -> None:
     """Correct DH parameters, base and tool frame of an arm from measured poses of its end effector.
 
@@ -398,7 +385,7 @@ def calibrate(
 
     if out is not None and not force:
         check_new(out, force=False)
-    found = calibrate_arm(log, robot, pose_topic=pose_topic, **options.arguments())
+    found = calibrate_arm(log, robot, pose_topic=pose_topic, **logged.arguments())
     if out is not None:
         found.save(out, force=force)
     print_found(found.table, found.error_table, folder=out, words=found.remarks)
@@ -413,9 +400,9 @@ def convert(
     fps: int | None = None,
     task: str | None = None,
     robot: str | None = None,
-    options: LogOptions = DEFAULT_LOG_OPTIONS,
+    logged: options.LogOptions = options.DEFAULT_LOG_OPTIONS,
     targets: str | None = None,
-    force: Force = False,
+    force: options.Force = False,
 ) -> None:
     """Write all signals of a run for other programs; runs and logs as a LeRobot dataset; a world in another format.
 
@@ -449,7 +436,7 @@ def convert(
     from dqcontrol.world import floor_around
 
     if to == "lerobot":
-        _write_dataset(run, file, fps, task, robot, {**options.arguments(), "targets": targets}, force=force)
+        _write_dataset(run, file, fps, task, robot, {**logged.arguments(), "targets": targets}, force=force)
         return
     given = {"--fps": fps, "--task": task, "--robot": robot, "--targets": targets}
     for option in (name for name, value in given.items() if value is not None):
@@ -484,7 +471,7 @@ def _write_dataset(
     fps: int | None,
     task: str | None,
     robot: str | None,
-    options: dict[str, Any],
+    logged: dict[str, Any],
     *,
     force: bool,
 ) -> None:
@@ -494,7 +481,7 @@ def _write_dataset(
 
     if fps is not None and fps < 1:
         raise ValueRangeError(f"--fps: must be ≥ 1, got {fps}")
-    motions = list(_motions(source, robot, options))
+    motions = list(_motions(source, robot, logged))
     first = motions[0]
     rate = fps or whole_rate(first[2])
     features = {name: feature for name, (feature, _) in first[3].items()}
@@ -513,7 +500,7 @@ def _write_dataset(
 
 
 def _motions(
-    source: Path, robot: str | None, options: dict[str, Any]
+    source: Path, robot: str | None, logged: dict[str, Any]
 ) -> Iterator[tuple[str, Robot, Array, dict[str, tuple[Feature, Array]]]]:
     """Yield name, robot, time and columns of each motion of a log, a run or a folder of runs."""
     from dqcontrol.errors import ValueRangeError
@@ -524,9 +511,9 @@ def _motions(
     from dqcontrol.robots import load_robot
 
     if robot is not None:
-        ends = options.pop("base_link", None), options.pop("tip_link", None)
+        ends = logged.pop("base_link", None), logged.pop("tip_link", None)
         arm = load_robot(robot, *ends)
-        log = read_joint_log(source, arm, **options)
+        log = read_joint_log(source, arm, **logged)
         yield source.stem, arm, log.time, motion_columns(arm, log.time, log.q, log.command, log.target)
         return
     if source.is_file():

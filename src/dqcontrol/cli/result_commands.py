@@ -49,11 +49,11 @@ def compare(
     from dqcontrol.experiments.load_results import is_study, is_sweep
     from dqcontrol.experiments.ranking import BEST_BY
     from dqcontrol.experiments.results_folder import SPEC_FILE, new_folder
-    from dqcontrol.experiments.run_comparison import MEANS, unit_of_way, write_table
+    from dqcontrol.experiments.run_comparison import MEANS, write_table
     from dqcontrol.measures import means_table
     from dqcontrol.reports import write_report
     from dqcontrol.reports.about import RERUN_FOLDER, command, origins
-    from dqcontrol.reports.study_reports import figures_of_several, surroundings_of
+    from dqcontrol.reports.study_reports import figures_of_runs
 
     if not folders:
         raise Error("compare: give at least one folder of a run")
@@ -69,9 +69,6 @@ def compare(
         with new_folder(out, force=force) as new:
             (new / SPEC_FILE).write_text("".join(f"# {folder}\n" for folder in folders), encoding="utf-8")
             write_table(table, new, "table")
-            records = {label: run.record for label, run in runs.items()}
-            unit = unit_of_way(run.robot for run in runs.values())
-            figures = figures_of_several(records, unit, surroundings_of(runs.values()))
             places = [str(folder.resolve()) for folder in folders]
             write_report(
                 new,
@@ -79,7 +76,7 @@ def compare(
                 facts=", ".join(map(str, folders)),
                 command=command("compare", *places, by=by, where=where, best_per=best_per, out=RERUN_FOLDER),
                 tables=[table],
-                figures=figures,
+                figures=figures_of_runs(runs),
                 origins=origins({}),
             )
     print_found(table, folder=out)

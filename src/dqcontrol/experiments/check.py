@@ -22,26 +22,12 @@ from dqcontrol.experiments.prepared_experiment import Combination, Names, Prepar
 from dqcontrol.experiments.spec import AnyPlant, Spec
 from dqcontrol.geometry import Hull, distance_kernels as kernels
 from dqcontrol.limits import CommandLimits, Compensation
+from dqcontrol.measures import stability
 from dqcontrol.measures.number_texts import percent_text
-from dqcontrol.measures.stability import (
-    MOST_STATES,
-    GainLimits,
-    LoopGain,
-    NumericLoop,
-    Verdict,
-    damped_overshoot,
-    gain_limits,
-    linearise_law,
-    overshoot,
-    spectral_radius,
-    with_integral,
-    with_lag,
-    with_mean,
-)
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.robots import Robot
-from dqcontrol.tables.tables import Column, Table, VerdictCell, known
+from dqcontrol.tables.tables import Cell, Column, Table, Tabled, VerdictCell, known
 
 _REPEATS = 20
 
@@ -94,9 +80,10 @@ _FREE = CommandLimits(velocity=False)
 _HORIZON = 2.0  # s, in which what matters of an observer is seen
 LEAST_OVERSHOOT = 0.05  # %; less is none
 
-Known = dict[tuple[complex, float, float], GainLimits]  # by direction, integral share and lag of the gain
+# by direction, integral share and lag of the gain
+Known = dict[tuple[complex, float, float], stability.GainLimits]
 
-_WORST_FIRST: tuple[Verdict, ...] = (
+_WORST_FIRST: tuple[stability.Verdict, ...] = (
     "unstable",
     "unstable for large errors",
     "oscillatory",
@@ -121,8 +108,8 @@ class Loop:
         T, s.
     """
 
-    gain: LoopGain
-    limits: GainLimits
+    gain: stability.LoopGain
+    limits: stability.GainLimits
     model: LinearModel
     period: float
 
@@ -137,7 +124,7 @@ class Loop:
         return self.limits.stable / self.product if self.product else math.inf
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> stability.Verdict:
         """What becomes of errors."""
         return self.limits.verdict(self.product)
 
@@ -145,13 +132,13 @@ class Loop:
     def overshoot(self) -> float:
         """By how much of it the loop passes a step, 0 or more; infinite if it is unstable."""
         if self.gain.integral_share or self.gain.value.imag:
-            return damped_overshoot(self.model.poles(self.gain.value))
-        return overshoot(self.model, self.gain.value.real)
+            return stability.damped_overshoot(self.model.poles(self.gain.value))
+        return stability.overshoot(self.model, self.gain.value.real)
 
     @property
     def radius(self) -> float:
         """Factor by which the loop's errors shrink a period, in the long run."""
-        return spectral_radius(self.model.poles(self.gain.value))
+        return stability.spectral_radius(self.model.poles(self.gain.value))
 
 
 @dataclass(frozen=True)
@@ -185,7 +172,7 @@ class LoopCheck:
     loops: tuple[Loop, ...]
     unknown: str = ""
     acceleration: float = math.inf
-    numeric: NumericLoop | None = None
+    numeric: stability.NumericLoop | None = None
     observed: bool = False
     fails: bool = False
 
@@ -198,7 +185,7 @@ class LoopCheck:
         return min(self.loops, key=lambda loop: loop.margin)
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> stability.Verdict:
         """What becomes of errors in the worst of the loops."""
         if self.unknown:
             return "cannot be decided"
@@ -253,7 +240,7 @@ class LoopCheck:
             facts += f"{beyond} the supervisor's limit of acceleration may keep it oscillating"
         return f"{self.names.label}: {loop.gain.loop} {verdict}: {facts}; {self._advice(loop)}"
 
-    def _at_the_start(self, loop: NumericLoop) -> str:
+    def _at_the_start(self, loop: stability.NumericLoop) -> str:
         factor, how = loop.margin, "by numeric linearisation at the start only"
         if not math.isfinite(factor):
             return f"stable with any factor on its command, {how}"
@@ -284,7 +271,7 @@ class LoopCheck:
 
 
 @dataclass(frozen=True)
-class Checks(Sequence[LoopCheck]):
+class Checks(Tabled, Sequence[LoopCheck]):
     """The checks of a spec, one a law, parameter set and plant.
 
     Attributes
@@ -318,11 +305,7 @@ class Checks(Sequence[LoopCheck]):
     def __str__(self) -> str:
         """Return the table, and what to do."""
         contact = [] if self.contact is None else ["", str(self.contact)]
-        return "\n".join([str(self.table()), *self.remarks(), *contact])
-
-    def _repr_markdown_(self) -> str:
-        """Return what notebooks show: the same."""
-        return "\n".join([self.table().markdown(), *(f"* {remark}" for remark in self.remarks())])
+        return "\n".join([super().__str__(), *contact])
 
     @property
     def unstable(self) -> bool:
@@ -337,22 +320,10 @@ class Checks(Sequence[LoopCheck]):
     def table(self) -> Table:
         """Return one row a law, parameter set and plant: gains at their largest, limits of the worst of its loops."""
         places = [field for field in Names._fields if any(getattr(row.names, field) for row in self.rows)]
-        columns = [
-            *map(Column, places),
-            Column("verdict"),
-            Column("margin", "", ".3g"),
-            Column("largest recommended k", "1/s", ".3g"),
-            Column("limit", "1/s", ".3g"),
-            Column("k position", "1/s", ".3g"),
-            Column("k orientation", "1/s", ".3g"),
-            Column("T", "ms", ".4g"),
-            Column("overshoot", "%", ".2g"),
-            Column("time constant", "s", ".3g"),
-        ]
-        return Table(columns, [_cells(row, places) for row in self.rows], self.name)
+        return Table.of((_cells(row, places) for row in self.rows), self.name)
 
 
-def _cells(row: LoopCheck, places: list[str]) -> list[str | float | None]:
+def _cells(row: LoopCheck, places: list[str]) -> list[tuple[Column, Cell]]:
     gains = {loop.gain.loop: abs(loop.gain.value) for loop in row.loops}
     limit = margin = advised = passed = constant = None
     if row.loops:
@@ -363,9 +334,18 @@ def _cells(row: LoopCheck, places: list[str]) -> list[str | float | None]:
         limit, margin, constant = limits.stable / row.period, worst.margin, row.time_constant
     elif row.numeric:
         margin, constant = row.numeric.margin, row.time_constant
-    kept = (gains.get("position"), gains.get("orientation"), 1e3 * row.period)
-    numbers = (margin, advised, limit, *kept, passed, constant)
-    return [*(getattr(row.names, place) for place in places), judged(row), *map(known, numbers)]
+    return [
+        *((Column(place), getattr(row.names, place)) for place in places),
+        (Column("verdict"), judged(row)),
+        (Column("margin", "", ".3g"), known(margin)),
+        (Column("largest recommended k", "1/s", ".3g"), known(advised)),
+        (Column("limit", "1/s", ".3g"), known(limit)),
+        (Column("k position", "1/s", ".3g"), known(gains.get("position"))),
+        (Column("k orientation", "1/s", ".3g"), known(gains.get("orientation"))),
+        (Column("T", "ms", ".4g"), 1e3 * row.period),
+        (Column("overshoot", "%", ".2g"), known(passed)),
+        (Column("time constant", "s", ".3g"), known(constant)),
+    ]
 
 
 def judged(row: LoopCheck) -> VerdictCell:
@@ -437,9 +417,9 @@ def loop_checks(setting: PreparedExperiment) -> Iterator[LoopCheck]:
         model, acceleration, limits = plants[place]
         if model is None:
             yield LoopCheck(case.names, period, (), "the plant has no linear model")
-        elif len(model.transition) > MOST_STATES:
+        elif len(model.transition) > stability.MOST_STATES:
             size = len(model.transition)
-            many = f"plant and supervisor have a model of {size} states; {MOST_STATES} at most are judged"
+            many = f"plant and supervisor have a model of {size} states; {stability.MOST_STATES} at most are judged"
             yield LoopCheck(case.names, period, (), many)
         elif case.gains is None:
             yield _numeric_check(setting, case, model)
@@ -457,14 +437,14 @@ def _numeric_check(setting: PreparedExperiment, case: Combination, model: Linear
     """Return what is to be expected of a law whose gains are unknown, as it is at the start."""
     period, loop, unknown, fails = setting.spec.period, None, "", False
     try:
-        law = linearise_law(case.prepare_law(setting.spec).with_limits(_FREE), case.scene.start)
+        law = stability.linearise_law(case.prepare_law(setting.spec).with_limits(_FREE), case.scene.start)
     except DivergedError as error:
         law, fails = None, True
         unknown = f"the law's loop gains are unknown, and it fails at the start: {error}"
     if law is not None:
-        loop = NumericLoop(law, model)
-        if loop.size > MOST_STATES:
-            unknown = f"law, plant and supervisor have {loop.size} states; {MOST_STATES} at most are judged"
+        loop = stability.NumericLoop(law, model)
+        if loop.size > stability.MOST_STATES:
+            unknown = f"law, plant and supervisor have {loop.size} states; {stability.MOST_STATES} at most are judged"
     elif not unknown:
         unknown = "the law's loop gains are unknown, and its command jumps or bends at the start"
     return LoopCheck(case.names, period, (), unknown, numeric=None if unknown else loop, fails=fails)
@@ -479,7 +459,7 @@ def driven_model(spec: Spec, plant: AnyPlant, robot: Robot, start: Array) -> tup
         return model, math.inf
     mode = command_mode(plant)
     prepared = supervisor.prepare(robot, period, mode)
-    behind = with_mean(model, prepared.window, period, from_measured=mode == "measured")
+    behind = stability.with_mean(model, prepared.window, period, from_measured=mode == "measured")
     return behind, float(prepared.acceleration.min())
 
 
@@ -492,11 +472,11 @@ def with_observer(model: LinearModel, compensation: Compensation, robot: Robot, 
     return whole.reduced(round(_HORIZON / period)) or whole
 
 
-def _loop(gain: LoopGain, model: LinearModel, period: float, limited: bool, known: Known) -> Loop:
+def _loop(gain: stability.LoopGain, model: LinearModel, period: float, limited: bool, known: Known) -> Loop:
     """Return a loop with the limits of its gain's direction, integral and lag, which are found once for each."""
     way = gain.value / abs(gain.value) if gain.value.imag else 1.0
-    share, model = gain.integral_share, with_lag(model, gain.lag, period)
+    share, model = gain.integral_share, stability.with_lag(model, gain.lag, period)
     kind = way, share, gain.lag
     if kind not in known:
-        known[kind] = gain_limits(model, period, way, share, accelerations_limited=limited)
-    return Loop(gain, known[kind], with_integral(model, share * abs(gain.value), period), period)
+        known[kind] = stability.gain_limits(model, period, way, share, accelerations_limited=limited)
+    return Loop(gain, known[kind], stability.with_integral(model, share * abs(gain.value), period), period)

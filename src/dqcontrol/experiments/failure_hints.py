@@ -7,19 +7,10 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from dqcontrol import laws
 from dqcontrol.errors import CollisionWarning, LimitWarning, TaskWarning
 from dqcontrol.experiments.feasibility import too_few_joints, way_out
 from dqcontrol.experiments.prepared_experiment import Combination
-from dqcontrol.laws import (
-    GuidedProportional,
-    HInfinity,
-    HInfinityTracking,
-    IntegralPoseLaw,
-    Law,
-    OpenLoop,
-    PartialProportional,
-    ProportionalFeedforward,
-)
 from dqcontrol.laws.null_space import BestHeading
 from dqcontrol.measures.metrics import AT_LIMIT, UNSEEN
 from dqcontrol.measures.number_texts import percent_text
@@ -111,9 +102,9 @@ def not_done(case: Combination, trials: Trials) -> str:
 
 def _remedies(case: Combination, trial: Mapping[str, Any]) -> Iterator[str]:
     robot, law, task = case.scene.robot, case.variant.law, str(trial["verdict"])
-    if robot.input_size < 6 and not isinstance(law, PartialProportional):
+    if robot.input_size < 6 and not isinstance(law, laws.PartialProportional):
         yield too_few_joints(robot)
-    guided = isinstance(law, GuidedProportional) or isinstance(law.null_space, BestHeading)
+    guided = isinstance(law, laws.GuidedProportional) or isinstance(law.null_space, BestHeading)
     if len(robot.drives) and not guided:
         yield (
             "a base with wheels cannot go sideways; plan its way with reference drive-to, or turn it with null_space "
@@ -129,7 +120,7 @@ def _remedies(case: Combination, trial: Mapping[str, Any]) -> Iterator[str]:
             f"commands were at the velocity limits in {percent_text(trial['saturation'])} of the samples; take a "
             "slower reference, or more time"
         )
-    elif isinstance(law, OpenLoop):
+    elif isinstance(law, laws.OpenLoop):
         yield "open-loop corrects no error; take a law that does"
     elif "not followed" in task and _feeds_nothing_forward(law):
         yield "a law without feed-forward lags; take proportional-feedforward, more gain or a slower reference"
@@ -141,7 +132,7 @@ def _count(some: Trials, trials: Trials, before: str) -> str:
     return f"{before}in {len(some)} of {len(trials)} repeats" if len(trials) > 1 else ""
 
 
-def _feeds_nothing_forward(law: Law) -> bool:
-    return isinstance(law, IntegralPoseLaw | HInfinity | PartialProportional) and not isinstance(
-        law, ProportionalFeedforward | HInfinityTracking
-    )
+def _feeds_nothing_forward(law: laws.Law) -> bool:
+    return isinstance(
+        law, laws.IntegralPoseLaw | laws.HInfinity | laws.PartialProportional
+    ) and not isinstance(law, laws.ProportionalFeedforward | laws.HInfinityTracking)

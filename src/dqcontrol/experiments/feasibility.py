@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dqcontrol import algebra
+from dqcontrol import algebra, laws
 from dqcontrol.arrays import Array
 from dqcontrol.controller import Controller
 from dqcontrol.errors import DivergedError
@@ -19,18 +19,6 @@ from dqcontrol.experiments.prepared_experiment import (
     Combination,
     PreparedExperiment,
     PreparedRobot,
-)
-from dqcontrol.laws import (
-    BestHeading,
-    GuidedProportional,
-    HInfinity,
-    JointMotion,
-    Law,
-    LinearQuadraticDQ,
-    ManipulabilityAscent,
-    OpenLoop,
-    PartialProportional,
-    ProportionalFeedforward,
 )
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.simulate import simulate_prepared
@@ -97,7 +85,7 @@ def path_demand(scene: PreparedRobot) -> PathDemand | None:
     period = float(samples[1, -1] - samples[0, -1]) if len(samples) > 1 else 1.0
     gain, way = _PULL / period, scene.reference
     if isinstance(way, PlannedWay):
-        law = GuidedProportional(gain=gain).prepare(way.robot, way, period)
+        law = laws.GuidedProportional(gain=gain).prepare(way.robot, way, period)
         return _demand(way.robot, law, scene.start, samples)
     robot = scene.robot.in_form("constrained")
     start = robot.solve(samples[0, POSE], scene.start, restarts=20).q
@@ -105,8 +93,8 @@ def path_demand(scene: PreparedRobot) -> PathDemand | None:
     held[:, 8:20] = 0.0
     held[:, -1] = samples[0, -1] + period * np.arange(-_ARRIVED, 0)
     demands: list[PathDemand] = []
-    for heading in (None, BestHeading())[: 1 + bool(len(robot.drives))]:
-        law = ProportionalFeedforward(gain=gain, null_space=heading).prepare(robot, None, period)
+    for heading in (None, laws.BestHeading())[: 1 + bool(len(robot.drives))]:
+        law = laws.ProportionalFeedforward(gain=gain, null_space=heading).prepare(robot, None, period)
         with suppress(DivergedError):
             arrived = simulate_prepared(law, Integrator(), start, held).q[-1]
             if (demand := _demand(robot, law, arrived, samples)) is not None:
@@ -132,7 +120,7 @@ def _demand(robot: Robot, law: Controller, start: Array, samples: Array) -> Path
 
 def task_remarks(setting: PreparedExperiment) -> Iterator[str]:
     """Give what speaks against each robot's doing what is asked, and what helps, in a line each."""
-    whole = [case for case in setting.cases if not isinstance(case.variant.law, PartialProportional)]
+    whole = [case for case in setting.cases if not isinstance(case.variant.law, laws.PartialProportional)]
     for label, scene in setting.scenes.items():
         if any(case.names.robot == label for case in whole):
             yield from _of_path(scene)
@@ -201,7 +189,7 @@ def _of_detour(scene: PreparedRobot) -> Iterator[str]:
 def _of_the_origin(case: Combination) -> Iterator[str]:
     """Say how far from the origin an end effector is to be where its law's error depends on where the origin is."""
     law = case.variant.law
-    key = {HInfinity: "form", LinearQuadraticDQ: "error"}
+    key = {laws.HInfinity: "form", laws.LinearQuadraticDQ: "error"}
     field = next((key[kind] for kind in key if isinstance(law, kind)), "")
     if not field or getattr(law, field) != "right":
         return
@@ -219,9 +207,9 @@ def too_few_joints(robot: Robot) -> str:
     return f"{joints}; law partial-proportional asks for its position alone"
 
 
-def way_out(law: Law) -> str:
+def way_out(law: laws.Law) -> str:
     """Say what leads a law out of a singularity in which it stands still."""
-    if isinstance(law.null_space, ManipulabilityAscent):
+    if isinstance(law.null_space, laws.ManipulabilityAscent):
         return "start elsewhere"
     return "start elsewhere, or leave it with null_space: {kind: manipulability, gain: 1}"
 
@@ -229,12 +217,14 @@ def way_out(law: Law) -> str:
 def _of_singular_start(case: Combination) -> Iterator[str]:
     """Say if a law would stand still at its start, as no joint moves the end effector towards the first other pose."""
     scene, law = case.scene, case.variant.law
-    if isinstance(law, OpenLoop | JointMotion) or isinstance(law.null_space, ManipulabilityAscent):
+    if isinstance(law, laws.OpenLoop | laws.JointMotion) or isinstance(
+        law.null_space, laws.ManipulabilityAscent
+    ):
         return
     robot, desired = scene.robot, scene.samples[:, POSE]
     error = algebra.short(algebra.multiply(algebra.conjugate(robot.fkm(scene.start)), desired))
     far = np.abs(error - _NONE).max(axis=1) > _ERROR
-    part = law.part if isinstance(law, PartialProportional) else "pose"
+    part = law.part if isinstance(law, laws.PartialProportional) else "pose"
     if not far.any():
         return
     if lost_share(robot, scene.start, desired[far.argmax()], part, inverse_of(law)) > _ALL:
@@ -308,7 +298,7 @@ def _of_rolling(setting: PreparedExperiment, case: Combination) -> Iterator[str]
 def _of_first_command(setting: PreparedExperiment, case: Combination) -> Iterator[str]:
     """Say if the first command is beyond the velocity limits, where that is a velocity."""
     robot, law = case.scene.robot, case.variant.law
-    if command_mode(case.plant) == "measured" or isinstance(law, OpenLoop | JointMotion):
+    if command_mode(case.plant) == "measured" or isinstance(law, laws.OpenLoop | laws.JointMotion):
         return
     if not np.isfinite(robot.limits.velocity).any():
         return

@@ -100,22 +100,21 @@ def advise_gains(
             "plant": {"kind": "servo", "delay": plant.delay, "time_constant": plant.time_constant},
         }
     )
-    rows: list[list[Cell]] = []
+    rows: list[list[tuple[Column, Cell]]] = []
     for row, kind in zip(checks, laws, strict=True):
         slowest = min(abs(loop.gain.value) for loop in row.loops)
         behind = 1e3 * _SPEED / slowest if kind in _LAGGING else 0.0
         percent = 100 * row.overshoot
-        rows.append([kind, percent if percent > 0.05 else 0.0, row.time_constant, behind])
-    columns = [
-        Column("law"),
-        Column("overshoot", "%", ".2g"),
-        Column("time constant", "s", ".3g"),
-        Column(f"lag at {_SPEED:g} m/s", "mm", ".3g"),
-    ]
+        rows.append(
+            [
+                (Column("law"), kind),
+                (Column("overshoot", "%", ".2g"), percent if percent > 0.05 else 0.0),
+                (Column("time constant", "s", ".3g"), row.time_constant),
+                (Column(f"lag at {_SPEED:g} m/s", "mm", ".3g"), behind),
+            ]
+        )
     title = f"{arm.name}: T = {1e3 * period:.4g} ms, delay {1e3 * delay:.4g} ms, lag {1e3 * lag:.4g} ms"
-    return GainAdvice(
-        Table(columns, rows, title), parameters, tuple(_reasons(limits, period, delay, lag, gain))
-    )
+    return GainAdvice(Table.of(rows, title), parameters, tuple(_reasons(limits, period, delay, lag, gain)))
 
 
 _LAGGING = ("proportional", "decoupled-proportional", "h-infinity")  # without feed-forward

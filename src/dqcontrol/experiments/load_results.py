@@ -10,9 +10,8 @@ from typing import Annotated, Literal
 import yaml
 from msgspec import Meta
 
-from dqcontrol.errors import Error, FileFormatError, suggest_file
-from dqcontrol.experiments.results_folder import SPEC_FILE
-from dqcontrol.experiments.row_file import Row, read_rows
+from dqcontrol.errors import Error, FileFormatError, unreadable
+from dqcontrol.experiments.results_folder import SPEC_FILE, Row, read_rows
 from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.spec import RobotSpec, read_data, read_spec
 from dqcontrol.experiments.spec.reference_spec import Part
@@ -97,7 +96,7 @@ def spec_of_results(folder: Path) -> str:
 def why_no_run(path: Path) -> str:
     """Return why a folder is not that of a run, and what may have been meant."""
     if not path.exists():
-        return f"{path}: does not exist{suggest_file(path)}"
+        return str(unreadable(path, FileNotFoundError()))
     if path.suffix in (".yaml", ".yml"):
         return f"{path}: is a file, not the folder of a run; if it is an experiment: dqcontrol run {path}"
     if runs := [run.name for run in run_folders(path) if run != path]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,8 +15,6 @@ from dqcontrol.arrays import Array
 from dqcontrol.constraints import Constraints
 from dqcontrol.errors import (
     FileFormatError,
-    NoteWarning,
-    PlanError,
     ReachError,
     ValueRangeError,
     as_array,
@@ -29,7 +26,7 @@ from dqcontrol.laws import Law, LinearQuadraticDQ
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Record, simulate
 from dqcontrol.planning.certified_edges import CertifiedEdges
-from dqcontrol.planning.followed_path import first_through
+from dqcontrol.planning.followed_path import start_through
 from dqcontrol.plants import Plant, Servo
 from dqcontrol.references import Drawing, JerkLimited, Reference, Sequence as InSequence, StraightStroke
 from dqcontrol.references.drawing import box_of, parse_drawing, scaled
@@ -173,11 +170,7 @@ def _start_through(arm: Robot, reference: Reference, first: Array, pace: float) 
     poses = reference.samples(np.linspace(0.0, reference.duration, count))[:, POSE]
     others = [each.q for each in postures(arm, poses[0])]
     edges = CertifiedEdges(arm, Constraints())
-    try:
-        return first_through([(start, poses) for start in (first, *others)], edges, aside=False)[0]
-    except PlanError as error:
-        warnings.warn(f"start: {error}", NoteWarning, stacklevel=3)
-        return first
+    return start_through([(start, poses) for start in (first, *others)], edges, aside=False)
 
 
 def _pens(drawing: str | Path) -> tuple[PenStroke, ...]:

@@ -27,8 +27,6 @@ from dqcontrol.controller import Controller, PreparedTasks
 from dqcontrol.errors import (
     Error,
     LimitWarning,
-    NoteWarning,
-    PlanError,
     ReachError,
     ShapeError,
     ValueRangeError,
@@ -51,19 +49,17 @@ from dqcontrol.experiments.spec import (
 from dqcontrol.experiments.spec.parameter_sets import Variant
 from dqcontrol.extensions import user_code
 from dqcontrol.files.long_array import row_by_row
-from dqcontrol.laws import Law
-from dqcontrol.laws.null_space import Posture
+from dqcontrol.laws import Law, Posture
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.closed_loop import FARTHEST, check_disturbed
 from dqcontrol.loop.simulate import step_count
 from dqcontrol.measures.run_numbers import DesiredMotion
 from dqcontrol.measures.stability import LoopGain, loop_gains
 from dqcontrol.planning.certified_edges import CertifiedEdges
-from dqcontrol.planning.followed_path import first_through
+from dqcontrol.planning.followed_path import start_through
 from dqcontrol.plants.plant import lagging_mode, running_plant
-from dqcontrol.references import Previewed, Reference
+from dqcontrol.references import POSE, TIME, Previewed, Reference
 from dqcontrol.references.gripping import GripperStep
-from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import ReachingPosture, Robot, TreeRobot, WholeBody, describe
 from dqcontrol.robots.command_mode import Lag
 from dqcontrol.robots.kinematics.kinematics_kernels import split
@@ -542,12 +538,8 @@ def _through_all(spec: Spec, folder: Path, robot: Robot, found: list[ReachingPos
         goes = 0.0 if math.isinf(reference.duration) else reference.duration
         times = np.linspace(0.0, goes, PATH_SAMPLES if goes else 1)
         paths.append((each.q, reference.samples(times)[:, POSE]))
-    try:
-        through = first_through(paths, CertifiedEdges(robot, asked), aside=given[0] is not None)
-    except PlanError as error:
-        warnings.warn(f"start: {error}", NoteWarning, stacklevel=2)
-        return found[0]
-    return next(each for each in found if np.array_equal(each.q, through[0]))
+    start = start_through(paths, CertifiedEdges(robot, asked), aside=given[0] is not None)
+    return next(each for each in found if np.array_equal(each.q, start))
 
 
 def _start(given: Start, robot: Robot, chosen: Callable[[list[ReachingPosture]], ReachingPosture]) -> Array:

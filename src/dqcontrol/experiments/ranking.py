@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from dqcontrol.errors import FileFormatError, ValueRangeError, unknown_name
 from dqcontrol.experiments.parameter_units import parameter_unit
-from dqcontrol.experiments.row_file import import_pyarrow
+from dqcontrol.experiments.results_folder import import_pyarrow
 from dqcontrol.experiments.study import ROWS
 from dqcontrol.measures.metric_tables import LARGE_IS_GOOD, number_column
 from dqcontrol.measures.repeats import LABELS
-from dqcontrol.tables.tables import Cell, Column, PlusMinus, Table
+from dqcontrol.tables.tables import Cell, Column, PlusMinus, Table, Tabled
 
 if TYPE_CHECKING:
     import pyarrow
@@ -29,7 +29,7 @@ _PARAMETER = "parameter."
 
 
 @dataclass(frozen=True)
-class Ranking:
+class Ranking(Tabled):
     """Combinations of labels and parameters, the best first.
 
     Attributes
@@ -53,14 +53,6 @@ class Ranking:
 
     def __repr__(self) -> str:
         return f"Ranking(by {self.by}, {self.placed:,} of {len(self.groups):,} points have a place)"
-
-    def __str__(self) -> str:
-        """Return the table of the best."""
-        return str(self.table())
-
-    def _repr_markdown_(self) -> str:
-        """Return what notebooks show: the same."""
-        return self.table().markdown()
 
     @property
     def varied(self) -> list[str]:

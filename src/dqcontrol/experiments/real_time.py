@@ -9,20 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from dqcontrol.errors import Error, writing
+from dqcontrol.experiments import results_folder
 from dqcontrol.experiments.check import warn_unstable
 from dqcontrol.experiments.failure_hints import warn_of_failures
 from dqcontrol.experiments.prepared_experiment import prepare
-from dqcontrol.experiments.results_folder import (
-    SPEC_FILE,
-    added_files,
-    check_new,
-    new_folder,
-    note_contents,
-    told_first,
-)
 from dqcontrol.experiments.run import Run, as_run, execute
-from dqcontrol.loop import Clock
-from dqcontrol.loop.record import Record
+from dqcontrol.loop import Clock, Record
 from dqcontrol.loop.supervision import BlackBox, Watch
 from dqcontrol.recording import RecordStream
 from dqcontrol.recording.mcap import FOLDER, save_last_seconds
@@ -55,7 +47,7 @@ class StreamedRun:
     folder: Path
 
     def __init__(self, folder: str | Path, robot: Robot, spec: str, *, force: bool = False) -> None:
-        check_new(folder, force=force)
+        results_folder.check_new(folder, force=force)
         self.folder, self._robot, self._spec, self._force = Path(folder), robot, spec, force
         self._count = 0
         prepare_to_record(robot)
@@ -75,13 +67,13 @@ class StreamedRun:
         """
         with writing(self.folder):
             if not self._count:
-                with new_folder(self.folder, force=self._force) as new:
-                    (new / SPEC_FILE).write_text(self._spec, encoding="utf-8")
+                with results_folder.new_folder(self.folder, force=self._force) as new:
+                    (new / results_folder.SPEC_FILE).write_text(self._spec, encoding="utf-8")
             else:
                 self.path.rename(self.folder / f"record-{self._count}.mcap")
             self._count += 1
             recording = RecordStream(self.path, self._robot, self._spec)
-            note_contents(self.folder)
+            results_folder.note_contents(self.folder)
         return recording
 
     def keep(self, last_seconds: Record) -> Path:
@@ -94,7 +86,7 @@ class StreamedRun:
         """
         with _telling(last_seconds.stopped), writing(self.folder):
             kept = save_last_seconds(last_seconds, self.folder / FOLDER, self._spec)
-            note_contents(self.folder)
+            results_folder.note_contents(self.folder)
         return kept
 
     def complete(self, run: Run, *, figures: bool = True) -> None:
@@ -105,7 +97,11 @@ class StreamedRun:
         Error
             If it cannot be written; it says what ended the motion, and the recording is still there.
         """
-        with _telling(run.record.stopped), writing(self.folder), added_files(self.folder) as new:
+        with (
+            _telling(run.record.stopped),
+            writing(self.folder),
+            results_folder.added_files(self.folder) as new,
+        ):
             run.write(new, figures=figures)
 
 
@@ -178,7 +174,7 @@ def run_in_real_time(
     if record.stopped.startswith(("halted", "faulted", "diverged")):
         _keep(black_box, streamed, record.stopped)
     done = replace(as_run(setting, case, 0, record), timing=clock.timing, expected=expected)
-    with told_first(computed, done):
+    with results_folder.told_first(computed, done):
         streamed.complete(done, figures=figures)
         warn_of_failures([(case, [done.metrics.flat()])], stacklevel=2)
     return done

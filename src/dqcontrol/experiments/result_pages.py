@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 class ResultPages(Protocol):
     """Writes figures and reports into existing folders."""
 
-    def write_run(self, run: Run, folder: Path, outside: str, *, figures: bool = True) -> None:
+    def write_run_report(self, run: Run, folder: Path, outside: str, *, figures: bool = True) -> None:
         """Write those of a run; ``outside`` leads from its folder out of all results."""
 
-    def write_study(
+    def write_study_report(
         self,
         study: Study,
         folder: Path,
@@ -42,13 +42,13 @@ class ResultPages(Protocol):
     ) -> None:
         """Write those of a study, with further tables, records to compare and pages of single runs by label."""
 
-    def write_sweep(self, ranking: Ranking, spec: str, folder: Path) -> None:
+    def write_sweep_report(self, ranking: Ranking, spec: str, folder: Path) -> None:
         """Write those of a parameter study."""
 
-    def write_tuning(self, tuning: Tuning, spec: str, folder: Path) -> None:
+    def write_tuning_report(self, tuning: Tuning, spec: str, folder: Path) -> None:
         """Write those of a search."""
 
-    def write_learning(self, learning: Learning, spec: str, folder: Path) -> None:
+    def write_learning_report(self, learning: Learning, spec: str, folder: Path) -> None:
         """Write those of learning from repetition."""
 
     def path_picture(self, record: Record) -> bytes:

@@ -23,21 +23,16 @@ from dqcontrol.experiments.result_pages import ShownPage, replay, result_pages
 from dqcontrol.experiments.results_folder import PARENT, new_folder
 from dqcontrol.experiments.run_comparison import summary
 from dqcontrol.experiments.spec import AnyLaw, AnyPlant, MetricsFrom, Spec, read_spec
-from dqcontrol.experiments.spec.spec_files import copy_inputs
+from dqcontrol.experiments.spec.spec_files import write_spec
 from dqcontrol.experiments.verdict import Judge, Verdict, verdict_of
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.files.yaml_file import parse_yaml
-from dqcontrol.laws import Law
-from dqcontrol.loop import Clock, Record, Timing
-from dqcontrol.loop.closed_loop import SampleSink
-from dqcontrol.loop.simulate import simulate_prepared
-from dqcontrol.loop.supervision import BlackBox, Watch
+from dqcontrol.loop import Record, Timing, simulate_prepared
 from dqcontrol.measures.lyapunov import with_certificate
 from dqcontrol.measures.metrics import Metrics, metrics_of
 from dqcontrol.measures.run_numbers import run_numbers
 from dqcontrol.measures.task_range import with_range
 from dqcontrol.measures.task_result import TaskResult, task_result
-from dqcontrol.plants import Plant
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.recording import export_record, save_record
 from dqcontrol.robots import Robot
@@ -158,8 +153,6 @@ class Run:
             self.robot,
             self.skip_initial,
             self.metrics_from,
-            self.law,
-            self.plant,
             low_pass=self.low_pass,
             judge=self._judge,
         )
@@ -176,9 +169,7 @@ class Run:
             return Judge(self.robot)
         times = spec.period * np.arange(len(self.record), dtype=np.float64)
         tasks = spec.prepared_tasks(self.robot, self.record.q[0], Path(), times)
-        return Judge.of(
-            spec, self.robot, spec.variants[0].law, next(iter(spec.plant_by_label.values())), tasks
-        )
+        return Judge(self.robot, spec.variants[0].law, self.plant, spec, tasks)
 
     @cached_property
     def task(self) -> TaskResult:
@@ -244,12 +235,11 @@ class Run:
     def write(self, folder: Path, outside: str = PARENT, *, figures: bool = True) -> None:
         """Write the files of `save` into an existing folder; ``outside`` leads from there out of all results."""
         self.write_data(folder)
-        result_pages().write_run(self, folder, outside, figures=figures)
+        result_pages().write_run_report(self, folder, outside, figures=figures)
 
     def write_data(self, folder: Path) -> None:
         """Write the files of `save`, except report and plots, into an existing folder."""
-        (folder / "spec.yaml").write_text(self.spec, encoding="utf-8")
-        copy_inputs(parse_yaml("spec", self.spec), folder)
+        write_spec(self.spec, folder)
         save_record(self.record, folder / "record.mcap", self.spec)
         (folder / "metrics.json").write_text(
             json.dumps(self.metrics.to_dict(), indent=2) + "\n", encoding="utf-8"
@@ -274,42 +264,33 @@ def measure(
     robot: Robot,
     skip_initial: float,
     metrics_from: MetricsFrom = "true",
-    law: Law | None = None,
-    plant: Plant | None = None,
     *,
     low_pass: float | None = None,
     judge: Judge | None = None,
 ) -> Metrics:
     """Return the metrics of a run on a robot; of one that ended before it could settle, those of its last sample.
 
-    ``judge`` gives its verdict; without it one that knows robot, law and plant alone.
+    ``judge`` gives its verdict; without it one that knows the robot alone.
     """
-    limits = robot.limits
-    if plant is not None and command_mode(plant) == "measured":  # its commands are no velocities of joints
+    limits, judge = robot.limits, judge or Judge(robot)
+    if (
+        judge.plant is not None and command_mode(judge.plant) == "measured"
+    ):  # its commands are no velocities of joints
         limits = replace(limits, velocity=np.full_like(limits.velocity, np.inf))
-    judge = judge or Judge(robot, law, plant)
     shown = as_measured(record, robot, metrics_from)
     skip_initial = min(skip_initial, record.duration)
     numbers = run_numbers(shown, limits, skip_initial, desired=judge.desired)
-    task = task_result(shown, law=law, skip_initial=skip_initial, robot=robot, numbers=numbers)
+    task = task_result(shown, law=judge.law, skip_initial=skip_initial, robot=robot, numbers=numbers)
     metrics = metrics_of(shown, task, limits, skip_initial, low_pass=low_pass, numbers=numbers)
     verdict = judge.verdict(shown, metrics, task, skip_initial)
     return metrics.judged(verdict.words, verdict.failure)
 
 
-def execute(
-    setting: PreparedExperiment,
-    case: Combination,
-    repeat: int = 0,
-    *,
-    interpreted: bool = False,
-    progress: Progress | None = None,
-    clock: Clock | None = None,
-    recording: Callable[[], SampleSink] | None = None,
-    watch: Watch | None = None,
-    black_box: BlackBox | None = None,
-) -> Record:
-    """Return the record of one trial of a prepared spec; with a clock in real time.
+def execute(setting: PreparedExperiment, case: Combination, repeat: int = 0, **how: Any) -> Record:
+    """Return the record of one trial of a prepared spec.
+
+    ``how`` it runs, as with a clock in real time, is said as to `loop.simulate.simulate_prepared`: ``interpreted``,
+    ``progress``, ``clock``, ``recording``, ``watch`` and ``black_box``.
 
     Raises
     ------
@@ -326,14 +307,9 @@ def execute(
         disturbance=spec.disturbance,
         supervisor=spec.supervisor_of(case.plant),
         seed=spec.seed + repeat,
-        interpreted=interpreted,
-        progress=progress,
-        clock=clock,
-        recording=recording,
-        watch=watch,
-        black_box=black_box,
         reference=scene.reference,
         lasts=spec.duration is None,
+        **how,
     )
     record = with_range(scene.robot, record, case.variant.law)
     if not spec.keeps_records:

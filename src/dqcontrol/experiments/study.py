@@ -17,26 +17,16 @@ import msgspec
 
 from dqcontrol.compiled.kernel_cache import source_hash
 from dqcontrol.errors import DivergedError, FileFormatError, LimitWarning
+from dqcontrol.experiments import results_folder
 from dqcontrol.experiments.check import warn_unstable
 from dqcontrol.experiments.failure_hints import warn_of_failures
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare, program
 from dqcontrol.experiments.processes import checked_jobs, in_processes, sensible_jobs
 from dqcontrol.experiments.result_pages import result_pages
-from dqcontrol.experiments.results_folder import (
-    PARENT,
-    SPEC_FILE,
-    WorkingFolder,
-    check_new,
-    folder_names,
-    new_folder,
-    told_first,
-    working_folder,
-)
-from dqcontrol.experiments.row_file import Row, read_rows, write_rows, write_whole
 from dqcontrol.experiments.run import Run, as_run, execute
 from dqcontrol.experiments.run_comparison import MEANS, MOST_CURVES, summary_of, unit_of_way, write_table
 from dqcontrol.experiments.spec import Spec, read_spec
-from dqcontrol.experiments.spec.spec_files import copy_inputs
+from dqcontrol.experiments.spec.spec_files import write_spec
 from dqcontrol.experiments.trials import Batch, Trial, TrialOutcome, outcomes, trial_folder
 from dqcontrol.experiments.verdict import headline, verdict_of
 from dqcontrol.files.yaml_file import parse_yaml
@@ -49,7 +39,7 @@ from dqcontrol.measures.repeats import (
     repeatability_table,
 )
 from dqcontrol.recording import load_record
-from dqcontrol.tables.tables import Table
+from dqcontrol.tables.tables import Table, Tabled
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -98,7 +88,7 @@ _DRAWN = 20_000  # samples of a run in a picture of several; a longer one takes 
 
 
 @dataclass(frozen=True)
-class Study:
+class Study(Tabled):
     """The trials of a spec.
 
     Attributes
@@ -123,16 +113,12 @@ class Study:
     name: str
     spec: str
     runs: dict[str, Run]
-    rows: list[Row] = field(default_factory=list)
+    rows: list[results_folder.Row] = field(default_factory=list)
     recordings: Path | None = None
     taken_over: int = 0
 
     def __repr__(self) -> str:
         return f"Study({self.name!r}, {len(self.rows)} trials, {len(self.runs)} with records)"
-
-    def __str__(self) -> str:
-        """Return the table."""
-        return str(self.table())
 
     @property
     def is_repeated(self) -> bool:
@@ -165,10 +151,6 @@ class Study:
             return means_table(self.rows, MEANS, self.name)
         rows = ((Trial.of(row).names.label, row) for row in self.rows)
         return summary_of(rows, self.name, unit_of_way(run.robot for run in self.runs.values()))
-
-    def _repr_markdown_(self) -> str:
-        """Return what notebooks show: the table."""
-        return self.table().markdown()
 
     def save(
         self,
@@ -203,10 +185,9 @@ class Study:
         ExistsError
             If the folder exists (and holds no results, with ``force``).
         """
-        with new_folder(folder, force=force) as new:
-            (new / SPEC_FILE).write_text(self.spec, encoding="utf-8")
-            copy_inputs(parse_yaml("spec", self.spec), new)
-            names = folder_names(self.runs) if self.runs and not self.is_repeated else {}
+        with results_folder.new_folder(folder, force=force) as new:
+            write_spec(self.spec, new)
+            names = results_folder.folder_names(self.runs) if self.runs and not self.is_repeated else {}
             folders = {label: new / name for label, name in names.items()}
             self._write_runs(folders, figures is True, jobs, progress)
             if not names:
@@ -217,7 +198,7 @@ class Study:
                 records = {label: self.runs[label].record for label in names} or self._first_repeats()
             write_table(self.table(), new, "table")
             pages = {label: f"{name}/report.html" for label, name in names.items()}
-            result_pages().write_study(self, new, tables, records, pages, figures=figures is not False)
+            result_pages().write_study_report(self, new, tables, records, pages, figures=figures is not False)
         return Path(folder)
 
     def _write_runs(
@@ -239,7 +220,7 @@ class Study:
                 progress(count, len(pages))
 
     def _write_trials(self, new: Path) -> None:
-        write_rows(new / ROWS, self.rows, {"spec": self.spec})
+        results_folder.write_rows(new / ROWS, self.rows, {"spec": self.spec})
         if self.recordings is not None:
             shutil.copytree(self.recordings, new / "runs", copy_function=_link_or_copy)
         elif self.runs:
@@ -290,12 +271,12 @@ class _Page(NamedTuple):
 
 def _write_page(page: _Page) -> None:
     page.folder.mkdir()
-    page.run.write(page.folder, f"{PARENT}/{PARENT}", figures=page.figures)
+    page.run.write(page.folder, f"{results_folder.PARENT}/{results_folder.PARENT}", figures=page.figures)
 
 
-def by_label(rows: Iterable[Row]) -> dict[str, list[Row]]:
+def by_label(rows: Iterable[results_folder.Row]) -> dict[str, list[results_folder.Row]]:
     """Return the repeats of each combination."""
-    groups: dict[str, list[Row]] = {}
+    groups: dict[str, list[results_folder.Row]] = {}
     for row in rows:
         groups.setdefault(Trial.of(row).names.label, []).append(row)
     return groups
@@ -309,7 +290,7 @@ def _link_or_copy(source: str, target: str) -> None:
         shutil.copy2(source, target)
 
 
-class Journal(WorkingFolder):
+class Journal(results_folder.WorkingFolder):
     """A working folder with the rows of a study's finished trials, in the order that they finish.
 
     Parameters
@@ -321,12 +302,12 @@ class Journal(WorkingFolder):
     """
 
     def __init__(self, folder: Path, setting: PreparedExperiment, *, force: bool = False) -> None:
-        self._pending: list[Row] = []
+        self._pending: list[results_folder.Row] = []
         self._written = time.monotonic()
         super().__init__(folder, setting.text, setting.fingerprint(), force=force)
         self._next = max(self.parts(), default=-1) + 1
 
-    def finished(self) -> dict[Trial, Row]:
+    def finished(self) -> dict[Trial, results_folder.Row]:
         """Return the rows of all finished trials.
 
         Raises
@@ -334,10 +315,10 @@ class Journal(WorkingFolder):
         FileFormatError
             If a part is damaged.
         """
-        rows: dict[Trial, Row] = {}
+        rows: dict[Trial, results_folder.Row] = {}
         for path in self.parts().values():
             try:
-                rows |= {Trial.of(row): row for row in read_rows(path)}
+                rows |= {Trial.of(row): row for row in results_folder.read_rows(path)}
             except (FileFormatError, KeyError) as error:
                 raise FileFormatError(
                     f"{path}: is damaged ({error}); remove it to repeat its trials"
@@ -352,7 +333,7 @@ class Journal(WorkingFolder):
 
     def _flush(self) -> None:
         if self._pending:
-            write_rows(self.part(self._next), self._pending, {})
+            results_folder.write_rows(self.part(self._next), self._pending, {})
             self._pending, self._next = [], self._next + 1
         self._written = time.monotonic()
 
@@ -454,22 +435,22 @@ def run_study_to(
         As for `run_study`, or if the folder must not be written.
     """
     setting, target = prepare(source), Path(folder)
-    check_new(target, force=force)
+    results_folder.check_new(target, force=force)
     jobs = checked_jobs(jobs)
     if setting.spec.keeps_records and setting.spec.repeats == 1:
         study = _run(setting, jobs, progress, None)
         if not study.runs:
             raise DivergedError(str(study.rows[0]["stopped"]))
-        with told_first(computed, study):
+        with results_folder.told_first(computed, study):
             _warn(setting, study)
             if setting.spec.is_single:
                 next(iter(study.runs.values())).save(target, force=force, figures=figures is not False)
             else:
                 study.save(target, force=force, figures=figures, jobs=jobs, progress=drawing)
         return study
-    with Journal(working_folder(target), setting, force=force) as journal:
+    with Journal(results_folder.working_folder(target), setting, force=force) as journal:
         study = _run(setting, jobs, progress, journal)
-        with told_first(computed, study):
+        with results_folder.told_first(computed, study):
             _warn(setting, study)
             study.save(target, force=force, figures=figures, jobs=jobs, progress=drawing)
             journal.discard()
@@ -561,7 +542,11 @@ def work_through(
     if not parts:
         return []
     report, found = progress or (lambda done, total: None), {}
-    kept = nullcontext() if folder is None else WorkingFolder(folder, spec, _fingerprint(function, parts))
+    kept = (
+        nullcontext()
+        if folder is None
+        else results_folder.WorkingFolder(folder, spec, _fingerprint(function, parts))
+    )
     with kept as working:
         files = [working.part(i).with_suffix(".found") for i in range(len(parts))] if working else []
         for i, file in enumerate(files):
@@ -572,7 +557,7 @@ def work_through(
         for i, result in _results(function, left, jobs):
             found[i] = result
             if files:
-                write_whole(files[i], msgspec.msgpack.encode(result))
+                results_folder.write_whole(files[i], msgspec.msgpack.encode(result))
             report(len(found), len(parts))
     return [found[i] for i in range(len(parts))]
 

@@ -26,18 +26,11 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from dqcontrol.errors import Error, FileFormatError, ShapeError, ValueRangeError, suggest
+from dqcontrol.experiments import results_folder
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, check_program, prepare_spec, program
 from dqcontrol.experiments.processes import checked_jobs, workers
 from dqcontrol.experiments.ranking import BEST_BY, Ranking, rank
 from dqcontrol.experiments.result_pages import result_pages
-from dqcontrol.experiments.results_folder import (
-    SPEC_FILE,
-    WorkingFolder,
-    check_new,
-    new_folder,
-    working_folder,
-)
-from dqcontrol.experiments.row_file import Row, join_files, parquet, write_whole
 from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec import (
     Spec,
@@ -48,7 +41,7 @@ from dqcontrol.experiments.spec import (
     readable_again,
 )
 from dqcontrol.experiments.spec.reference_spec import ObjectSpec, Part
-from dqcontrol.experiments.spec.spec_files import copy_inputs, locate_files
+from dqcontrol.experiments.spec.spec_files import locate_files, write_spec
 from dqcontrol.experiments.study import ROWS
 from dqcontrol.experiments.trials import Batch, precompile
 from dqcontrol.files.yaml_file import convert, parse_yaml
@@ -380,7 +373,7 @@ class Sweep:
             digest.update(setting.fingerprint().encode())
         return digest.hexdigest()
 
-    def rows(self, runs: range) -> Iterator[Row]:
+    def rows(self, runs: range) -> Iterator[results_folder.Row]:
         """Run the trials of some runs, in the order of their points, repeats and cases."""
         repeats = self.first.spec.repeats
         points = self.sampling.points_between(runs[0] // repeats, runs[-1] // repeats + 1)
@@ -413,9 +406,9 @@ class Sweep:
 
     def _rows_at(
         self, number: int, point: Point, repeats: list[int], setting: PreparedExperiment | Error
-    ) -> Iterator[Row]:
+    ) -> Iterator[results_folder.Row]:
         shown = {f"parameter.{key}": self._shown(key, value) for key, value in point.items()}
-        place: Row = {"point": number} | shown
+        place: results_folder.Row = {"point": number} | shown
         try:
             if isinstance(setting, Error):
                 raise setting
@@ -423,7 +416,7 @@ class Sweep:
         except Error as error:
             why, nothing = self._worded(point, error), dict.fromkeys(METRIC_COLUMNS)
             for repeat, case in product(repeats, self.first.cases):
-                trial: Row = {"repeat": repeat, "seed": None, "stopped": f"{REFUSED}{why}"}
+                trial: results_folder.Row = {"repeat": repeat, "seed": None, "stopped": f"{REFUSED}{why}"}
                 yield {**place, **case.names._asdict(), **trial, **nothing}
             return
         for i in range(len(repeats)):
@@ -597,7 +590,7 @@ class Task:
         check_program(self.program)
         with _ONE_AT_A_TIME:
             rows = list(_known(self.text, self.folder).rows(self.runs))
-        return self.part, len(rows), parquet(rows, {})
+        return self.part, len(rows), results_folder.parquet(rows, {})
 
 
 @lru_cache(maxsize=1)
@@ -656,23 +649,24 @@ def run_sweep_to(
                 "reference: is an object of this program, which other processes do not have; leave out jobs"
             )
         jobs = 1
-    check_new(target, force=force)
+    results_folder.check_new(target, force=force)
     number_column(by)
     fingerprint = sweep.fingerprint()
     with (
-        WorkingFolder(working_folder(target), sweep.text, fingerprint, force=force) as parts,
+        results_folder.WorkingFolder(
+            results_folder.working_folder(target), sweep.text, fingerprint, force=force
+        ) as parts,
         workers(
             Task.run, jobs, scheduler, sweep.seconds, sweep.parts, lambda: _precompile_ends(sweep)
         ) as carry_out,
     ):
         _run(sweep, parts, carry_out, progress or (lambda done, total: None))
-        with new_folder(target, force=force) as new:
-            (new / SPEC_FILE).write_text(sweep.text, encoding="utf-8")
-            copy_inputs(parse_yaml("spec", sweep.text), new)
-            join_files(list(parts.parts().values()), new / ROWS, {"spec": sweep.text})
+        with results_folder.new_folder(target, force=force) as new:
+            write_spec(sweep.text, new)
+            results_folder.join_files(list(parts.parts().values()), new / ROWS, {"spec": sweep.text})
             ranking = rank([new], by)
             write_table(ranking.table(), new, "best")
-            result_pages().write_sweep(ranking, sweep.text, new)
+            result_pages().write_sweep_report(ranking, sweep.text, new)
         parts.discard()
     return ranking
 
@@ -683,7 +677,7 @@ def _precompile_ends(sweep: Sweep) -> None:
 
 def _run(
     sweep: Sweep,
-    parts: WorkingFolder,
+    parts: results_folder.WorkingFolder,
     carry_out: Callable[[Iterable[Task]], Iterator[tuple[int, int, bytes]]],
     report: SweepProgress,
 ) -> None:
@@ -695,6 +689,6 @@ def _run(
     left = (part for part in range(sweep.parts) if part not in finished)
     tasks = (Task(text, sweep.folder, version, part, sweep.runs_of(part)) for part in left)
     for part, count, content in carry_out(tasks):
-        write_whole(parts.part(part), content)
+        results_folder.write_whole(parts.part(part), content)
         done += count
         report(done, sweep.trials)

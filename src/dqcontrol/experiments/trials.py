@@ -15,8 +15,7 @@ from typing import NamedTuple
 from dqcontrol.errors import DivergedError
 from dqcontrol.experiments.prepared_experiment import Combination, Names, PreparedExperiment
 from dqcontrol.experiments.processes import in_processes
-from dqcontrol.experiments.results_folder import folder_names
-from dqcontrol.experiments.row_file import Row
+from dqcontrol.experiments.results_folder import Row, folder_names
 from dqcontrol.experiments.run import Run, as_run, execute, measure
 from dqcontrol.experiments.verdict import Judge
 from dqcontrol.loop import Record
@@ -92,9 +91,8 @@ class Batch:
         case, law = self.case, self.case.prepare_law(self.setting.spec)
         case = case if law is case.prepared else replace(case, prepared=law)
         scene = case.scene
-        judge = Judge.of(
-            self.setting.spec, scene.robot, case.variant.law, case.plant, scene.tasks, scene.desired
-        )
+        spec = self.setting.spec
+        judge = Judge(scene.robot, case.variant.law, case.plant, spec, scene.tasks, scene.desired)
         for repeat in self.repeats:
             yield self._outcome(case, repeat, progress, judge)
 
@@ -104,17 +102,9 @@ class Batch:
             record = execute(self.setting, case, repeat, progress=progress)
         except DivergedError as error:
             return TrialOutcome(trial, self._row(repeat, str(error), dict.fromkeys(METRIC_COLUMNS)), None)
-        metrics = measure(
-            record,
-            case.scene.robot,
-            spec.skip_initial,
-            spec.metrics_from,
-            case.variant.law,
-            case.plant,
-            judge=judge,
-        ).flat()
+        found = measure(record, case.scene.robot, spec.skip_initial, spec.metrics_from, judge=judge)
         run = self._kept(case, repeat, record) if spec.keeps_records else None
-        return TrialOutcome(trial, self._row(repeat, record.stopped, metrics), run)
+        return TrialOutcome(trial, self._row(repeat, record.stopped, found.flat()), run)
 
     def _row(self, repeat: int, stopped: str, metrics: Mapping[str, float | int | str | None]) -> Row:
         parameters = {f"parameter.{key}": value for key, value in self.case.variant.point.items()}

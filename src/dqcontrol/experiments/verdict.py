@@ -15,9 +15,8 @@ from dqcontrol.constraints.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import SELF
 from dqcontrol.controller import PreparedTasks
 from dqcontrol.experiments.contacts import HAND, contacts_of
-from dqcontrol.experiments.outcome import Expectation, hits, judge
+from dqcontrol.experiments.outcome import hits, judge
 from dqcontrol.experiments.spec import Spec
-from dqcontrol.experiments.spec.reference_spec import ReferenceSpec
 from dqcontrol.laws import Law, PartialProportional
 from dqcontrol.loop.constraint_signals import DISTANCE, PRESSURE, ROOM, held_poses
 from dqcontrol.loop.record import Record, has_failed, row_norms
@@ -32,7 +31,7 @@ from dqcontrol.plants.mujoco.gripper import GRIP_FORCE, GRIPPER_OPENING
 from dqcontrol.plants.wrist import TOUCH_FORCE
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
-from dqcontrol.supervisor import Supervisor, list_interventions
+from dqcontrol.supervisor import list_interventions
 from dqcontrol.supervisor.interventions import INTERVENTIONS
 from dqcontrol.world import Body, World
 from dqcontrol.world.body import INSTANT
@@ -104,16 +103,11 @@ class Judge:
     ----------
     robot, law, plant
         Of the runs; without law and plant of logs.
-    supervisor
-        What stands between law and plant.
-    reference
-        What is asked for.
-    period
-        s.
+    spec
+        What else is asked of them: reference, supervisor, what stands around, and what is to be true of a run. Where it
+        says that, neither touching nor a reference that was left fails.
     tasks
-        What is asked for beside it.
-    world, outcome
-        What stands around, and what is to be true of a run: then neither touching nor a reference that was left fails.
+        Its further tasks, made ready.
     desired
         What the samples of the reference ask for, if that is known.
     """
@@ -123,53 +117,25 @@ class Judge:
         robot: Robot,
         law: Law | None = None,
         plant: Plant | None = None,
-        supervisor: Supervisor | None = None,
-        reference: ReferenceSpec | None = None,
-        period: float = 1.0,
+        spec: Spec | None = None,
         tasks: PreparedTasks | None = None,
-        world: World | None = None,
-        outcome: Sequence[Expectation] = (),
         desired: DesiredMotion | None = None,
     ) -> None:
-        self.robot = robot
-        self.law = law
-        self.desired = desired
-        self._plant, self._supervisor, self._period, self._tasks = plant, supervisor, period, tasks
+        self.robot, self.law, self.plant, self.desired = robot, law, plant, desired
+        self._supervisor = None if spec is None or plant is None else spec.supervisor_of(plant)
+        self._period, self._tasks = 1.0 if spec is None else spec.period, tasks
         self._constraints: Constraints | None = None if law is None else law.constraints
+        reference = None if spec is None else spec.reference
         kind = "" if reference is None else str(reference.__struct_config__.tag)
         self._motion = kind if kind in _SHAPES else "reference"
         planned = getattr(reference, "clear_of", None) is not None
-        self._contacts = contacts_of(robot, self._constraints, plant, world, fitted=planned)
-        self._world, self._outcome = world, list(outcome)
+        self._world, self._outcome = (None, ()) if spec is None else (spec.surroundings, spec.outcome or ())
+        self._contacts = contacts_of(robot, self._constraints, plant, self._world, fitted=planned)
         physics = plant if isinstance(plant, MobilePlant | MujocoPlant) else None
         around = {} if physics is None or physics.world is None else physics.world.bodies
         self._gripper = None if physics is None else physics.gripper
         self._free = {name: body for name, body in around.items() if body.role == "free"}
         self._containers = {name: body for name, body in around.items() if body.container is not None}
-
-    @classmethod
-    def of(
-        cls,
-        spec: Spec,
-        robot: Robot,
-        law: Law,
-        plant: Plant,
-        tasks: PreparedTasks | None,
-        desired: DesiredMotion | None = None,
-    ) -> Judge:
-        """Return that of the runs of a spec with one of its robots, laws and plants; its further tasks made ready."""
-        return cls(
-            robot,
-            law,
-            plant,
-            spec.supervisor_of(plant),
-            spec.reference,
-            spec.period,
-            tasks,
-            spec.surroundings,
-            spec.outcome or (),
-            desired,
-        )
 
     def verdict(
         self, record: Record, metrics: Metrics, result: TaskResult, skip_initial: float = 0.0
@@ -217,7 +183,7 @@ class Judge:
         ]
         met += grip if self._outcome else []
         if self._outcome and not found:
-            if hit and isinstance(self._plant, MujocoPlant) and self._plant.impedance:
+            if hit and isinstance(self.plant, MujocoPlant) and self.plant.impedance:
                 task = task.replace("not followed: errs", "gave way", 1)
             cleared = any(each.clear_of is not None for each in self._outcome)
             kept = () if cleared else self._kept(record)
@@ -474,7 +440,7 @@ class Judge:
             places = [record.readings[f"{name}_position"].values[-1] for name in self._free]
             held = [any(body.holds(place) for body in self._containers.values()) for place in places]
             yield f"placed {sum(held)} of {len(places)}" if any(held) else "gripped"
-        if isinstance(self._plant, MobilePlant):
+        if isinstance(self.plant, MobilePlant):
             yield f"stands (tilt ≤ {math.degrees(float(record.readings['tilt'].values.max())):.2g}°)"
 
     # Why a task was not done

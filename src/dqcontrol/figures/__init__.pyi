@@ -37,7 +37,6 @@ from .save import (
     comparison_figures as comparison_figures,
     run_figures as run_figures,
     save_figures as save_figures,
-    save_plots as save_plots,
 )
 from .studies import (
     gain_figure as gain_figure,

@@ -10,25 +10,8 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
+from dqcontrol.figures import style as styles
 from dqcontrol.figures.plots import draw_errors, pose_panels, with_sign_of, without_jumps
-from dqcontrol.figures.style import (
-    COLOURS,
-    DESIRED,
-    DOUBLE,
-    ERROR,
-    FLOOR,
-    LIMIT,
-    at_least,
-    first_of,
-    legend_below,
-    line_style,
-    line_widths,
-    logarithmic,
-    new_figure,
-    panel_grid,
-    panels_across,
-    styled,
-)
 from dqcontrol.loop.record import Record, row_norms
 from dqcontrol.robots.limits import Limits
 
@@ -42,7 +25,7 @@ _MOST_COLUMNS = 4
 _LETTERS = 100  # of a line of notes across two columns
 
 
-@styled
+@styles.styled
 def compare_poses(records: Mapping[str, Record]) -> Figure:
     """Plot the eight coefficients of several runs' poses over the longest run's desired one. [S17 Fig. 5.2]
 
@@ -53,22 +36,22 @@ def compare_poses(records: Mapping[str, Record]) -> Figure:
     ShapeError
         If there is no run.
     """
-    first_of(records)
+    styles.first_of(records)
     longest = max(records.values(), key=len)
     desired = without_jumps(longest.desired_pose)
     figure, panels = pose_panels()
     for n, (label, record) in enumerate(records.items()):
         pose = _towards(record.pose, without_jumps(record.desired_pose), desired)
         for i, axes in enumerate(panels):
-            axes.plot(record.time, pose[:, i], label=label, **line_style(n))
+            axes.plot(record.time, pose[:, i], label=label, **styles.line_style(n))
     for i, axes in enumerate(panels):
-        axes.plot(longest.time, desired[:, i], color=DESIRED, ls=":", lw=1.2, label="desired")
-        at_least(axes, 1e-3)
-    legend_below(figure, panels[0])
+        axes.plot(longest.time, desired[:, i], color=styles.DESIRED, ls=":", lw=1.2, label="desired")
+        styles.at_least(axes, 1e-3)
+    styles.legend_below(figure, panels[0])
     return figure
 
 
-@styled
+@styles.styled
 def compare_joints(
     records: Mapping[str, Record],
     limits: Limits,
@@ -93,22 +76,22 @@ def compare_joints(
     ShapeError
         If there is no run.
     """
-    names = first_of(records).joint_names
+    names = styles.first_of(records).joint_names
     figure, panels = _titled_panels([names[i] for i in joints], 1.5)
     for axes, i in zip(panels, joints, strict=True):
         for n, (label, record) in enumerate(records.items()):
-            axes.plot(record.time, np.degrees(record.q[:, i]), label=label, **line_style(n))
+            axes.plot(record.time, np.degrees(record.q[:, i]), label=label, **styles.line_style(n))
         for bound in (limits.lower[i], limits.upper[i]):
             if np.isfinite(bound):
-                axes.axhline(np.degrees(bound), color=LIMIT, lw=1.1)
+                axes.axhline(np.degrees(bound), color=styles.LIMIT, lw=1.1)
         if span is not None:
             axes.axvspan(*span, color="#dddddd", lw=0, zorder=0)
         axes.set_ylabel("angle [°]")
-    legend_below(figure, panels[0])
+    styles.legend_below(figure, panels[0])
     return figure
 
 
-@styled
+@styles.styled
 def compare_inputs(inputs: Mapping[str, tuple[Array, Array]], names: Sequence[str]) -> Figure:
     """Plot the inputs of several runs, each input in a panel of its own. [S17 Fig. 5.7]
 
@@ -129,15 +112,15 @@ def compare_inputs(inputs: Mapping[str, tuple[Array, Array]], names: Sequence[st
     figure, panels = _titled_panels(names, 1.4)
     for i, axes in enumerate(panels):
         for n, (label, (time, values)) in enumerate(inputs.items()):
-            axes.step(time, values[:, i], where="post", label=label, **line_style(n))
-        at_least(axes, 1e-3)
-    legend_below(figure, panels[0])
+            axes.step(time, values[:, i], where="post", label=label, **styles.line_style(n))
+        styles.at_least(axes, 1e-3)
+    styles.legend_below(figure, panels[0])
     return figure
 
 
 def _titled_panels(titles: Sequence[str], height: float) -> tuple[Figure, Any]:
     """Return a figure and its panels over time, one for each title."""
-    figure, grid = panel_grid(len(titles), 2, height, 0.8, sharex=True)
+    figure, grid = styles.panel_grid(len(titles), 2, height, 0.8, sharex=True)
     panels = grid.T.ravel()
     for axes, title in zip(panels, titles, strict=False):
         axes.set_title(title, loc="left")
@@ -155,7 +138,7 @@ def _towards(poses: Array, own: Array, shown: Array) -> Array:
     return smooth if sign == 0 else sign * smooth
 
 
-@styled
+@styles.styled
 def compare_errors(records: Mapping[str, Record]) -> Figure:
     """Plot the errors of several runs by label, as `errors` does for one.
 
@@ -166,11 +149,11 @@ def compare_errors(records: Mapping[str, Record]) -> Figure:
     >>> compare_errors({"K": first.record, "LQR": second.record})  # doctest: +SKIP
     """
     figure = draw_errors(records)
-    legend_below(figure, figure.axes[0])
+    styles.legend_below(figure, figure.axes[0])
     return figure
 
 
-@styled
+@styles.styled
 def compare_criteria(records: Mapping[str, Record], unit: str = "rad or m", note: str = "") -> Figure:
     """Plot the criteria of several runs of one task, and their poses over the desired one [P16 5.2, Figures 5.2–5.4].
 
@@ -198,16 +181,16 @@ def compare_criteria(records: Mapping[str, Record], unit: str = "rad or m", note
     """
     from matplotlib.lines import Line2D
 
-    first_of(records)
+    styles.first_of(records)
     chosen = dict(list(records.items())[:_MOST])
-    across = max(2, panels_across(3))
-    figure = new_figure(DOUBLE, 1.6 * 12 / across)
+    across = max(2, styles.panels_across(3))
+    figure = styles.new_figure(styles.DOUBLE, 1.6 * 12 / across)
     grid = figure.subplots(12 // across, across, sharex=True)
     panels = grid.T.ravel()
     criteria, coordinates, coefficients = panels[:5], panels[5:8], panels[8:]
-    widths = line_widths(len(chosen))
+    widths = styles.line_widths(len(chosen))
     for i, ((label, record), width) in enumerate(zip(chosen.items(), widths, strict=True)):
-        style = line_style(i) | {"label": label, "lw": width}
+        style = styles.line_style(i) | {"label": label, "lw": width}
         _draw_criteria(criteria, record, **style)
         for axes, values in zip(coordinates, record.position.T, strict=True):
             axes.plot(record.time, values, **style)
@@ -217,23 +200,23 @@ def compare_criteria(records: Mapping[str, Record], unit: str = "rad or m", note
     desired = np.hstack([longest.desired_position, _quaternions(longest)[1]])
     names = [*(f"${name}$ [m]" for name in "xyz"), *(f"orientation ${name}$" for name in "wijk")]
     for axes, values, name in zip(panels[5:], desired.T, names, strict=True):
-        axes.plot(longest.time, values, color=DESIRED, ls=(0, (5, 3)), lw=0.9, label="desired")
+        axes.plot(longest.time, values, color=styles.DESIRED, ls=(0, (5, 3)), lw=0.9, label="desired")
         axes.set_ylabel(name)
-        at_least(axes, 1e-3)
+        styles.at_least(axes, 1e-3)
     for axes, label in zip(criteria, _labels(unit), strict=True):
         axes.set_ylabel(label)
-        logarithmic(axes, _DECADES_OF_CRITERIA)
+        styles.logarithmic(axes, _DECADES_OF_CRITERIA)
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
     left_out = len(records) - len(chosen)
     more = [Line2D([], [], ls="", label=f"{left_out} more not shown")] if left_out else []
-    legend_below(figure, coordinates[0], more)
+    styles.legend_below(figure, coordinates[0], more)
     if note:
         figure.suptitle(fill(note, _LETTERS), fontsize="medium")
     return figure
 
 
-@styled
+@styles.styled
 def criteria_side_by_side(records: Mapping[str, Record], unit: str = "rad or m") -> Figure:
     """Plot the pose and the criteria of each run in a column of its own, rows to one scale [P16 Figure 5.2].
 
@@ -256,31 +239,31 @@ def criteria_side_by_side(records: Mapping[str, Record], unit: str = "rad or m")
     --------
     >>> criteria_side_by_side({"20 %": slow.record, "100 %": fast.record})  # doctest: +SKIP
     """
-    first_of(records)
+    styles.first_of(records)
     chosen = dict(list(records.items())[:_MOST_COLUMNS])
-    figure = new_figure(DOUBLE, 1.15 * 7 + 0.6)
+    figure = styles.new_figure(styles.DOUBLE, 1.15 * 7 + 0.6)
     grid = figure.subplots(7, len(chosen), sharex=True, sharey="row", squeeze=False)
     for column, (title, record) in zip(grid.T, chosen.items(), strict=True):
         hand, desired = _quaternions(record)
         pairs = ((record.position, record.desired_position, "xyz"), (hand, desired, "wijk"))
         for axes, (values, wanted, names) in zip(column, pairs, strict=False):
             for i, name in enumerate(names):
-                axes.plot(record.time, values[:, i], label=f"${name}$", **line_style(i))
+                axes.plot(record.time, values[:, i], label=f"${name}$", **styles.line_style(i))
                 axes.plot(
                     record.time,
                     wanted[:, i],
-                    color=DESIRED,
+                    color=styles.DESIRED,
                     lw=0.8,
                     label="desired" if i == len(names) - 1 else "",
                 )
-        _draw_criteria(column[2:], record, color=COLOURS[0], lw=0.9)
+        _draw_criteria(column[2:], record, color=styles.COLOURS[0], lw=0.9)
         column[0].set_title(title)
         column[-1].set_xlabel("time [s]")
     names = ("position\n[m]", "orientation", *_labels(unit))
     for axes, name in zip(grid[:, 0], names, strict=True):
         axes.set_ylabel(name)
     for axes in grid[2:, 0]:
-        logarithmic(axes, _DECADES_OF_CRITERIA)
+        styles.logarithmic(axes, _DECADES_OF_CRITERIA)
     for axes in grid[:2, -1]:
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), handlelength=1.6)
     return figure
@@ -290,7 +273,7 @@ def _labels(unit: str) -> tuple[str, ...]:
     """Return the names of the criteria, their units below them: side by side they are longer than an axis."""
     rate = " or ".join(f"{each}/s" for each in unit.split(" or "))
     return (
-        ERROR,
+        styles.ERROR,
         f"control\n[{rate}]",
         f"joint step\n[{unit}]",
         "speed\n[m/s]",
@@ -300,7 +283,9 @@ def _labels(unit: str) -> tuple[str, ...]:
 
 def _draw_criteria(panels: Iterable[Any], record: Record, **style: Any) -> None:
     for axes, (time, values, held) in zip(panels, _criteria(record), strict=True):
-        axes.plot(time, np.maximum(values, FLOOR), drawstyle="steps-post" if held else "default", **style)
+        axes.plot(
+            time, np.maximum(values, styles.FLOOR), drawstyle="steps-post" if held else "default", **style
+        )
 
 
 def _criteria(record: Record) -> list[tuple[Array, Array, bool]]:

@@ -10,14 +10,7 @@ from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, as_array
-from dqcontrol.figures.style import (
-    COLOURS,
-    DESIRED,
-    legend_below,
-    mark_style,
-    panel_grid,
-    styled,
-)
+from dqcontrol.figures import style as styles
 from dqcontrol.loop.clock import Timing
 from dqcontrol.measures.repeats import mean_of
 from dqcontrol.tables.tables import Column, Table
@@ -29,7 +22,7 @@ if TYPE_CHECKING:
 _BINS = 40  # free: fine enough for the shape
 
 
-@styled
+@styles.styled
 def histogram(values: Mapping[str, ArrayLike]) -> Figure:
     """Plot how often sampling periods (ms) occur, one panel a label, below mean and deviation [P16 Figures 5.5–5.6].
 
@@ -55,11 +48,11 @@ def histogram(values: Mapping[str, ArrayLike]) -> Figure:
     margin = max(0.02 * (high - low), 1e-3 * abs(high), 1e-9)
     edges = np.linspace(low - margin, high + margin, _BINS + 1)
     most = 2 if len(samples) in (2, 4) else min(3, len(samples))
-    figure, panels = panel_grid(len(samples), most, 2.1, 0.5, sharex=True, sharey=True)
+    figure, panels = styles.panel_grid(len(samples), most, 2.1, 0.5, sharex=True, sharey=True)
     for axes, (name, numbers) in zip(panels.flat, samples.items(), strict=False):
-        axes.hist(numbers, edges, color=COLOURS[0], edgecolor="white", linewidth=0.3)
+        axes.hist(numbers, edges, color=styles.COLOURS[0], edgecolor="white", linewidth=0.3)
         mean = mean_of(numbers)
-        axes.axvline(mean.mean, color=DESIRED, ls="--", lw=1.0)
+        axes.axvline(mean.mean, color=styles.DESIRED, ls="--", lw=1.0)
         title = f"{name}\nmean {mean.mean:.4g}, std. dev. {mean.deviation:.3g}"
         axes.set_title(title + _outside(numbers, edges[0], edges[-1]), loc="left")
     for axes in panels.flat[len(samples) :]:
@@ -93,7 +86,7 @@ Pairs = Sequence[tuple[float, float]]
 _ACROSS = 3
 
 
-@styled
+@styles.styled
 def parity(panels: Mapping[str, Mapping[str, Pairs]]) -> Figure:
     """Plot pairs of positive numbers on logarithmic axes, one panel a title, one mark a label.
 
@@ -113,7 +106,7 @@ def parity(panels: Mapping[str, Mapping[str, Pairs]]) -> Figure:
     """
     from matplotlib.ticker import LogLocator, NullLocator
 
-    figure, everywhere = panel_grid(len(panels), min(len(panels), _ACROSS), 2.8, 0.4)
+    figure, everywhere = styles.panel_grid(len(panels), min(len(panels), _ACROSS), 2.8, 0.4)
     grid = everywhere.ravel()[: len(panels)]
     for axes in everywhere.flat[len(panels) :]:
         axes.remove()
@@ -123,9 +116,9 @@ def parity(panels: Mapping[str, Mapping[str, Pairs]]) -> Figure:
         if not len(points):
             raise ShapeError(f"panels: '{title}' has no pairs")
         low, high = points.min() / 1.3, points.max() * 1.3
-        axes.plot([low, high], [low, high], color=DESIRED, lw=0.8, zorder=1)
+        axes.plot([low, high], [low, high], color=styles.DESIRED, lw=0.8, zorder=1)
         for label, pairs in groups.items():
-            axes.plot(*np.array(pairs).T, label=label, **mark_style(known.index(label)))
+            axes.plot(*np.array(pairs).T, label=label, **styles.mark_style(known.index(label)))
         axes.set(xscale="log", yscale="log", xlim=(low, high), ylim=(low, high), title=title, aspect="equal")
         axes.set_xlabel("published")
         for axis in (axes.xaxis, axes.yaxis):
@@ -135,14 +128,14 @@ def parity(panels: Mapping[str, Mapping[str, Pairs]]) -> Figure:
             axis.set_minor_locator(NullLocator())
     for axes in grid[:: everywhere.shape[1]]:
         axes.set_ylabel("ours")
-    legend_below(figure, max(grid, key=lambda axes: len(axes.get_legend_handles_labels()[0])))
+    styles.legend_below(figure, max(grid, key=lambda axes: len(axes.get_legend_handles_labels()[0])))
     return figure
 
 
 _TIMING_BINS = 60  # free: fine enough for the tail
 
 
-@styled
+@styles.styled
 def timing_histogram(timing: Timing) -> Figure:
     """Plot how often periods, computation and idle times of a loop occur; counts are logarithmic.
 
@@ -158,17 +151,16 @@ def timing_histogram(timing: Timing) -> Figure:
     if len(timing.begin) < 2:
         raise ShapeError(f"timing: needs at least two steps, got {len(timing.begin)}")
     rows = _times(timing)
-    figure, grid = panel_grid(len(rows), len(rows), 2.0, 0.6, sharey=True)
+    figure, grid = styles.panel_grid(len(rows), len(rows), 2.0, 0.6, sharey=True)
     panels = grid.ravel()
     for axes, (name, seconds) in zip(panels, rows.items(), strict=True):
         values = 1e3 * seconds
-        axes.hist(values, _TIMING_BINS, color=COLOURS[0], edgecolor="white", linewidth=0.2)
-        axes.set_yscale("log")
-        axes.set_xlabel(f"{name} [ms]")
+        axes.hist(values, _TIMING_BINS, color=styles.COLOURS[0], edgecolor="white", linewidth=0.2)
+        axes.set(yscale="log", xlabel=f"{name} [ms]")
         axes.set_title(
             f"median {np.median(values):.4g}\n99 % below {np.quantile(values, 0.99):.4g}", loc="left"
         )
-    panels[0].axvline(1e3 * timing.period, color=DESIRED, ls="--", lw=1.0)
+    panels[0].axvline(1e3 * timing.period, color=styles.DESIRED, ls="--", lw=1.0)
     panels[0].set_ylabel("steps")
     figure.suptitle(
         f"T = {1e3 * timing.period:.4g} ms, {len(timing.begin)} steps, {timing.overruns} overruns"

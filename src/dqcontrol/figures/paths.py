@@ -10,24 +10,12 @@ from numpy.typing import NDArray
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.figures.style import (
-    DESIRED,
-    DOUBLE,
-    NEUTRAL,
-    first_of,
-    frame_space,
-    legend_below,
-    line_style,
-    new_figure,
-    panels_across,
-    styled,
-)
+from dqcontrol.figures import style as styles
 from dqcontrol.figures.surroundings import corners_of, draw_flat, draw_in_space, entries, faces_near
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.held import PlanOfRun, apart_at_plans, plans_of_run
 from dqcontrol.plants.plant import BASE_POSITION, BASE_QUATERNION
-from dqcontrol.robots.robot import Robot
-from dqcontrol.robots.tree_robot import TreeRobot
+from dqcontrol.robots import Robot, TreeRobot
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -108,7 +96,7 @@ _FLAT = 0.05  # a path counts as planar if it is this many times thinner than lo
 _NAMES = "xyz"
 
 
-@styled
+@styles.styled
 def path_3d(record: Record, constraints: Constraints | None = None) -> Figure:
     """Plot the end effector's path over the desired one; beside it a front view if the desired path is planar.
 
@@ -128,7 +116,7 @@ def path_3d(record: Record, constraints: Constraints | None = None) -> Figure:
     return _paths({"end effector": record}, constraints)
 
 
-@styled
+@styles.styled
 def compare_paths(records: Mapping[str, Record], constraints: Constraints | None = None) -> Figure:
     """Plot the end effector's paths of several runs by label, over the first run's desired path; see `path_3d`.
 
@@ -151,18 +139,18 @@ def _paths(records: Mapping[str, Record], constraints: Constraints | None) -> Fi
     from matplotlib.lines import Line2D
     from matplotlib.ticker import MaxNLocator
 
-    first = first_of(records)
-    hands = {label: _finite(record.position) for label, record in records.items()}
+    first = styles.first_of(records)
+    hands = {label: finite_rows(record.position) for label, record in records.items()}
     made = [each for each in plans_of_run(first) if each.held_by]
-    desired = _finite(first.desired_position)
+    desired = finite_rows(first.desired_position)
     ways = apart_at_plans(first, desired)
     everything = np.concatenate([desired, *hands.values()])
     moving = len(desired) > 1 and np.ptp(desired, axis=0).max() > 1e-6
     plane = path_plane(desired) if moving else None
     drawn = faces_near(constraints, everything, first)
 
-    rows, across = (2 // panels_across(2), panels_across(2)) if plane else (1, 1)
-    figure = new_figure(DOUBLE, 0.6 + 3.3 * rows) if plane else new_figure(5.2, 4.6)
+    rows, across = (2 // styles.panels_across(2), styles.panels_across(2)) if plane else (1, 1)
+    figure = styles.new_figure(styles.DOUBLE, 0.6 + 3.3 * rows) if plane else styles.new_figure(5.2, 4.6)
     space: Any = figure.add_subplot(rows, across, 1, projection="3d")
     draw_in_space(space, drawn)
     _draw(space, ways, hands, np.eye(3), moving)
@@ -177,37 +165,42 @@ def _paths(records: Mapping[str, Record], constraints: Constraints | None) -> Fi
         _draw(front, ways, hands, axes_of_plane, moving)
         _draw_plans(front, made, axes_of_plane)
         front.set_aspect("equal", adjustable="datalim")
-        front.set_xlabel(labels[0])
-        front.set_ylabel(labels[1])
+        front.set(xlabel=labels[0], ylabel=labels[1])
         front.margins(0.08)
         for axis in (front.xaxis, front.yaxis):
             axis.set_major_locator(MaxNLocator(6))
     kinds = ("start", "end", *(["planned again"] if made else []))
-    marks = [Line2D([], [], label=kind, **_mark(kind, NEUTRAL)) for kind in kinds]
-    legend_below(figure, space, [*marks, *entries(drawn)])
+    marks = [Line2D([], [], label=kind, **_mark(kind, styles.NEUTRAL)) for kind in kinds]
+    styles.legend_below(figure, space, [*marks, *entries(drawn)])
     return figure
 
 
 def _draw_plans(axes: Any, made: Sequence[PlanOfRun], onto: Array) -> None:
     """Mark where a way was planned again."""
     for each in made:
-        axes.plot(*(onto @ each.place).reshape(-1, 1), **_mark("planned again", NEUTRAL))
+        axes.plot(*(onto @ each.place).reshape(-1, 1), **_mark("planned again", styles.NEUTRAL))
 
 
 def _draw(axes: Any, desired: Sequence[Array], hands: Mapping[str, Array], onto: Array, moving: bool) -> None:
     """Draw all paths, projected onto the rows of a matrix."""
     for i, (label, hand) in enumerate(hands.items()):
         points = outlined(hand @ onto.T).T
-        style = line_style(i)
+        style = styles.line_style(i)
         axes.plot(*points, label=label, **style)
         for kind, at in (("start", slice(0, 1)), ("end", slice(-1, None))):
             axes.plot(*points[:, at], **_mark(kind, style["color"]))
     for k, way in enumerate(desired if moving else ()):
         points = outlined(way @ onto.T).T
-        axes.plot(*points, color=DESIRED, ls="--", lw=1.1, label=None if k else "desired")
+        axes.plot(*points, color=styles.DESIRED, ls="--", lw=1.1, label=None if k else "desired")
     if not moving:
         axes.plot(
-            *(desired[0][:1] @ onto.T).T, color=DESIRED, marker="+", ms=10, mew=1.6, ls="", label="target"
+            *(desired[0][:1] @ onto.T).T,
+            color=styles.DESIRED,
+            marker="+",
+            ms=10,
+            mew=1.6,
+            ls="",
+            label="target",
         )
 
 
@@ -229,7 +222,9 @@ def _frame_space(axes: Any, points: Array, plane: tuple[Array, tuple[str, str]] 
     low, high = points.min(axis=0), points.max(axis=0)
     longest = max(float((high - low).max()), 1e-3)
     size = np.maximum(1.1 * (high - low), 0.6 * longest)
-    frame_space(axes, (low + high) / 2, size, [4 if each > 0.8 * size.max() else 3 for each in size], 2)
+    styles.frame_space(
+        axes, (low + high) / 2, size, [4 if each > 0.8 * size.max() else 3 for each in size], 2
+    )
     axes.set_box_aspect(size, zoom=zoom)
     axes.tick_params(pad=0)
     elevation, azimuth = 24.0, -58.0
@@ -264,5 +259,6 @@ def path_plane(points: Array) -> tuple[Array, tuple[str, str]] | None:
     )
 
 
-def _finite(points: Array) -> Array:
+def finite_rows(points: Array) -> Array:
+    """Return those rows of points or configurations (N, k) that are finite."""
     return points[np.isfinite(points).all(axis=1)]

@@ -9,27 +9,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, unknown_name
-from dqcontrol.figures.style import (
-    COLOURS,
-    DESIRED,
-    DOUBLE,
-    ERROR,
-    FLOOR,
-    LIMIT,
-    NEUTRAL,
-    at_least,
-    beyond_spikes,
-    first_of,
-    has_transient,
-    legend_below,
-    line_style,
-    logarithmic,
-    new_figure,
-    panel_grid,
-    plain_names,
-    styled,
-    time_panels,
-)
+from dqcontrol.figures import style as styles
 from dqcontrol.loop.constraint_signals import PRESSURE, ROOM, SLACK
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import TASK
@@ -53,7 +33,7 @@ _DECADES = 6  # of the error below its peak that are shown
 
 def pose_panels() -> tuple[Any, list[Any]]:
     """Return a figure and its labelled axes: those of the primary part, then of the dual part."""
-    figure = new_figure(DOUBLE, 6.2)
+    figure = styles.new_figure(styles.DOUBLE, 6.2)
     grid = figure.subplots(4, 2, sharex=True)
     panels = [*grid[:, 0], *grid[:, 1]]
     for i, axes in enumerate(panels):
@@ -78,7 +58,7 @@ def with_sign_of(shown: Array, poses: Array) -> Array:
         return poses * np.where((poses[:, :4] * shown[:, :4]).sum(axis=1) < 0, -1.0, 1.0)[:, None]
 
 
-@styled
+@styles.styled
 def pose_coefficients(record: Record) -> Figure:
     """Plot the eight coefficients of the end pose over the desired ones.
 
@@ -98,14 +78,14 @@ def pose_coefficients(record: Record) -> Figure:
     desired = with_sign_of(pose, record.desired_pose)
     figure, panels = pose_panels()
     for i, axes in enumerate(panels):
-        axes.plot(record.time, pose[:, i], color=COLOURS[0], label="end effector")
-        axes.plot(record.time, desired[:, i], color=DESIRED, ls="--", lw=1.1, label="desired")
-        at_least(axes, 1e-3)
-    legend_below(figure, panels[0])
+        axes.plot(record.time, pose[:, i], color=styles.COLOURS[0], label="end effector")
+        axes.plot(record.time, desired[:, i], color=styles.DESIRED, ls="--", lw=1.1, label="desired")
+        styles.at_least(axes, 1e-3)
+    styles.legend_below(figure, panels[0])
     return figure
 
 
-@styled
+@styles.styled
 def errors(record: Record) -> Figure:
     """Plot the error of a run: its norm |1 − x* x_d| (logarithmic), in mm and in degrees."""
     return draw_errors({"": record})
@@ -113,25 +93,25 @@ def errors(record: Record) -> Figure:
 
 def draw_errors(records: Mapping[str, Record]) -> Figure:
     """Return a figure of the errors of runs by label."""
-    first_of(records)
-    figure, panels = time_panels(3, 5.0)
+    styles.first_of(records)
+    figure, panels = styles.time_panels(3, 5.0)
     for i, (label, record) in enumerate(records.items()):
-        style = line_style(i) | {"label": label}
-        panels[0].plot(record.time, np.maximum(record.error, FLOOR), **style)
+        style = styles.line_style(i) | {"label": label}
+        panels[0].plot(record.time, np.maximum(record.error, styles.FLOOR), **style)
         panels[1].plot(record.time, 1e3 * record.position_error, **style)
         panels[2].plot(record.time, np.degrees(record.orientation_error), **style)
-    logarithmic(panels[0], _DECADES)
-    panels[0].set_ylabel(ERROR)
+    styles.logarithmic(panels[0], _DECADES)
+    panels[0].set_ylabel(styles.ERROR)
     for axes, name, unit in ((panels[1], "position", "mm"), (panels[2], "orientation", "°")):
         axes.set_ylabel(f"{name} [{unit}]")
-        if all(has_transient(np.asarray(line.get_ydata())) for line in axes.lines):
-            logarithmic(axes, floor=_STILL)
+        if all(styles.has_transient(np.asarray(line.get_ydata())) for line in axes.lines):
+            styles.logarithmic(axes, floor=_STILL)
         else:
             axes.set_ylim(0, max(_STILL, axes.get_ylim()[1]))
     return figure
 
 
-@styled
+@styles.styled
 def joint_angles(record: Record, limits: Limits | None = None, units: Sequence[str] | None = None) -> Figure:
     """Plot each configuration variable in a panel of its own, with the limits that are near.
 
@@ -155,13 +135,13 @@ def joint_angles(record: Record, limits: Limits | None = None, units: Sequence[s
     units = _units("units", units, record.joint_names)
     if limits is not None and len(limits.lower) != len(units):
         raise ShapeError(f"limits: expected {len(units)} as in the record's q, got {len(limits.lower)}")
-    figure, grid = panel_grid(len(units), 2 if len(units) > 1 else 1, 1.35, 0.7, sharex=True)
+    figure, grid = styles.panel_grid(len(units), 2 if len(units) > 1 else 1, 1.35, 0.7, sharex=True)
     panels = grid.T.ravel()
-    for i, (name, unit) in enumerate(zip(plain_names(record.joint_names), units, strict=True)):
+    for i, (name, unit) in enumerate(zip(styles.plain_names(record.joint_names), units, strict=True)):
         axes = panels[i]
         scale, sign = (180 / np.pi, "°") if unit == "rad" else (1.0, "m")
-        axes.plot(record.time, scale * record.q[:, i], color=COLOURS[0])
-        at_least(axes, scale * 0.01)
+        axes.plot(record.time, scale * record.q[:, i], color=styles.COLOURS[0])
+        styles.at_least(axes, scale * 0.01)
         title = name
         if limits is not None:
             lower, upper = scale * limits.lower[i], scale * limits.upper[i]
@@ -183,10 +163,10 @@ def _near_limits(axes: Axes, lower: float, upper: float) -> None:
     low, high = axes.get_ylim()
     height = high - low
     if np.isfinite(lower) and low - lower < height:
-        axes.axhline(lower, color=LIMIT, ls="--", lw=1.1)
+        axes.axhline(lower, color=styles.LIMIT, ls="--", lw=1.1)
         axes.set_ylim(bottom=min(low, lower - 0.08 * height))
     if np.isfinite(upper) and upper - high < height:
-        axes.axhline(upper, color=LIMIT, ls="--", lw=1.1)
+        axes.axhline(upper, color=styles.LIMIT, ls="--", lw=1.1)
         axes.set_ylim(top=max(high, upper + 0.08 * height))
 
 
@@ -194,7 +174,7 @@ def _bound(value: float) -> str:
     return f"{value:.4g}".replace("-", "−").replace("inf", "∞")
 
 
-@styled
+@styles.styled
 def control_signals(record: Record, units: Sequence[str] | None = None) -> Figure:
     """Plot the commanded inputs and the norm of those of one unit, each held until the next sample.
 
@@ -217,18 +197,18 @@ def control_signals(record: Record, units: Sequence[str] | None = None) -> Figur
         command[-1] = command[-2]  # nothing was commanded any more, which is no end of the motion
     of_kind = {kind: [i for i, unit in enumerate(units) if unit == kind] for kind in kinds}
     several = [kind for kind in kinds if len(of_kind[kind]) > 1]
-    count, names = len(kinds) + len(several), plain_names(record.input_names)
-    figure, panels = time_panels(count, 1.9 * count + 0.4)
+    count, names = len(kinds) + len(several), styles.plain_names(record.input_names)
+    figure, panels = styles.time_panels(count, 1.9 * count + 0.4)
     for axes, (kind, mine) in zip(panels, of_kind.items(), strict=False):
         for i in mine:
-            axes.step(record.time, command[:, i], where="post", label=names[i], **line_style(i))
+            axes.step(record.time, command[:, i], where="post", label=names[i], **styles.line_style(i))
         axes.set_ylabel(f"input [{kind}/s]")
-        at_least(axes, _STILL)
+        styles.at_least(axes, _STILL)
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), ncols=1 + (len(mine) - 1) // 8)
     for axes, kind in zip(panels[len(kinds) :], several, strict=True):
         with np.errstate(over="ignore", invalid="ignore"):  # a diverged run
             norm = np.linalg.norm(command[:, of_kind[kind]], axis=1)
-        axes.step(record.time, norm, where="post", color=DESIRED)
+        axes.step(record.time, norm, where="post", color=styles.DESIRED)
         axes.set_ylabel(f"norm [{kind}/s]")
         axes.set_ylim(0, max(axes.get_ylim()[1], _STILL))
     return figure
@@ -250,7 +230,7 @@ def has_margins(limits: Limits) -> bool:
     return bool(np.isfinite(limits.upper - limits.lower).any())
 
 
-@styled
+@styles.styled
 def limit_margins(record: Record, limits: Limits) -> Figure:
     """Plot each joint's distance from its nearest limit, as a share of half its range; 0 is at the limit.
 
@@ -271,14 +251,14 @@ def limit_margins(record: Record, limits: Limits) -> Figure:
     shown = np.flatnonzero(np.isfinite(half))
     if not len(shown):
         raise ShapeError("limits: no joint has both")
-    figure, (axes,) = time_panels(1, 3.2)
-    names = plain_names(record.joint_names)
+    figure, (axes,) = styles.time_panels(1, 3.2)
+    names = styles.plain_names(record.joint_names)
     for i in shown:
-        axes.plot(record.time, margins[i] / half[i], label=names[i], **line_style(int(i)))
-    axes.axhline(0.0, color=LIMIT, ls="--", lw=1.1)
+        axes.plot(record.time, margins[i] / half[i], label=names[i], **styles.line_style(int(i)))
+    axes.axhline(0.0, color=styles.LIMIT, ls="--", lw=1.1)
     axes.set_ylim(bottom=min(-0.03, axes.get_ylim()[0]), top=max(axes.get_ylim()[1], 0.1))
     axes.set_ylabel("margin / half range")
-    legend_below(figure, axes)
+    styles.legend_below(figure, axes)
     return figure
 
 
@@ -302,7 +282,7 @@ def has_readings(record: Record) -> bool:
     return bool(_drawn(record))
 
 
-@styled
+@styles.styled
 def readings(record: Record) -> Figure:
     """Plot what the plant sensed of forces: contact, pushes, wrist, payload with its estimate, springs.
 
@@ -325,16 +305,16 @@ def readings(record: Record) -> Figure:
     names = _drawn(record)
     if not names:
         raise ShapeError("record: holds no readings of forces")
-    figure, panels = time_panels(len(names), 0.5 + 1.45 * len(names))
+    figure, panels = styles.time_panels(len(names), 0.5 + 1.45 * len(names))
     for axes, name in zip(panels, names, strict=True):
         signal = record.readings[name]
         for i, label in enumerate(signal.parts or (name,)):
-            axes.plot(record.time, signal.values[:, i], label=label, **line_style(i))
+            axes.plot(record.time, signal.values[:, i], label=label, **styles.line_style(i))
         if name == "payload" and "payload_estimate" in record.readings:
             values = record.readings["payload_estimate"].values[:, 0]
-            axes.plot(record.time, values, label="estimate", **line_style(1))
+            axes.plot(record.time, values, label="estimate", **styles.line_style(1))
         axes.set_ylabel(f"{_TITLES[name]} [{signal.units[0]}]")
-        at_least(axes, _STILL)
+        styles.at_least(axes, _STILL)
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 
@@ -344,7 +324,7 @@ def has_tasks(record: Record) -> bool:
     return any(name.startswith(TASK) for name in record.readings)
 
 
-@styled
+@styles.styled
 def task_errors(record: Record) -> Figure:
     """Plot distance and angle of each further task from its pose.
 
@@ -364,21 +344,21 @@ def task_errors(record: Record) -> Figure:
     """
     if not has_tasks(record):
         raise ShapeError("record: has no tasks beside that of its law")
-    figure, panels = time_panels(2, 3.6)
+    figure, panels = styles.time_panels(2, 3.6)
     found = [(name, signal) for name, signal in record.readings.items() if name.startswith(TASK)]
     for i, (name, signal) in enumerate(found):
         label = name.removeprefix(TASK).replace("_", " ")
         moved, turned = 1e3 * signal.values[:, 0], np.degrees(signal.values[:, 1])
-        panels[0].plot(record.time, moved, label=label, **line_style(i))
-        panels[1].plot(record.time, turned, label=label, **line_style(i))
+        panels[0].plot(record.time, moved, label=label, **styles.line_style(i))
+        panels[1].plot(record.time, turned, label=label, **styles.line_style(i))
     for axes, name, unit in ((panels[0], "position", "mm"), (panels[1], "orientation", "°")):
         axes.set_ylabel(f"{name} [{unit}]")
         axes.set_ylim(0, max(_STILL, axes.get_ylim()[1]))
-    legend_below(figure, panels[0])
+    styles.legend_below(figure, panels[0])
     return figure
 
 
-@styled
+@styles.styled
 def disturbance(record: Record) -> Figure:
     """Plot the rotation ω and the velocity ṗ = v − p × ω that the disturbance gave the end effector, inertial axes.
 
@@ -401,14 +381,14 @@ def disturbance(record: Record) -> Figure:
     omega = record.disturbance[:, :3]
     with np.errstate(invalid="ignore", over="ignore"):  # a diverged run
         velocity = record.disturbance[:, 3:] - np.cross(record.position, omega)
-    figure, panels = time_panels(2, 3.8)
+    figure, panels = styles.time_panels(2, 3.8)
     drawn = {"rotation [rad/s]": omega, "velocity of end effector [m/s]": velocity}
     for axes, (label, values) in zip(panels, drawn.items(), strict=True):
         for i, name in enumerate("xyz"):
-            axes.step(record.time, values[:, i], where="post", label=name, lw=1.0, **line_style(i))
+            axes.step(record.time, values[:, i], where="post", label=name, lw=1.0, **styles.line_style(i))
         axes.set_ylabel(label)
-        at_least(axes, 1e-3)
-    legend_below(figure, panels[0])
+        styles.at_least(axes, 1e-3)
+    styles.legend_below(figure, panels[0])
     return figure
 
 
@@ -418,7 +398,7 @@ _SLACK_LABELS = {"m": "gave way\n[mm/s]", "rad": "gave way\n[°/s]"}
 _PROVED: dict[str, Any] = {"color": "black", "linestyle": ":", "linewidth": 1.2}
 
 
-@styled
+@styles.styled
 def distances(record: Record) -> Figure:
     """Plot the room beyond each distance that was asked for, multipliers, and how much each gave way.
 
@@ -450,26 +430,26 @@ def distances(record: Record) -> Figure:
         for unit, label in _SLACK_LABELS.items()
         if slack.values[:, nearest[of_unit[unit]]].any()
     ]
-    figure, panels = time_panels(len(rows), 0.7 + 1.5 * len(rows))
+    figure, panels = styles.time_panels(len(rows), 0.7 + 1.5 * len(rows))
     made = plans_of_run(record)
     for axes, (signal, unit, label) in zip(panels, rows, strict=True):
         shown = of_unit[unit] if unit else range(len(nearest))
         scale = {"m": 1e3, "rad": np.degrees(1.0), "": 1.0}[unit]
         values = scale * signal.values[:, nearest]
         for k in shown:
-            axes.plot(record.time, values[:, k], label=room.parts[nearest[k]], **line_style(k))
+            axes.plot(record.time, values[:, k], label=room.parts[nearest[k]], **styles.line_style(k))
         if signal is room:
             axes.set_yscale("symlog", linthresh=10.0)
             axes.axhline(0.0, color="black", linewidth=0.6)
             if unit == "m" and made:
                 _draw_proofs(axes, made, float(record.time[-1]))
         else:
-            beyond_spikes(axes, values[:, shown])
-            at_least(axes, _STILL)
+            styles.beyond_spikes(axes, values[:, shown])
+            styles.at_least(axes, _STILL)
         axes.set_ylabel(label)
     _draw_causes(panels, made)
     proofs = [Line2D([], [], label="proved of the planned way", **_PROVED)] if made else []
-    legend_below(figure, panels[len(rows) - 1 - sum(signal is slack for signal, _, _ in rows)], proofs)
+    styles.legend_below(figure, panels[len(rows) - 1 - sum(signal is slack for signal, _, _ in rows)], proofs)
     return figure
 
 
@@ -487,7 +467,7 @@ def _draw_causes(panels: Sequence[Any], made: Sequence[PlanOfRun]) -> None:
         if not each.held_by:
             continue
         for axes in panels:
-            axes.axvline(each.time, color=NEUTRAL, linewidth=0.8)
+            axes.axvline(each.time, color=styles.NEUTRAL, linewidth=0.8)
         panels[-1].annotate(
             f" planned again:\n held by {each.held_by}",
             (each.time, 0.97),
@@ -502,7 +482,7 @@ _FLOOR = 1e-16  # 1/s², where V is 0
 _STILL_THEORY = 1e-6  # the least height of a panel of theory: a hundredth of what an encoder of 16 bits sees
 
 
-@styled
+@styles.styled
 def lyapunov(certificate: Certificate) -> Figure:
     """Plot V with its parts, its rate beside −2 k_v |ξ̃|², and the share of the twist asked for outside the range of J.
 
@@ -511,7 +491,7 @@ def lyapunov(certificate: Certificate) -> Figure:
     >>> lyapunov(certificate(robot, run.record, law)).savefig("lyapunov.png")  # doctest: +SKIP
     """
     time = certificate.time
-    figure, panels = time_panels(5, 7.4)
+    figure, panels = styles.time_panels(5, 7.4)
     for i, (label, values) in enumerate(
         (
             ("$V$", certificate.value),
@@ -519,28 +499,24 @@ def lyapunov(certificate: Certificate) -> Figure:
             (r"$\bar k\,|\log\tilde x|^2$", certificate.pose_part),
         )
     ):
-        panels[0].plot(time, np.maximum(values, _FLOOR), label=label, **line_style(i))
-    logarithmic(panels[0], _DECADES_OF_V)
+        panels[0].plot(time, np.maximum(values, _FLOOR), label=label, **styles.line_style(i))
+    styles.logarithmic(panels[0], _DECADES_OF_V)
     panels[0].set_ylabel("$V$ [1/s²]")
-    panels[1].plot(time[:-1], certificate.rate, label=r"$\dot V$, differences", **line_style(3))
-    panels[1].plot(time, certificate.predicted_rate, label=r"$-2k_v|\tilde\xi|^2$", **line_style(4))
+    panels[1].plot(time[:-1], certificate.rate, label=r"$\dot V$, differences", **styles.line_style(3))
+    panels[1].plot(time, certificate.predicted_rate, label=r"$-2k_v|\tilde\xi|^2$", **styles.line_style(4))
     panels[1].set_ylabel(r"$\dot V$ [1/s³]")
-    panels[2].plot(time, certificate.matrosov, **line_style(5))
+    panels[2].plot(time, certificate.matrosov, **styles.line_style(5))
     panels[2].set_ylabel("$W_2$ [1/s]")
-    panels[3].plot(time, certificate.outside_range, label="twist outside range of J", **line_style(6))
+    panels[3].plot(time, certificate.outside_range, label="twist outside range of J", **styles.line_style(6))
     panels[3].set_ylabel("twist\n[m/s, rad/s]")
     panels[4].plot(
-        time, certificate.smallest_singular_value, label=r"smallest $\sigma$ of J", **line_style(7)
+        time, certificate.smallest_singular_value, label=r"smallest $\sigma$ of J", **styles.line_style(7)
     )
     panels[4].set_ylabel("$\\sigma$ [m, rad]")
-    for axes in panels[1:]:
-        at_least(axes, _STILL_THEORY)
-    artists = [artist for axes in panels[1:] for artist in axes.get_legend_handles_labels()[0]]
-    legend_below(figure, panels[0], artists)
-    return figure
+    return _theory(figure, panels)
 
 
-@styled
+@styles.styled
 def range_condition(found: TaskRange, error: np.ndarray) -> Figure:
     """Plot the twist asked for with its part outside the range of J, singular values, and the run's error.
 
@@ -555,18 +531,23 @@ def range_condition(found: TaskRange, error: np.ndarray) -> Figure:
     --------
     >>> range_condition(task_range(robot, record), record.error).savefig("range.png")  # doctest: +SKIP
     """
-    figure, panels = time_panels(3, 5.2)
+    figure, panels = styles.time_panels(3, 5.2)
     time = found.time
-    panels[0].plot(time, np.maximum(error, FLOOR), **line_style(0))
-    logarithmic(panels[0], _DECADES)
-    panels[0].set_ylabel(ERROR)
-    panels[1].plot(time, found.asked, label="twist asked for", **line_style(1))
-    panels[1].plot(time, found.outside, label="outside the range of J", **line_style(2))
+    panels[0].plot(time, np.maximum(error, styles.FLOOR), **styles.line_style(0))
+    styles.logarithmic(panels[0], _DECADES)
+    panels[0].set_ylabel(styles.ERROR)
+    panels[1].plot(time, found.asked, label="twist asked for", **styles.line_style(1))
+    panels[1].plot(time, found.outside, label="outside the range of J", **styles.line_style(2))
     panels[1].set_ylabel("twist [m/s, rad/s]")
-    panels[2].plot(time, found.smallest_singular_value, **line_style(3))
+    panels[2].plot(time, found.smallest_singular_value, **styles.line_style(3))
     panels[2].set_ylabel("smallest\nsingular value [m, rad]")
+    return _theory(figure, panels)
+
+
+def _theory(figure: Figure, panels: Any) -> Figure:
+    """Return a figure of numbers of theory with its legend, in panels that noise does not fill."""
     for axes in panels[1:]:
-        at_least(axes, _STILL_THEORY)
+        styles.at_least(axes, _STILL_THEORY)
     artists = [artist for axes in panels[1:] for artist in axes.get_legend_handles_labels()[0]]
-    legend_below(figure, panels[0], artists)
+    styles.legend_below(figure, panels[0], artists)
     return figure

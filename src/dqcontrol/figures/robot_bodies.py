@@ -17,20 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dqcontrol import algebra
+from dqcontrol import algebra, robots
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, NoteWarning
 from dqcontrol.files.input_file import read_whole
-from dqcontrol.robots import (
-    CarLikeBase,
-    DifferentialDrive,
-    HolonomicBase,
-    Robot,
-    SerialArm,
-    TreeRobot,
-    TwoArms,
-    WholeBody,
-)
 from dqcontrol.robots.files.description import foot_below, joint_range, rod_radii
 from dqcontrol.robots.files.mjcf import geom_mesh, shown_geoms
 from dqcontrol.robots.files.urdf import UrdfTree, origin_matrix
@@ -141,7 +131,7 @@ _MESHES = ("dae", "stl", "obj", "ply", "off", "glb")  # none that is an archive,
 _LARGEST_MESH = 200_000_000  # bytes
 
 
-def urdf_shapes(path: Path, base_link: str, arm: SerialArm) -> list[Drawn]:
+def urdf_shapes(path: Path, base_link: str, arm: robots.SerialArm) -> list[Drawn]:
     """Return the row of `SerialArm.frames` that carries each visual, −1 for the base, its mesh there, and its colour.
 
     Joints that are not the arm's rest at zero. Without any visuals there are none; nor if a mesh is not found, which a
@@ -277,7 +267,7 @@ class CarriedBody(NamedTuple):
     colour: Colour
 
 
-def robot_shapes(robot: Robot) -> list[CarriedBody]:
+def robot_shapes(robot: robots.Robot) -> list[CarriedBody]:
     """Return the bodies of a robot: the meshes of its URDF file if there are any, rods and drums otherwise; and bases.
 
     Parameters
@@ -302,16 +292,16 @@ def robot_shapes(robot: Robot) -> list[CarriedBody]:
     return list(_merged(drawn))
 
 
-def arm_meshes(robot: Robot) -> Iterator[tuple[range, list[Drawn]]]:
+def arm_meshes(robot: robots.Robot) -> Iterator[tuple[range, list[Drawn]]]:
     """Yield for each part with a file its rows of `Robot.frames`, and its meshes with the row that moves each."""
-    if isinstance(robot, TreeRobot) and robot.placed_links is not None:
+    if isinstance(robot, robots.TreeRobot) and robot.placed_links is not None:
         yield range(len(robot.joints.kind)), placed_shapes(robot.placed_links)
         return
     for first, below, part in _chains(robot):
-        bare = part.bare if isinstance(part, SerialArm) and part.bare is not None else part
-        if isinstance(bare, SerialArm) and bare.urdf is not None:
+        bare = part.bare if isinstance(part, robots.SerialArm) and part.bare is not None else part
+        if isinstance(bare, robots.SerialArm) and bare.urdf is not None:
             found = urdf_shapes(*bare.urdf, bare)
-        elif isinstance(bare, Robot) and bare.placed_links is not None:
+        elif isinstance(bare, robots.Robot) and bare.placed_links is not None:
             found = placed_shapes(bare.placed_links)
         else:
             continue
@@ -325,30 +315,30 @@ def arm_meshes(robot: Robot) -> Iterator[tuple[range, list[Drawn]]]:
         )
 
 
-def chain_rows(robot: Robot) -> list[range]:
+def chain_rows(robot: robots.Robot) -> list[range]:
     """Return the rows of `Robot.frames` of each arm, or of a whole tree of one file."""
-    if isinstance(robot, TreeRobot) and not isinstance(robot, TwoArms):
+    if isinstance(robot, robots.TreeRobot) and not isinstance(robot, robots.TwoArms):
         return [range(len(robot.joints.kind))]
     return [
         range(first, first + part.configuration_size)
         for first, _, part in _chains(robot)
-        if isinstance(part, SerialArm)
+        if isinstance(part, robots.SerialArm)
     ]
 
 
-def _chains(robot: Robot) -> Iterator[tuple[int, int, Robot | Mover]]:
+def _chains(robot: robots.Robot) -> Iterator[tuple[int, int, robots.Robot | Mover]]:
     """Yield the chains of a robot, each with its first row of `Robot.frames` and the row that carries it."""
-    if isinstance(robot, TwoArms):
+    if isinstance(robot, robots.TwoArms):
         first, below = 0, -1
         for part in (robot.base, robot.left, robot.right):
             if part is None:
                 continue
-            for at, each in parts_with_offsets(part.parts if isinstance(part, WholeBody) else [part]):
+            for at, each in parts_with_offsets(part.parts if isinstance(part, robots.WholeBody) else [part]):
                 yield first + at, first + at - 1 if at else below, each
             first += part.configuration_size
             below = first - 1 if part is robot.base else below
         return
-    for first, part in parts_with_offsets(robot.parts if isinstance(robot, WholeBody) else [robot]):
+    for first, part in parts_with_offsets(robot.parts if isinstance(robot, robots.WholeBody) else [robot]):
         yield first, first - 1, part
 
 
@@ -375,7 +365,7 @@ def _merged(drawn: Iterable[tuple[int, Surface, Colour]]) -> Iterator[CarriedBod
         yield CarriedBody(carrier, *Surface.joined(solids), colour)
 
 
-def _rods(robot: Robot, own: set[int]) -> Iterator[tuple[int, Surface, Colour]]:
+def _rods(robot: robots.Robot, own: set[int]) -> Iterator[tuple[int, Surface, Colour]]:
     """Yield a rod from each joint to the next, a drum on each axis, thinner towards the end effector; and rails."""
     points, parents, ends = robot.chain[:, 4:7], robot.parents, robot.ends
     count, bases = len(robot.row_coordinates), base_coordinates(robot)
@@ -402,7 +392,7 @@ def _rods(robot: Robot, own: set[int]) -> Iterator[tuple[int, Surface, Colour]]:
             yield i, rod(*_along_z(-1.12 * below * radii[i], 1.12 * radii[i]), 0.7 * radii[i]), JOINT
 
 
-def _rail(robot: Robot, i: int, radius: float) -> Iterator[tuple[int, Surface, Colour]]:
+def _rail(robot: robots.Robot, i: int, radius: float) -> Iterator[tuple[int, Surface, Colour]]:
     """Yield the way along which joint i slides, if it has ends."""
     way = joint_range(robot, i) + robot.joint_offsets[i]
     if np.isfinite(way).all() and np.ptp(way) > 0:
@@ -411,10 +401,10 @@ def _rail(robot: Robot, i: int, radius: float) -> Iterator[tuple[int, Surface, C
         yield int(robot.parents[i]), rod(start, end, radius, round_ends=True), DARK
 
 
-def _chassis(robot: Robot) -> Iterator[tuple[int, Surface, Colour]]:
+def _chassis(robot: robots.Robot) -> Iterator[tuple[int, Surface, Colour]]:
     """Yield the bases; the wheels of the k-th differential drive are carried by rows n + 1 + 2 k and one more."""
     row = robot.configuration_size + 1
-    for first, part in parts_with_offsets(robot.parts if isinstance(robot, WholeBody) else ()):
+    for first, part in parts_with_offsets(robot.parts if isinstance(robot, robots.WholeBody) else ()):
         carrier = first + 2
         mount = robot.chain[min(first + 3, robot.configuration_size), 4:7]
         if isinstance(part, Drive):
@@ -425,12 +415,12 @@ def _chassis(robot: Robot) -> Iterator[tuple[int, Surface, Colour]]:
                 yield row, rod(np.array([0, -0.012, 0]), np.array([0, 0.012, 0]), radius), TYRE
                 yield row, box([1.5 * radius, 0.028, _SPOKE * radius]), SHELL
                 row += 1
-            if not isinstance(part, DifferentialDrive):
+            if not isinstance(part, robots.DifferentialDrive):
                 yield carrier, _front(part.wheelbase, radius, 0.15 * track), DARK
-                for y in (-track, track) if isinstance(part, CarLikeBase) else (0.0,):
+                for y in (-track, track) if isinstance(part, robots.CarLikeBase) else (0.0,):
                     ends = np.array([[part.wheelbase, y + w, radius] for w in (-0.012, 0.012)])
                     yield carrier, rod(ends[0], ends[1], radius), TYRE
-        elif isinstance(part, HolonomicBase):
+        elif isinstance(part, robots.HolonomicBase):
             height = min(mount[2], _PLATFORM) if mount[2] > 0 else _PLATFORM
             half = max(1.25 * float(np.abs(mount[:2]).max()), 0.2)
             yield carrier, box([2 * half, 1.3 * half, height], [0, 0, 0.5 * height + 0.03]), DARK
@@ -447,3 +437,18 @@ def _front(wheelbase: float, radius: float, half_width: float) -> Surface:
 
 def _along_z(low: float, high: float) -> tuple[Array, Array]:
     return np.array([0, 0, low]), np.array([0, 0, high])
+
+
+def wheel_angles(robot: robots.Robot, q: Array) -> Array:
+    """Return how far the right and the left wheel of each drive have rolled since the first sample, (N, 2 k), rad.
+
+    Each rolls without slipping: dθ = (ds ± b dφ)/r with ds the step along the mean heading. [S17 4.25]
+    """
+    angles = np.zeros((len(q), 2 * len(robot.drives)))
+    for j, (first, _, radius, half_track, *_) in enumerate(robot.drives):
+        x, y, heading = np.nan_to_num(q[:, int(first) : int(first) + 3]).T
+        turn, middle = np.diff(heading), (heading[1:] + heading[:-1]) / 2
+        ahead = np.diff(x) * np.cos(middle) + np.diff(y) * np.sin(middle)
+        for side, sign in enumerate((1.0, -1.0)):
+            angles[1:, 2 * j + side] = np.cumsum(ahead + sign * half_track * turn) / radius
+    return angles

@@ -12,30 +12,9 @@ from numpy.typing import NDArray
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
-from dqcontrol.figures.paths import desired_in_room, outline, outlined, recorded_frames, tip_paths
-from dqcontrol.figures.style import (
-    COLOURS,
-    DESIRED,
-    NEUTRAL,
-    frame_space,
-    legend_below,
-    line_style,
-    new_figure,
-    styled,
-)
-from dqcontrol.figures.surroundings import (
-    corners_of,
-    draw_flat,
-    draw_in_space,
-    entries,
-    faces_near,
-    faces_of,
-)
+from dqcontrol.figures import paths, style as styles, surroundings
 from dqcontrol.loop.record import Record, thinned
-from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
-from dqcontrol.robots.robot import Robot
-from dqcontrol.robots.serial_arm import SerialArm
-from dqcontrol.robots.two_arms import TwoArms
+from dqcontrol.robots import LinkShape, LinkShapes, Robot, SerialArm, TwoArms
 from dqcontrol.robots.whole_body import Drive, WholeBody, parts_with_offsets
 
 if TYPE_CHECKING:
@@ -52,7 +31,7 @@ _POSES = 5  # of the robot in one picture
 _RADIUS = 0.17  # m, of a base that does not say how wide it is
 
 
-@styled
+@styles.styled
 def base_path(robot: Robot, records: Mapping[str, Record], constraints: Constraints | None = None) -> Figure:
     """Plot from above where bases and end effector went, the headings of the bases, and the goal.
 
@@ -82,14 +61,14 @@ def base_path(robot: Robot, records: Mapping[str, Record], constraints: Constrai
     bases = _bases(robot)
     if not records or not bases:
         raise ShapeError("records: expected at least one run of a robot with a mobile base")
-    figure = new_figure(6.0, 5.0)
+    figure = styles.new_figure(6.0, 5.0)
     axes = figure.subplots()
-    tracks = [robot.frames(outlined(_finite(each.q))) for each in records.values()]
+    tracks = [robot.frames(paths.outlined(paths.finite_rows(each.q))) for each in records.values()]
     ways = np.vstack([algebra.translation(frames[:, 2:]).reshape(-1, 3) for frames in tracks])
-    drawn = faces_near(constraints, ways, next(iter(records.values())))
-    draw_flat(axes, drawn, np.eye(3)[:2])
+    drawn = surroundings.faces_near(constraints, ways, next(iter(records.values())))
+    surroundings.draw_flat(axes, drawn, np.eye(3)[:2])
     for i, ((label, record), frames) in enumerate(zip(records.items(), tracks, strict=True)):
-        style, q = line_style(i), _finite(record.q)
+        style, q = styles.line_style(i), paths.finite_rows(record.q)
         hand = algebra.translation(frames[:, -1])
         some = robot.frames(q[np.unique(np.linspace(0, len(q) - 1, _HEADINGS).astype(int))])
         axes.plot(*hand[:, :2].T, color=style["color"], ls=":", lw=1.0)
@@ -101,28 +80,27 @@ def base_path(robot: Robot, records: Mapping[str, Record], constraints: Constrai
             axes.plot(*place[0], "o", ms=6, mew=1.4, mec=style["color"], mfc="white")
             axes.plot(*place[-1], "s", ms=6, color=style["color"])
     goal, towards = _place(next(iter(records.values())).desired_pose[-1:])
-    axes.quiver(*goal[0], *towards[0], color=DESIRED, angles="xy", width=4e-3, scale=22.0)
-    axes.plot(*goal[0], "+", ms=11, mew=1.8, color=DESIRED)
+    axes.quiver(*goal[0], *towards[0], color=styles.DESIRED, angles="xy", width=4e-3, scale=22.0)
+    axes.plot(*goal[0], "+", ms=11, mew=1.8, color=styles.DESIRED)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.12)
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
-    mark: dict[str, Any] = {"ls": "", "color": NEUTRAL}
-    legend_below(
+    axes.set(xlabel="x [m]", ylabel="y [m]")
+    mark: dict[str, Any] = {"ls": "", "color": styles.NEUTRAL}
+    styles.legend_below(
         figure,
         axes,
         [
-            Line2D([], [], label="end effector", ls=":", color=NEUTRAL),
+            Line2D([], [], label="end effector", ls=":", color=styles.NEUTRAL),
             Line2D([], [], label="start", marker="o", mfc="white", **mark),
             Line2D([], [], label="end", marker="s", **mark),
-            Line2D([], [], label="goal", marker="+", ms=9, mew=1.6, ls="", color=DESIRED),
-            *entries(drawn),
+            Line2D([], [], label="goal", marker="+", ms=9, mew=1.6, ls="", color=styles.DESIRED),
+            *surroundings.entries(drawn),
         ],
     )
     return figure
 
 
-@styled
+@styles.styled
 def superimposed(
     robot: Robot,
     records: Mapping[str, Record],
@@ -155,18 +133,18 @@ def superimposed(
 
     if not records or poses < 2:
         raise ShapeError(f"poses: expected at least 2 of at least one run, got {poses} of {len(records)}")
-    figure = new_figure(_WIDTH, 4.0)
+    figure = styles.new_figure(_WIDTH, 4.0)
     axes: Any = figure.add_subplot(projection="3d")
     everything = []
     for i, (label, record) in enumerate(records.items()):
-        style = line_style(i)
+        style = styles.line_style(i)
         finite = np.flatnonzero(np.isfinite(record.q).all(axis=1))
-        if (kept := outline(record.q[finite])) is not None:
+        if (kept := paths.outline(record.q[finite])) is not None:
             finite = finite[kept]
-        hand = algebra.translation(recorded_frames(robot, record, finite)[:, -1])
+        hand = algebra.translation(paths.recorded_frames(robot, record, finite)[:, -1])
         axes.plot(*hand.T, color=style["color"], ls=":", lw=0.9)
         chosen = finite[_evenly(hand, poses)]
-        for k, frames in enumerate(recorded_frames(robot, record, chosen)):
+        for k, frames in enumerate(paths.recorded_frames(robot, record, chosen)):
             strength = 0.25 + 0.75 * k / (poses - 1)
             branches, discs = silhouette(robot, frames)
             everything += [*branches, *discs]
@@ -185,25 +163,21 @@ def superimposed(
             for disc in discs:
                 axes.plot(*disc.T, color=style["color"], lw=0.6 + strength, alpha=strength)
     goal = algebra.translation(next(iter(records.values())).desired_pose[-1])
-    axes.plot(*goal[:, None], "+", ms=12, mew=2.0, color=DESIRED)
-    drawn = faces_near(constraints, np.vstack(everything), next(iter(records.values())))
-    draw_in_space(axes, drawn)
+    axes.plot(*goal[:, None], "+", ms=12, mew=2.0, color=styles.DESIRED)
+    drawn = surroundings.faces_near(constraints, np.vstack(everything), next(iter(records.values())))
+    surroundings.draw_in_space(axes, drawn)
     for line in axes.lines:
         line.set_clip_on(False)  # long ways reach beyond the rectangle of the axes,
         line.set_in_layout(False)  # which must not shrink for them
-    _frame(figure, axes, np.vstack([*everything, goal[None], corners_of(drawn)]))
-    goal_mark = Line2D([], [], label="goal", marker="+", ms=9, mew=1.6, ls="", color=DESIRED)
-    legend_below(figure, axes, [goal_mark, *entries(drawn)])
+    _frame(figure, axes, np.vstack([*everything, goal[None], surroundings.corners_of(drawn)]))
+    goal_mark = Line2D([], [], label="goal", marker="+", ms=9, mew=1.6, ls="", color=styles.DESIRED)
+    styles.legend_below(figure, axes, [goal_mark, *surroundings.entries(drawn)])
     return figure
 
 
 def has_base(robot: Robot) -> bool:
     """Return whether a robot has a mobile base, so that `base_path` can draw it."""
     return bool(_bases(robot))
-
-
-def _finite(q: Array) -> Array:
-    return q[np.isfinite(q).all(axis=1)]
 
 
 def _bases(robot: Robot) -> list[tuple[int, float]]:
@@ -263,7 +237,7 @@ def _frame(figure: Figure, axes: Any, points: Array) -> None:
     low, high = points.min(axis=0), points.max(axis=0)
     low[2] = min(low[2], 0.0)
     size = np.maximum(1.08 * (high - low), 0.15)
-    frame_space(axes, (low + high) / 2, size, [4, 4, 4], 2)
+    styles.frame_space(axes, (low + high) / 2, size, [4, 4, 4], 2)
     axes.tick_params(pad=0)
     axes.view_init(elev=24.0, azim=-62.0)
     axes.set_box_aspect(size, zoom=1.0)
@@ -293,7 +267,7 @@ _OPACITY = 0.5
 _THINNEST = 0.4  # of the longest side: less would leave no room for the numbers
 
 
-@styled
+@styles.styled
 def shapes_picture(robot: Robot, shapes: Sequence[LinkShape], q: Array) -> Figure:
     """Draw shapes of a robot's links from two sides, a colour each, and its joints through them.
 
@@ -315,24 +289,24 @@ def shapes_picture(robot: Robot, shapes: Sequence[LinkShape], q: Array) -> Figur
     from matplotlib.patches import Patch
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    moved = [list(faces_of(each, 1.0)) for each in LinkShapes(tuple(shapes)).moved(robot, q)]
-    colours = [COLOURS[i % len(COLOURS)] for i in range(len(shapes))]
+    moved = [list(surroundings.faces_of(each, 1.0)) for each in LinkShapes(tuple(shapes)).moved(robot, q)]
+    colours = [styles.COLOURS[i % len(styles.COLOURS)] for i in range(len(shapes))]
     branches, discs = silhouette(robot, robot.frames(q))
     everything = np.vstack([*branches, *discs, *(face for faces in moved for face in faces)])
     middle = 0.5 * (everything.min(axis=0) + everything.max(axis=0))
     extents = np.ptp(everything, axis=0)
     size = 1.05 * np.maximum(extents, _THINNEST * extents.max())
-    figure = new_figure(7.2, 4.4)
+    figure = styles.new_figure(7.2, 4.4)
     for i, (elevation, azimuth) in enumerate(_VIEWS):
         axes: Any = figure.add_subplot(1, 2, i + 1, projection="3d", computed_zorder=False)
         faces = [face for each in moved for face in each]
         fill = [colour for each, colour in zip(moved, colours, strict=True) for _ in each]
         axes.add_collection3d(Poly3DCollection(faces, facecolors=fill, alpha=_OPACITY, shade=True))
         for joints in branches:
-            axes.plot(*joints.T, color=NEUTRAL, lw=1.5, marker="o", ms=3, zorder=3)
+            axes.plot(*joints.T, color=styles.NEUTRAL, lw=1.5, marker="o", ms=3, zorder=3)
         for disc in discs:
-            axes.plot(*disc.T, color=NEUTRAL, lw=0.8)
-        frame_space(axes, middle, size, [4 if each > 0.6 * size.max() else 2 for each in size])
+            axes.plot(*disc.T, color=styles.NEUTRAL, lw=0.8)
+        styles.frame_space(axes, middle, size, [4 if each > 0.6 * size.max() else 2 for each in size])
         axes.set_box_aspect(size.copy(), zoom=0.9)  # it changes its argument
         axes.view_init(elev=elevation, azim=azimuth)
     handles = [Patch(fc=colours[i], alpha=_OPACITY, label=each.name) for i, each in enumerate(shapes)]
@@ -346,7 +320,7 @@ _SHELL, _EDGE = "#d9dce1", "#50555c"
 _BARS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)  # m
 
 
-@styled
+@styles.styled
 def robot_picture(robot: Robot, record: Record) -> Figure:
     """Draw a robot as it starts, with the desired path (dashed) and the end effector's, from the front, without axes.
 
@@ -364,12 +338,12 @@ def robot_picture(robot: Robot, record: Record) -> Figure:
     >>> robot_picture(run.robot, run.record).savefig("robot.png")  # doctest: +SKIP
     """
     record = thinned(record, _SAMPLES)
-    figure = new_figure(3.0, 2.6)
+    figure = styles.new_figure(3.0, 2.6)
     axes: Any = figure.subplots()
     finite = np.flatnonzero(np.isfinite(record.q).all(axis=1) & np.isfinite(record.position).all(axis=1))
-    frames = recorded_frames(robot, record, finite[:1])[0]
+    frames = paths.recorded_frames(robot, record, finite[:1])[0]
     branches, discs = silhouette(robot, frames)
-    desired = algebra.translation(desired_in_room(robot, record.q, record.desired_pose))
+    desired = algebra.translation(paths.desired_in_room(robot, record.q, record.desired_pose))
     first, every = branches[0][0], np.vstack(branches)
     onto = _view(np.nanmean(desired, axis=0) - first)
     floor = min(0.0, float(every[:, 2].min()))
@@ -384,12 +358,12 @@ def robot_picture(robot: Robot, record: Record) -> Figure:
             rods = np.vstack([*post, links]) @ onto.T
             axes.plot(*rods.T, color=colour, lw=width, solid_capstyle="round", solid_joinstyle="round")
     for links in branches:
-        axes.plot(*(links[1:-1] @ onto.T).T, "o", ms=4, color=COLOURS[1], mew=0)
-    axes.plot(*(desired @ onto.T).T, color=DESIRED, ls="--", lw=1.1)
-    for path in tip_paths(robot, record):
-        axes.plot(*(path @ onto.T).T, color=COLOURS[0], lw=1.4)
+        axes.plot(*(links[1:-1] @ onto.T).T, "o", ms=4, color=styles.COLOURS[1], mew=0)
+    axes.plot(*(desired @ onto.T).T, color=styles.DESIRED, ls="--", lw=1.1)
+    for path in paths.tip_paths(robot, record):
+        axes.plot(*(path @ onto.T).T, color=styles.COLOURS[0], lw=1.4)
     for links in branches:
-        axes.plot(*(links[-1] @ onto.T), "o", ms=5, mec=COLOURS[0], mfc="white", mew=1.3)
+        axes.plot(*(links[-1] @ onto.T), "o", ms=5, mec=styles.COLOURS[0], mfc="white", mew=1.3)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.06)
     axes.axis("off")
@@ -416,6 +390,6 @@ def _scale_bar(axes: Any, reach: float) -> None:
     length = max((bar for bar in _BARS if bar <= 0.4 * reach), default=_BARS[0])
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     y = low - 0.04 * (high - low)
-    axes.plot([left, left + length], [y, y], color=NEUTRAL, lw=2.0, solid_capstyle="butt")
+    axes.plot([left, left + length], [y, y], color=styles.NEUTRAL, lw=2.0, solid_capstyle="butt")
     text = f"{1e3 * length:g} mm" if length < 0.1 else f"{length:g} m"
-    axes.text(left + 1.1 * length + 0.01 * (right - left), y, text, va="center", color=NEUTRAL)
+    axes.text(left + 1.1 * length + 0.01 * (right - left), y, text, va="center", color=styles.NEUTRAL)

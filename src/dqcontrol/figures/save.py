@@ -5,28 +5,27 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dqcontrol.errors import ExistsError, unknown_name
+from dqcontrol.experiments.run import units_of
 from dqcontrol.figures import plots
 from dqcontrol.figures.comparisons import compare_criteria, compare_errors
 from dqcontrol.figures.distributions import timing_histogram
 from dqcontrol.figures.paths import compare_paths, path_3d
 from dqcontrol.figures.robots import base_path, has_base, superimposed
-from dqcontrol.loop.clock import Timing
 from dqcontrol.loop.constraint_signals import ROOM
 from dqcontrol.loop.record import Record
+from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.measures.task_range import RANGE, TaskRange
-from dqcontrol.robots.limits import Limits
-from dqcontrol.robots.robot import Robot
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from dqcontrol.constraints.constraints import Constraints
-    from dqcontrol.measures.lyapunov import Certificate
+    from dqcontrol.experiments.run import Run
 
 
 FORMATS = ("pdf", "png", "svg")
@@ -39,24 +38,6 @@ _SETTINGS: Any = {
     "pdf.fonttype": 42,  # TrueType: journals refuse type 3
 }
 _DATES = {"pdf": "CreationDate", "svg": "Date"}
-
-
-def check_figure_files(names: Sequence[str], folder: Path, formats: Sequence[str]) -> None:
-    """Raise if figures of these names must not be written.
-
-    Raises
-    ------
-    UnknownNameError
-        If a format does not exist.
-    ExistsError
-        If a file exists.
-    """
-    for kind in formats:
-        if kind not in FORMATS:
-            raise unknown_name("formats", kind, FORMATS)
-    for path in (folder / f"{name}.{kind}" for name in names for kind in formats):
-        if path.exists():
-            raise ExistsError(f"{path}: exists already; choose another folder or remove it")
 
 
 def save_figures(
@@ -94,7 +75,12 @@ def save_figures(
     >>> save_figures({"errors": errors(run.record)}, "out", ["pdf", "png"])  # doctest: +SKIP
     """
     folder = Path(folder)
-    check_figure_files(list(figures), folder, formats)
+    for kind in formats:
+        if kind not in FORMATS:
+            raise unknown_name("formats", kind, FORMATS)
+    for path in (folder / f"{name}.{kind}" for name in figures for kind in formats):
+        if path.exists():
+            raise ExistsError(f"{path}: exists already; choose another folder or remove it")
     folder.mkdir(parents=True, exist_ok=True)
     written = []
     for name, figure in figures.items():
@@ -123,55 +109,29 @@ def for_page(figure: Figure) -> tuple[str, bytes]:
 Draw = Callable[[], "Figure"]
 
 
-def run_figures(
-    record: Record,
-    limits: Limits | None = None,
-    *,
-    joint_units: Sequence[str] | None = None,
-    input_units: Sequence[str] | None = None,
-    robot: Robot | None = None,
-    timing: Timing | None = None,
-    certificate: Certificate | None = None,
-    constraints: Constraints | None = None,
-) -> dict[str, Draw]:
+def run_figures(run: Run) -> dict[str, Draw]:
     """Return what draws each figure of a run, by name: ``path``, ``errors``, ``pose``, ``joints``.
 
     And, if there are any, ``margins`` (of joint limits), ``inputs``, ``disturbance``, ``readings`` (of forces),
-    ``tasks`` (errors of further ones),
-    ``range`` (the range condition), ``lyapunov`` and ``timing``; of a robot that drives also ``base``, where its base
-    went, and ``motion``, the robot at several times.
-
-    Parameters
-    ----------
-    record
-        The run.
-    limits, joint_units
-        As for `joint_angles`.
-    input_units
-        As for `control_signals`.
-    robot
-        Of whom the run is; needed for ``base`` and ``motion``.
-    timing
-        How a run in real time kept time.
-    certificate
-        Of its Lyapunov function.
-    constraints
-        Of its law: their obstacles and zones are drawn around the paths.
+    ``tasks`` (errors of further ones), ``range`` (the range condition), ``lyapunov`` and ``timing``; of a robot that
+    drives also ``base``, where its base went, and ``motion``, the robot at several times. What the law keeps clear of
+    is drawn around the paths.
     """
-    draw: dict[str, Draw] = {"path": lambda: path_3d(record, constraints)}
-    if robot is not None and has_base(robot):
-        moved = cast(Robot, robot)
-        draw["base"] = lambda: base_path(moved, {"": record}, constraints)
-        draw["motion"] = lambda: superimposed(moved, {"": record}, constraints=constraints)
+    record, robot, around, timing = run.record, run.robot, run.surroundings, run.timing
+    units = units_of(robot)
+    draw: dict[str, Draw] = {"path": lambda: path_3d(record, around)}
+    if has_base(robot):
+        draw["base"] = lambda: base_path(robot, {"": record}, around)
+        draw["motion"] = lambda: superimposed(robot, {"": record}, constraints=around)
     draw |= {
         "errors": lambda: plots.errors(record),
         "pose": lambda: plots.pose_coefficients(record),
-        "joints": lambda: plots.joint_angles(record, limits, joint_units),
+        "joints": lambda: plots.joint_angles(record, robot.limits, units["joint_units"]),
     }
-    if limits is not None and plots.has_margins(limits):
-        draw["margins"] = lambda: plots.limit_margins(record, limits)
+    if plots.has_margins(robot.limits):
+        draw["margins"] = lambda: plots.limit_margins(record, robot.limits)
     if not np.isnan(record.command).all():  # a log of somebody else's may lack the commands
-        draw["inputs"] = lambda: plots.control_signals(record, input_units)
+        draw["inputs"] = lambda: plots.control_signals(record, units["input_units"])
     if record.disturbance is not None:
         draw["disturbance"] = lambda: plots.disturbance(record)
     if plots.has_readings(record):
@@ -182,52 +142,11 @@ def run_figures(
         draw["distances"] = lambda: plots.distances(record)
     if RANGE in record.readings:
         draw["range"] = lambda: plots.range_condition(TaskRange.recorded(record), record.error)
-    if certificate is not None:
+    if (certificate := Certificate.recorded(record)) is not None:
         draw["lyapunov"] = lambda: plots.lyapunov(certificate)
     if timing is not None and len(timing.begin) > 1:
         draw["timing"] = lambda: timing_histogram(timing)
     return draw
-
-
-def save_plots(
-    record: Record,
-    folder: str | Path,
-    limits: Limits | None = None,
-    *,
-    joint_units: Sequence[str] | None = None,
-    input_units: Sequence[str] | None = None,
-    formats: Sequence[str] = ("png",),
-    robot: Robot | None = None,
-) -> list[Path]:
-    """Write all figures of a run, as `run_figures` draws them.
-
-    Parameters
-    ----------
-    record, limits, joint_units, input_units, robot
-        As for `run_figures`.
-    folder
-        Made if missing; must not hold files of these names.
-    formats
-        Any of ``"png"``, ``"svg"``, ``"pdf"``.
-
-    Returns
-    -------
-    The files.
-
-    Raises
-    ------
-    ExistsError
-        If a file exists; then none is written.
-    UnknownNameError, ShapeError
-        If a format or unit does not exist, or something does not fit the record.
-
-    Examples
-    --------
-    >>> save_plots(run.record, "out", robot.limits, formats=["png", "svg"])  # doctest: +SKIP
-    """
-    draw = run_figures(record, limits, joint_units=joint_units, input_units=input_units, robot=robot)
-    check_figure_files(list(draw), Path(folder), formats)
-    return save_figures({name: each() for name, each in draw.items()}, folder, formats)
 
 
 def comparison_figures(

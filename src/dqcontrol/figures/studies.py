@@ -15,24 +15,7 @@ from numpy.typing import ArrayLike
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, unknown_name
 from dqcontrol.experiments.parameter_units import with_unit
-from dqcontrol.figures.style import (
-    COLOURS,
-    DESIRED,
-    DOUBLE,
-    MARKERS,
-    NEUTRAL,
-    PANE,
-    legend_above,
-    legend_below,
-    line_style,
-    line_widths,
-    logarithmic,
-    mark_style,
-    new_figure,
-    panel_grid,
-    panels_across,
-    styled,
-)
+from dqcontrol.figures import style as styles
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.metric_tables import NUMBER_COLUMNS, number_column
 from dqcontrol.measures.repeats import LABELS, LEVEL, Mean, Repeats, Row
@@ -51,10 +34,10 @@ _BESIDE = 12  # combinations in one panel
 _APART = 10.0  # times: the smaller would be flat on one linear axis
 _LETTERS = 80  # of all laws below the axis
 _TICKS = 10  # so many places of a parameter are all labelled
-_MEAN: dict[str, Any] = {"color": DESIRED, "marker": "_", "ms": 9, "mew": 1.4, "lw": 1.2}
+_MEAN: dict[str, Any] = {"color": styles.DESIRED, "marker": "_", "ms": 9, "mew": 1.4, "lw": 1.2}
 
 
-@styled
+@styles.styled
 def repeats_figure(rows: Sequence[Row], key: str = "error.integral", *, level: float = LEVEL) -> Figure:
     """Plot a number of every run as a point, with mean and confidence interval, by law and set.
 
@@ -90,7 +73,7 @@ def repeats_figure(rows: Sequence[Row], key: str = "error.integral", *, level: f
     kind = {group: study.describe(group, beside) for group in study.groups}
     scene = {group: study.describe(group, {*LABELS} - {"law", *beside}) for group in study.groups}
     laws, kinds, scenes = (list(dict.fromkeys(of.values())) for of in (law, kind, scene))
-    figure = new_figure(DOUBLE, 0.7 + 2.6 * len(scenes))
+    figure = styles.new_figure(styles.DOUBLE, 0.7 + 2.6 * len(scenes))
     panels = dict(zip(scenes, figure.subplots(len(scenes), 1, sharex=True, squeeze=False)[:, 0], strict=True))
     seen: dict[str, list[float]] = {name: [] for name in scenes}
     width = 0.8 / len(kinds)
@@ -100,7 +83,7 @@ def repeats_figure(rows: Sequence[Row], key: str = "error.integral", *, level: f
         values = study.values(group, key)
         places = centre + width * (np.linspace(-0.35, 0.2, len(values)) if len(values) > 1 else np.zeros(1))
         seen[scene[group]] += values
-        panels[scene[group]].plot(places[: len(values)], values, **mark_style(i))
+        panels[scene[group]].plot(places[: len(values)], values, **styles.mark_style(i))
         _draw_mean(panels[scene[group]], centre + 0.35 * width, study.mean(group, key), level)
     for name, axes in panels.items():
         axes.set_ylabel(heading)
@@ -109,17 +92,17 @@ def repeats_figure(rows: Sequence[Row], key: str = "error.integral", *, level: f
         axes.grid(False, axis="x")
         axes.set_title(name, loc="left")
         if seen[name] and max(seen[name]) > _APART * min(seen[name]) > 0:
-            logarithmic(axes)
+            styles.logarithmic(axes)
             axes.set_ylim(bottom=max(axes.get_ylim()[0], 0.5 * min(seen[name])))
     if max(map(len, laws)) * len(laws) > _LETTERS:
         panels[scenes[-1]].set_xticks(range(len(laws)), laws, rotation=25, ha="right")
-    marks = [Line2D([], [], label=name, **mark_style(i)) for i, name in enumerate(kinds) if name]
+    marks = [Line2D([], [], label=name, **styles.mark_style(i)) for i, name in enumerate(kinds) if name]
     mean = Line2D([], [], label=f"mean, {100 * level:g} % interval", **_MEAN)
-    legend_below(figure, panels[scenes[0]], [*marks, mean])
+    styles.legend_below(figure, panels[scenes[0]], [*marks, mean])
     return figure
 
 
-@styled
+@styles.styled
 def gain_figure(rows: Sequence[Row], over: str = "set") -> Figure:
     """Plot the mean integral of the error over sets or a parameter, with its interval, one curve a law.
 
@@ -160,19 +143,20 @@ def gain_figure(rows: Sequence[Row], over: str = "set") -> Figure:
             curve.append((x, mean.mean, _half_width(mean, LEVEL)))
     if not curves:
         raise ShapeError(f"rows: no run that did not fail has '{key}' and '{over}'")
-    figure = new_figure(DOUBLE, 3.8)
+    figure = styles.new_figure(styles.DOUBLE, 3.8)
     axes = figure.subplots()
-    widths = line_widths(len(curves))
+    widths = styles.line_widths(len(curves))
     for i, ((label, points), thickness) in enumerate(zip(curves.items(), widths, strict=True)):
         x, y, half_width = np.array(sorted(points)).T
-        axes.errorbar(x, y, half_width, label=label, lw=thickness, **mark_style(i) | line_style(i))
+        axes.errorbar(
+            x, y, half_width, label=label, lw=thickness, **styles.mark_style(i) | styles.line_style(i)
+        )
     if all(y > 0 for points in curves.values() for _, y, _ in points):
-        logarithmic(axes)
+        styles.logarithmic(axes)
     _mark_places(axes, places, numeric)
-    axes.set_xlabel(with_unit(over.removeprefix("parameter.")))
-    axes.set_ylabel(number_column(key).heading)
+    axes.set(xlabel=with_unit(over.removeprefix("parameter.")), ylabel=number_column(key).heading)
     if any(curves):
-        legend_below(figure, axes)
+        styles.legend_below(figure, axes)
     return figure
 
 
@@ -203,7 +187,7 @@ _MOST_LINES = 12  # in a panel, and values on an axis
 _DECADE = 10.0  # from such a ratio of its ends on an axis is logarithmic
 
 
-@styled
+@styles.styled
 def sweep_figure(ranking: Ranking) -> Figure:
     """Plot the number that a study is ranked by against each parameter that varies, one point a combination.
 
@@ -229,30 +213,34 @@ def sweep_figure(ranking: Ranking) -> Figure:
     names = [name for name in ranking.varied if name not in LABELS] or ranking.varied or ["law"]
     kinds = _kinds(ranking, names)
     y = ranking.column(ranking.by)
-    figure, grid = panel_grid(len(names), min(len(names), _ACROSS), 2.4, 0.5, sharey=True)
+    figure, grid = styles.panel_grid(len(names), min(len(names), _ACROSS), 2.4, 0.5, sharey=True)
     joined = _lines(ranking, names, kinds)
     for axes, name in zip(grid.flat, names, strict=False):
         x = _placed(axes, ranking.column(name))
         groups = joined.get(name, kinds)
         for i, kind in enumerate(_ordered(groups, ranking.column(_other(names, name)) if joined else None)):
-            mine, colour = np.flatnonzero(groups == kind), COLOURS[i % len(COLOURS)]
+            mine, colour = np.flatnonzero(groups == kind), styles.COLOURS[i % len(styles.COLOURS)]
             mine = mine[np.argsort(x[mine], kind="stable")]
-            look: dict[str, Any] = {"marker": MARKERS[i % len(MARKERS)], "color": colour, "mew": 0}
+            look: dict[str, Any] = {
+                "marker": styles.MARKERS[i % len(styles.MARKERS)],
+                "color": colour,
+                "mew": 0,
+            }
             look["ls"] = "-" if name in joined else ""
             axes.plot(x[mine], y[mine], ms=_size(len(y)), rasterized=name not in joined, **look)
             axes.plot([], [], ms=5, label=kind, **look)  # seen in the legend
-        axes.plot(x[0], y[0], "o", ms=9, mfc="none", mec=DESIRED, label="best")
+        axes.plot(x[0], y[0], "o", ms=9, mfc="none", mec=styles.DESIRED, label="best")
         axes.set_xlabel(with_unit(name.removeprefix("parameter.")))
         if (y > 0).all() and y.max() > _DECADE * y.min():
-            logarithmic(axes)
+            styles.logarithmic(axes)
         if name in joined:
-            legend_above(axes, 3)
+            styles.legend_above(axes, 3)
     for axes in grid[:, 0]:
         axes.set_ylabel(number_column(ranking.by).heading)
     for axes in grid.flat[len(names) :]:
         axes.remove()
     if not joined:
-        legend_below(figure, grid[0, 0])
+        styles.legend_below(figure, grid[0, 0])
     return figure
 
 
@@ -319,7 +307,7 @@ def _size(count: int) -> float:
     return float(np.clip(50 / np.sqrt(count), 1.6, 4.0))
 
 
-@styled
+@styles.styled
 def surface(
     x: ArrayLike, y: ArrayLike, heights: Mapping[str, ArrayLike], labels: tuple[str, str] = ("$q$", "$r$")
 ) -> Figure:
@@ -352,11 +340,11 @@ def surface(
     shape = tuple(map(len, grid))
     if not heights:
         raise ShapeError("heights: expected at least one surface, got none")
-    logarithmic = [_is_geometric(values) for values in grid]
-    places = [np.log10(v) if log else v for v, log in zip(grid, logarithmic, strict=True)]
-    across = panels_across(min(len(heights), 3))
+    by_decades = [_is_geometric(values) for values in grid]
+    places = [np.log10(v) if log else v for v, log in zip(grid, by_decades, strict=True)]
+    across = styles.panels_across(min(len(heights), 3))
     rows = -(-len(heights) // across)
-    figure = new_figure(DOUBLE, 0.3 + 2.6 * rows)
+    figure = styles.new_figure(styles.DOUBLE, 0.3 + 2.6 * rows)
     for i, (title, values) in enumerate(heights.items()):
         height = np.asarray(values, dtype=float)
         if height.shape != shape:
@@ -371,10 +359,10 @@ def surface(
             rstride=1,
             cstride=1,
         )
-        for name, label, at, log in zip("xy", labels, places, logarithmic, strict=True):
+        for name, label, at, log in zip("xy", labels, places, by_decades, strict=True):
             _mark_axis(axes, name, label, at, log)
         axes.zaxis.set_major_locator(MaxNLocator(5))
-        axes.zaxis.set_pane_color(PANE)
+        axes.zaxis.set_pane_color(styles.PANE)
         axes.set_title(title, y=0.94)
         axes.view_init(elev=24, azim=-130)
         axes.set_box_aspect((1, 1, 0.8), zoom=0.85)
@@ -433,13 +421,13 @@ def surface_figure(
     return surface(grid[0], grid[1], heights, labels)
 
 
-def _mark_axis(axes: Any, name: str, label: str, places: Array, logarithmic: bool) -> None:
+def _mark_axis(axes: Any, name: str, label: str, places: Array, by_decades: bool) -> None:
     """Label an axis; a logarithmic one, which matplotlib cannot draw in space, by its decades."""
     from matplotlib.ticker import MaxNLocator
 
     getattr(axes, f"set_{name}label")(label, labelpad=0)
-    getattr(axes, f"{name}axis").set_pane_color(PANE)
-    if not logarithmic:
+    getattr(axes, f"{name}axis").set_pane_color(styles.PANE)
+    if not by_decades:
         getattr(axes, f"{name}axis").set_major_locator(MaxNLocator(5))
         return
     decades = [d for d in range(-30, 31) if places[0] - 1e-9 <= d <= places[-1] + 1e-9]
@@ -463,7 +451,7 @@ def _increasing(field: str, values: ArrayLike) -> Array:
     return array
 
 
-@styled
+@styles.styled
 def search_figure(tuning: Tuning) -> Figure:
     """Plot the best total so far of each law against the evaluations, and its total on what was not seen.
 
@@ -471,29 +459,30 @@ def search_figure(tuning: Tuning) -> Figure:
     --------
     >>> search_figure(tuning).savefig("search.pdf")  # doctest: +SKIP
     """
-    figure = new_figure(DOUBLE, 2.8)
+    figure = styles.new_figure(styles.DOUBLE, 2.8)
     axes = figure.subplots()
-    widths = line_widths(len(tuning.laws))
+    widths = styles.line_widths(len(tuning.laws))
     for i, each in enumerate(tuning.laws):
         rows = each.result.rows[: each.result.evaluations]
         totals = [math.inf if row["total"] is None or row["violation"] else row["total"] for row in rows]
         best = np.minimum.accumulate(totals)
         seen = np.isfinite(best)
         count = np.arange(1, len(best) + 1)
-        axes.step(count[seen], best[seen], where="post", lw=widths[i], label=each.label, **line_style(i))
+        axes.step(
+            count[seen], best[seen], where="post", lw=widths[i], label=each.label, **styles.line_style(i)
+        )
         if math.isfinite(each.result.held_out_total):
             axes.plot(len(best) + 1, each.result.held_out_total, **_mark(i), mfc="none")
     axes.plot([], [], "o", color="0.4", mfc="none", label="held out")
-    axes.set_xlabel("evaluations")
-    axes.set_ylabel("weighted objectives")
+    axes.set(xlabel="evaluations", ylabel="weighted objectives")
     low, high = axes.dataLim.ymin, axes.dataLim.ymax
     if low > 0 and high > _DECADE * low:
-        logarithmic(axes)
-    legend_below(figure, axes)
+        styles.logarithmic(axes)
+    styles.legend_below(figure, axes)
     return figure
 
 
-@styled
+@styles.styled
 def front_figure(tuning: Tuning) -> Figure:
     """Plot the best compromises of two objectives, one line a law.
 
@@ -509,7 +498,7 @@ def front_figure(tuning: Tuning) -> Figure:
     front = tuning.problem.block.front
     if front is None:
         raise ShapeError("tuning: has no fronts; give tune.front")
-    figure = new_figure(DOUBLE, 3.2)
+    figure = styles.new_figure(styles.DOUBLE, 3.2)
     axes = figure.subplots()
     for i, each in enumerate(tuning.laws):
         if each.result.front:
@@ -522,17 +511,19 @@ def front_figure(tuning: Tuning) -> Figure:
         if low > 0 and high > _DECADE * low:
             scale("log")
     first, second = front.objectives
-    axes.set_xlabel(NUMBER_COLUMNS[first].heading)
-    axes.set_ylabel(NUMBER_COLUMNS[second].heading)
-    legend_below(figure, axes)
+    axes.set(xlabel=NUMBER_COLUMNS[first].heading, ylabel=NUMBER_COLUMNS[second].heading)
+    styles.legend_below(figure, axes)
     return figure
 
 
 def _mark(index: int) -> dict[str, Any]:
-    return {"marker": MARKERS[index % len(MARKERS)], "color": COLOURS[index % len(COLOURS)]}
+    return {
+        "marker": styles.MARKERS[index % len(styles.MARKERS)],
+        "color": styles.COLOURS[index % len(styles.COLOURS)],
+    }
 
 
-@styled
+@styles.styled
 def repeats_of_learning(learning: Learning) -> Figure:
     """Plot the position's error against the repeats, beside it over time, before and after; a wanted force's instead.
 
@@ -540,30 +531,29 @@ def repeats_of_learning(learning: Learning) -> Figure:
     --------
     >>> repeats_of_learning(learning).savefig("learning.pdf")  # doctest: +SKIP
     """
-    figure = new_figure(DOUBLE, 2.8)
+    figure = styles.new_figure(styles.DOUBLE, 2.8)
     left, right = figure.subplots(1, 2)
     repeats, forces = learning.repeats, learning.forces
     numbers = [each.number for each in repeats]
     errors = [each.position if each.force is None else each.force for each in repeats]
     seen = [each.seen if each.force is None else each.learnable for each in repeats]
     measured = "as measured" if forces is None else "as measured, in the band"
-    left.plot(numbers, errors, "o-", color=COLOURS[0], label="true, RMS")
-    left.plot(numbers, seen, "s--", color=COLOURS[1], label=measured)
-    left.plot(numbers, [each.noise for each in repeats], ":", color=NEUTRAL, label="noise in the band")
-    left.plot(learning.best, errors[learning.best], "o", ms=9, mfc="none", mec=NEUTRAL, label="kept")
-    logarithmic(left)
-    left.set_xlabel("repeat")
-    left.set_ylabel("position error [mm]" if forces is None else "force error [N]")
-    legend_above(left, 2)
+    left.plot(numbers, errors, "o-", color=styles.COLOURS[0], label="true, RMS")
+    left.plot(numbers, seen, "s--", color=styles.COLOURS[1], label=measured)
+    left.plot(numbers, [each.noise for each in repeats], ":", color=styles.NEUTRAL, label="noise in the band")
+    left.plot(learning.best, errors[learning.best], "o", ms=9, mfc="none", mec=styles.NEUTRAL, label="kept")
+    styles.logarithmic(left)
+    left.set(xlabel="repeat", ylabel="position error [mm]" if forces is None else "force error [N]")
+    styles.legend_above(left, 2)
     left.xaxis.get_major_locator().set_params(integer=True)
-    of_first = {"color": COLOURS[1], "label": "first"}
-    of_best = {"color": COLOURS[0], "label": f"repeat {learning.best}"}
+    of_first = {"color": styles.COLOURS[1], "label": "first"}
+    of_best = {"color": styles.COLOURS[0], "label": f"repeat {learning.best}"}
     if forces is None:
         start = learning.first.desired_position
         before, after = _over_time(learning.first, start), _over_time(learning.last, start)
         right.plot(*before, **of_first)
         right.plot(*after, **of_best)
-        logarithmic(right)
+        styles.logarithmic(right)
         right.set_ylim(bottom=0.1 * min(np.median(before[1]), np.median(after[1])))  # at the start both are 0
     else:
         for record, style in ((learning.first, of_first), (learning.last, of_best)):
@@ -572,7 +562,7 @@ def repeats_of_learning(learning: Learning) -> Figure:
                 line.set_label("_")
         right.set_ylabel("force − wanted force [N]")
     right.set_xlabel("time [s]")
-    legend_above(right, 2)
+    styles.legend_above(right, 2)
     return figure
 
 
@@ -587,7 +577,7 @@ _WINDOW = 2.5  # s that are shown closely
 _MOST_POINTS = 4000  # points of a curve of residuals
 
 
-@styled
+@styles.styled
 def servo_fits(joints: Mapping[str, tuple[JointTrace, float]]) -> Figure:
     """Plot for each joint fit and residual: left where it is liveliest, right all along beside the floor.
 
@@ -600,28 +590,30 @@ def servo_fits(joints: Mapping[str, tuple[JointTrace, float]]) -> Figure:
     --------
     >>> servo_fits({joint.name: (joint.trace, joint.floor) for joint in found.fitted})  # doctest: +SKIP
     """
-    figure = new_figure(DOUBLE, 0.6 + 1.25 * len(joints))
+    figure = styles.new_figure(styles.DOUBLE, 0.6 + 1.25 * len(joints))
     grid = figure.subplots(len(joints), 2, squeeze=False)
     for (name, (trace, floor)), (close, all_along) in zip(joints.items(), grid, strict=True):
         shown = _liveliest(trace)
         time = trace.time[shown]
-        close.plot(time, trace.target[shown], color=DESIRED, lw=0.8, label="commanded")
-        close.plot(time, trace.position[shown], color=COLOURS[0], lw=1.4, label="measured")
-        close.plot(time, trace.fitted[shown], color=COLOURS[1], lw=0.8, ls="--", label="fitted")
+        close.plot(time, trace.target[shown], color=styles.DESIRED, lw=0.8, label="commanded")
+        close.plot(time, trace.position[shown], color=styles.COLOURS[0], lw=1.4, label="measured")
+        close.plot(time, trace.fitted[shown], color=styles.COLOURS[1], lw=0.8, ls="--", label="fitted")
         close.set_title(name, loc="left")
         thin = slice(None, None, max(1, len(trace.time) // _MOST_POINTS))
         left = 1e3 * (trace.position - trace.fitted)
         late = np.isfinite(trace.foreseen)
         ahead = np.where(late, 1e3 * (trace.position - trace.foreseen), np.nan)
-        all_along.plot(trace.time[thin], left[thin], color=COLOURS[0], lw=0.4, label="left by the fit")
-        all_along.plot(trace.time[thin], ahead[thin], color=COLOURS[1], lw=0.4, label="left where not fitted")
+        all_along.plot(trace.time[thin], left[thin], color=styles.COLOURS[0], lw=0.4, label="left by the fit")
+        all_along.plot(
+            trace.time[thin], ahead[thin], color=styles.COLOURS[1], lw=0.4, label="left where not fitted"
+        )
         for side in (-2e3, 2e3):
-            all_along.axhline(side * floor, color=DESIRED, lw=0.8, ls="--")
+            all_along.axhline(side * floor, color=styles.DESIRED, lw=0.8, ls="--")
         all_along.set_ylabel("left [mrad]")
         close.set_ylabel("[rad]")
     for axes in grid[-1]:
         axes.set_xlabel("time [s]")
-    legend_below(figure, grid[0][0], grid[0][1].get_legend_handles_labels()[0])
+    styles.legend_below(figure, grid[0][0], grid[0][1].get_legend_handles_labels()[0])
     return figure
 
 

@@ -28,16 +28,14 @@ from dqcontrol.errors import (
 )
 from dqcontrol.figures.paths import desired_in_room, tip_paths
 from dqcontrol.files.whole_file import whole_file
-from dqcontrol.films.drawn_scene import COLOURS
+from dqcontrol.films.drawn_scene import COLOURS, check_picture_file
 from dqcontrol.films.film import Film, film_arm, film_physics, frames, with_rolling_wheels
-from dqcontrol.films.offscreen import check_picture_file
 from dqcontrol.films.physics_picture import render_run
 from dqcontrol.loop.constraint_signals import DISTANCE
 from dqcontrol.measures.held import plans_of_run
 from dqcontrol.measures.metrics import contact_force
 from dqcontrol.plants.mobile.mobile_plant import MobilePlant
-from dqcontrol.robots.serial_arm import SerialArm
-from dqcontrol.robots.tree_robot import TreeRobot
+from dqcontrol.robots import SerialArm, TreeRobot
 from dqcontrol.world import World, stands
 
 CLIPS = (".gif", ".mp4", ".webp")

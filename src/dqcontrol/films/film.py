@@ -15,9 +15,8 @@ from dqcontrol.algebra import matrix_from_pose, translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError
 from dqcontrol.figures.paths import desired_in_room, recorded_frames, tip_paths
-from dqcontrol.figures.robot_bodies import arm_meshes, chain_rows, smoothed
-from dqcontrol.films.drawn_scene import COLOURS, DrawnScene, add_actual, add_desired, add_ghost, add_mark
-from dqcontrol.films.offscreen import offscreen, renderer
+from dqcontrol.figures.robot_bodies import arm_meshes, chain_rows, smoothed, wheel_angles
+from dqcontrol.films import drawn_scene
 from dqcontrol.loop.signals import Signal
 from dqcontrol.measures.held import apart_at_plans, plans_of_run
 from dqcontrol.plants.mobile.wheeled_base import WHEELS
@@ -292,7 +291,7 @@ def frames(
     options.geomgroup[4] = 0
     camera = camera_at(framing, towards, film.elevation if elevation is None else elevation)
     everything, away = mujoco.mjtCatBit.mjCAT_ALL.value, _BEHIND * _direction(camera)
-    with offscreen(width, height), renderer(model, width, height) as draw:
+    with drawn_scene.offscreen(width, height), drawn_scene.renderer(model, width, height) as draw:
         for k, *others in samples:
             data.qpos[:] = configurations[k]
             mujoco.mj_kinematics(model, data)
@@ -301,7 +300,9 @@ def frames(
             for i, ((ghost, places), j) in enumerate(zip(ghosts, others, strict=True)):
                 ghost.qpos[:] = places[j]
                 mujoco.mj_kinematics(model, ghost)
-                add_ghost(model, ghost, scene, _GHOST, COLOURS[i % len(COLOURS)], away)
+                drawn_scene.add_ghost(
+                    model, ghost, scene, _GHOST, drawn_scene.COLOURS[i % len(drawn_scene.COLOURS)], away
+                )
             film.decorate(scene, int(k))
             yield draw(scene)
 
@@ -353,18 +354,18 @@ def film_arm(
     framing = framing_of_arm(robot, postures, np.vstack([desired, *paths]), meshes)
     ways = apart_at_plans(record, desired)
     plans = [each for each in plans_of_run(record) if each.cause]
-    around = DrawnScene(kept, record, framing.reach, framing.floor) if kept else None
+    around = drawn_scene.DrawnScene(kept, record, framing.reach, framing.floor) if kept else None
 
     def decorate(scene: Any, k: int) -> None:
         if around is not None:
             around.add(scene, k)
         for way in ways:
-            add_desired(scene, way, framing.reach, _PIECES)
+            drawn_scene.add_desired(scene, way, framing.reach, _PIECES)
         for path in actual:
-            add_actual(scene, path[: k + 1], framing.reach, _PIECES)
+            drawn_scene.add_actual(scene, path[: k + 1], framing.reach, _PIECES)
         for made in plans:
             if made.time <= record.time[k]:
-                add_mark(scene, made.place, framing.reach, f"held by {made.held_by}")
+                drawn_scene.add_mark(scene, made.place, framing.reach, f"held by {made.held_by}")
 
     return Film(
         spec,
@@ -447,11 +448,5 @@ def with_rolling_wheels(robot: Robot, record: Record) -> Record:
     """
     if "wheel_angle" in record.readings:
         return record
-    _, _, radius, half_track, *_ = robot.drives[0]
-    x, y, heading = record.q[:, :3].T
-    middle = 0.5 * (heading[1:] + heading[:-1])
-    ahead = np.diff(x) * np.cos(middle) + np.diff(y) * np.sin(middle)
-    turned = half_track * np.diff(heading)
-    steps = np.stack([ahead + turned, ahead - turned], axis=1) / radius
-    angles = Signal("wheel_angle", WHEELS, ("rad", "rad"), np.vstack([np.zeros(2), np.cumsum(steps, axis=0)]))
+    angles = Signal("wheel_angle", WHEELS, ("rad", "rad"), wheel_angles(robot, record.q)[:, :2])
     return replace(record, readings={**record.readings, angles.name: angles})

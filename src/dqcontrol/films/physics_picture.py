@@ -13,15 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.algebra import translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError, as_array
-from dqcontrol.films.drawn_scene import add_actual, add_desired, add_ghost
-from dqcontrol.films.film import (
-    add_meshes,
-    add_scene_background,
-    camera_at,
-    framing_of_arm,
-    link_meshes,
-)
-from dqcontrol.films.offscreen import check_picture_file, offscreen, renderer
+from dqcontrol.films import drawn_scene, film
 from dqcontrol.plants.mujoco.mujoco_model import compiled, skeleton, skeleton_positions
 from dqcontrol.robots.files.mjcf import import_mujoco
 
@@ -92,7 +84,7 @@ def render_run(
     target = Path(path)
     if target.suffix.lower() != ".png":
         raise FileFormatError(f"{target}: pictures are PNG files, got the ending '{target.suffix}'")
-    check_picture_file(target, overwrite=overwrite)
+    drawn_scene.check_picture_file(target, overwrite=overwrite)
     for field, value, least in (("ghosts", ghosts, 0), ("width", width, 1), ("height", height, 1)):
         if not isinstance(value, int) or value < least:
             raise ValueRangeError(f"{field}: must be an integer ≥ {least}, got {value}")
@@ -128,16 +120,16 @@ def _picture(
 ) -> NDArray[np.uint8]:
     """Return the picture's pixels, for its width and height and the azimuth and elevation of its view."""
     mujoco = import_mujoco()
-    spec, meshes = skeleton(robot), link_meshes(robot)
-    add_meshes(spec, robot, meshes)
+    spec, meshes = skeleton(robot), film.link_meshes(robot)
+    film.add_meshes(spec, robot, meshes)
     shown = rows[[k * (len(rows) - 1) // ghosts for k in range(ghosts)] + [-1]]
-    framing = framing_of_arm(robot, shown, np.vstack([*actual, desired]), meshes)
+    framing = film.framing_of_arm(robot, shown, np.vstack([*actual, desired]), meshes)
     reach = framing.reach
-    add_scene_background(mujoco, spec, framing, view[0], size)
+    film.add_scene_background(mujoco, spec, framing, view[0], size)
     model = compiled(spec)
     data = mujoco.MjData(model)
     scene = mujoco.MjvScene(model, maxgeom=(1 + len(actual)) * _PIECES + (ghosts + 2) * (model.ngeom + 4))
-    options, nobody, camera = mujoco.MjvOption(), mujoco.MjvPerturb(), camera_at(framing, *view)
+    options, nobody, camera = mujoco.MjvOption(), mujoco.MjvPerturb(), film.camera_at(framing, *view)
 
     def pose_arm(q: Array) -> None:
         data.qpos[:] = skeleton_positions(robot, q)
@@ -148,9 +140,9 @@ def _picture(
     mujoco.mjv_updateScene(model, data, options, nobody, camera, mujoco.mjtCatBit.mjCAT_ALL.value, scene)
     for k in range(ghosts):
         pose_arm(rows[k * (len(rows) - 1) // ghosts])
-        add_ghost(model, data, scene, _GHOST)
-    add_desired(scene, desired, reach, _PIECES)
+        drawn_scene.add_ghost(model, data, scene, _GHOST)
+    drawn_scene.add_desired(scene, desired, reach, _PIECES)
     for each in actual:
-        add_actual(scene, each, reach, _PIECES)
-    with offscreen(*size), renderer(model, *size) as draw:
+        drawn_scene.add_actual(scene, each, reach, _PIECES)
+    with drawn_scene.offscreen(*size), drawn_scene.renderer(model, *size) as draw:
         return draw(scene)

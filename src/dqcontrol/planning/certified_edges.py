@@ -20,19 +20,11 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, inline, kernel, shared, types
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.constraints import Constraints, constraint_layout as layout
-from dqcontrol.constraints.constraint_rows import (
-    farther_than,
-    place_bodies,
-    place_frames,
-    place_obstacles,
-    value_of,
-)
+from dqcontrol.constraints import Constraints, constraint_layout as layout, constraint_rows
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.planning.standing_world import standing
-from dqcontrol.robots.limits import Limits
-from dqcontrol.robots.robot import Robot
+from dqcontrol.robots import Limits, Robot
 
 # m or rad: how far a base that stands may be off its place, a tenth of what counts as rounding
 _STANDS = 1e-10
@@ -156,18 +148,20 @@ def certify_curve(proof, curve, tolerance, answer):
             middle[i] = (
                 (1.0 - t) ** 2 * curve[i] + 2.0 * t * (1.0 - t) * curve[n + i] + t * t * curve[2 * n + i]
             )
-        status = place_frames(proof.chain, middle, proof.scene, proof.placed)
+        status = constraint_rows.place_frames(proof.chain, middle, proof.scene, proof.placed)
         if status != OK:
             return status
-        place_bodies(proof.scene, proof.placed, 0.0)
+        constraint_rows.place_bodies(proof.scene, proof.placed, 0.0)
         left, widest = 0, 0.0
         for place in range(int(counts[depth])):
             k = int(open_rows[depth, place])
             row, need, reach = layout.row_of(proof.kept.rows[k]), proof.needs[k], half * work.spans[k]
             level = answer[ROOM] - tolerance if tolerance >= 0.0 else 0.0
-            if row.kind == layout.APART and farther_than(proof.placed, row) - need >= reach + max(level, 0.0):
+            if row.kind == layout.APART and constraint_rows.farther_than(
+                proof.placed, row
+            ) - need >= reach + max(level, 0.0):
                 continue
-            room = value_of(proof.scene, proof.placed, row) - need
+            room = constraint_rows.value_of(proof.scene, proof.placed, row) - need
             if room < answer[ROOM]:
                 answer[ROOM], answer[ROW], answer[SHARE] = room, float(k), t
             if tolerance < 0.0 and room < 0.0:
@@ -200,7 +194,7 @@ def proof_of(chain, n, needs, parameters, own, scratch):
     given, memory = layout.parameters_of(parameters, n, m, settings), layout.work_of(scratch, n, m, settings)
     kept, scene = layout.kept_of(given.kept, m, settings), layout.scene_of(given.scene, settings)
     way, placed = layout.way_of(given.way, n, m, settings), layout.placed_of(memory.placed, m, settings)
-    place_obstacles(scene, placed, 0.0, 0, 0.0, settings.period, settings.period)
+    constraint_rows.place_obstacles(scene, placed, 0.0, 0, 0.0, settings.period, settings.period)
     return Proof(chain, kept, scene, placed, way.coordinate, needs, proof_work(own, n, settings.rows))
 
 

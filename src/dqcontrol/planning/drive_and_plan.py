@@ -26,18 +26,8 @@ from dqcontrol.planning.plan import EFFORT, as_goal, as_law_keeps, checked_start
 from dqcontrol.planning.plan_to import PlanTo, limits_of_ways, samples_of
 from dqcontrol.planning.smooth_way import SmoothWay
 from dqcontrol.planning.standing_world import standing
+from dqcontrol.references import drive_to
 from dqcontrol.references.drive_through import DriveThrough
-from dqcontrol.references.drive_to import (
-    AROUND_TRIES,
-    CLEARANCE,
-    WIDER,
-    DriveTo,
-    PlannedWay,
-    check_around,
-    clear_of_floor,
-    goal_configurations,
-    ways_around,
-)
 from dqcontrol.references.gripping import GripperStep, held_by_steps
 from dqcontrol.references.reference import NO_CORNERS
 from dqcontrol.references.ways_around import WaysAround, across, folded_posture
@@ -76,7 +66,7 @@ class _Leg(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class DriveAndPlan(PlannedWay):
+class DriveAndPlan(drive_to.PlannedWay):
     """The motion of a robot whose base drives and whose arm sets off before that arrives; from `drive_and_plan`.
 
     Parameters
@@ -287,14 +277,14 @@ def _paths(
     reachable, limits = places, (speed_fraction, given.acceleration)
     floor = floor_kept(edges.kept)
     if floor is not None:
-        check_around(robot, start, floor)
-        places = clear_of_floor(floor, robot, places, CLEARANCE)
+        drive_to.check_around(robot, start, floor)
+        places = drive_to.clear_of_floor(floor, robot, places, drive_to.CLEARANCE)
         ways = chain(
-            ways_around(DriveTo, robot, start, places, limits, floor, CLEARANCE),
+            drive_to.ways_around(drive_to.DriveTo, robot, start, places, limits, floor, drive_to.CLEARANCE),
             _narrow_ways(edges, folded, reachable, limits, floor),
         )
     else:
-        ways = (DriveTo(robot, start, place, *limits) for place in places)
+        ways = (drive_to.DriveTo(robot, start, place, *limits) for place in places)
     first = int(robot.drives[0, 0])
     for way in ways:
         path = BasePath(folded, first, way.base_pieces)
@@ -311,7 +301,7 @@ def _steered_ways(
     robot, first = edges.robot, int(edges.robot.drives[0, 0])
     if len(robot.bases) != 1 or robot.drives[0, TURNING_RADIUS] == 0:
         return
-    steered = SteeredPaths(edges, start, WIDER * robot.drives[0, TURNING_RADIUS])
+    steered = SteeredPaths(edges, start, drive_to.WIDER * robot.drives[0, TURNING_RADIUS])
     for place in _nearest(places, start, first):
         passes = narrow_passes(edges, floor, start, place)
         poses = [each[first : first + 3] for each in chain([start], *passes, [place])]
@@ -332,7 +322,7 @@ def _narrow_ways(
     places: Array,
     limits: tuple[float, ArrayLike | None],
     floor: FloorMap,
-) -> Iterator[DriveTo]:
+) -> Iterator[drive_to.DriveTo]:
     """Yield ways to the nearest places through what is so narrow that a base has to be led straight on."""
     robot, first = edges.robot, int(edges.robot.drives[0, 0])
     if (robot.drives[:, TURNING_RADIUS] > 0).any():
@@ -354,24 +344,24 @@ def _narrow_ways(
             at = begin if end is None else end
         else:
             if via:
-                yield DriveTo(robot, start, place, *limits, via=via)
+                yield drive_to.DriveTo(robot, start, place, *limits, via=via)
 
 
 def _reaching(robot: Robot, start: Array, goal: DualQuaternion) -> Array:
     try:
-        return goal_configurations(robot, start, goal.vec8, AROUND_TRIES)
+        return drive_to.goal_configurations(robot, start, goal.vec8, drive_to.AROUND_TRIES)
     except UnreachableGoalError as error:
         raise PlanError(f"goal: {error}", "unreachable") from None
 
 
 # A step from a configuration, (n,), in a world, with what is kept then.
-Step: TypeAlias = Callable[[Robot, Array, World | None, PreparedConstraints], PlannedWay]
+Step: TypeAlias = Callable[[Robot, Array, World | None, PreparedConstraints], drive_to.PlannedWay]
 
 
 class _Gone(NamedTuple):
     """Steps so far: their ways and the pauses behind them, where they end and when, and what the gripper did."""
 
-    ways: tuple[PlannedWay, ...]
+    ways: tuple[drive_to.PlannedWay, ...]
     pauses: tuple[float, ...]
     q: Array
     time: float
@@ -445,7 +435,7 @@ class StepsInTurn:
             world = World(bodies={**bodies, **(still.world.bodies if still.world else {})})
         return self._after(gone, step(self._robot, gone.q, world, kept))
 
-    def _after(self, gone: _Gone, way: PlannedWay) -> _Gone:
+    def _after(self, gone: _Gone, way: drive_to.PlannedWay) -> _Gone:
         period = self._kept.period
         whole = period * math.ceil(way.duration / period - 1e-9)
         gripper = tuple(each.later(gone.time) for each in way.gripper_steps)

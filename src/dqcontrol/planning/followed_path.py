@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,12 +13,11 @@ from numpy.typing import ArrayLike
 from dqcontrol.arrays import Array
 from dqcontrol.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import PreparedConstraints
-from dqcontrol.errors import PlanError, ReachError, ShapeError, ValueRangeError, as_array
+from dqcontrol.errors import NoteWarning, PlanError, ReachError, ShapeError, ValueRangeError, as_array
 from dqcontrol.planning.certified_edges import CertifiedEdges, standing_at
+from dqcontrol.references import POSE, Reference
 from dqcontrol.references.drive_to import PlannedWay
 from dqcontrol.references.gripping import GripperStep
-from dqcontrol.references.reference import Reference
-from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot, postures
 from dqcontrol.robots.poses import unit_poses
 
@@ -198,6 +198,18 @@ def first_through(starts: list[tuple[Array, Array]], edges: CertifiedEdges, *, a
     raise PlanError(f"path: {text}", "path", pair=best.pair, nearest=nearest, sample=at)
 
 
+def start_through(starts: list[tuple[Array, Array]], edges: CertifiedEdges, *, aside: bool) -> Array:
+    """Return the start of those, (n,), from which its poses can be followed; see `first_through`.
+
+    Where there is none it is the first, and a note says the sample that stops the farthest.
+    """
+    try:
+        return first_through(starts, edges, aside=aside)[0]
+    except PlanError as error:
+        warnings.warn(f"start: {error}", NoteWarning, stacklevel=3)
+        return starts[0][0]
+
+
 def _postures_at(edges: CertifiedEdges, pose: Array) -> str:
     """Say how many postures there are at a pose that stops a path, and how many of them nothing speaks against."""
     try:
@@ -244,12 +256,6 @@ class FollowedPath(PlannedWay):
         """Return the robot's configurations at times (N,), s: shape (N, n)."""
         at, numbers = as_array("times", times) / self.period, np.arange(len(self.knots))
         return np.column_stack([np.interp(at, numbers, column) for column in self.knots.T])
-
-    def mean_inputs(self, times: ArrayLike, period: float) -> Array:
-        """Return the means of the robot's inputs from times (N,), s, to a period later: shape (N, m)."""
-        begins = as_array("times", times)
-        moved = self.configurations(begins + period) - self.configurations(begins)
-        return moved[:, self.robot.input_coordinates] / period
 
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""

@@ -278,12 +278,6 @@ class PlanTo(PlannedWay):
         """Return the robot's configurations at times (N,), s: shape (N, n)."""
         return self.plan.way.at(self.timing.at(as_array("times", times))[0])[0]
 
-    def mean_inputs(self, times: ArrayLike, period: float) -> Array:
-        """Return the means of the robot's inputs from times (N,), s, to a period later: shape (N, m)."""
-        begins = as_array("times", times)
-        moved = self.configurations(begins + period) - self.configurations(begins)
-        return moved[:, self.robot.input_coordinates] / period
-
     def motion(self, times: Array) -> Array:
         """Return samples (N, 21); see `Reference.motion`."""
         length, speed, rate = self.timing.at(times)

@@ -16,8 +16,7 @@ from dqcontrol.constraints.constraints import ClearOf, KeptBody
 from dqcontrol.constraints.prepared_constraints import ball_around
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.geometry import Plane
-from dqcontrol.world import Motion, World
-from dqcontrol.world.body import Body, Solid
+from dqcontrol.world import Body, Motion, Solid, World
 
 _FAR = 20.0  # m: what moves on without end sweeps a line of this length, beyond any robot's reach
 _MOST_PARTS = 100  # of a body

@@ -79,9 +79,11 @@ class PlannedWay(Reference):
     def configurations(self, times: ArrayLike) -> Array:
         """Return the robot's configurations at times (N,), s: shape (N, n)."""
 
-    @abstractmethod
     def mean_inputs(self, times: ArrayLike, period: float) -> Array:
         """Return the means of the robot's inputs from times (N,), s, to a period later: shape (N, m)."""
+        begins = as_array("times", times)
+        moved = self.configurations(begins + period) - self.configurations(begins)
+        return moved[:, self.robot.input_coordinates] / period
 
     def rested(self, times: Array) -> Array:
         """Return for how long the robot has been where it was to go, s, shape (N,); not positive on the way."""

@@ -20,10 +20,8 @@ from dqcontrol.experiments.prepared_experiment import sources
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.measures.number_texts import length_text, number_text
-from dqcontrol.robots import Robot, describe
+from dqcontrol.robots import Robot, SerialArm, WholeBody, describe
 from dqcontrol.robots.files.urdf_xml import mesh_names, missing_meshes
-from dqcontrol.robots.serial_arm import SerialArm
-from dqcontrol.robots.whole_body import WholeBody
 from dqcontrol.tables.tables import Cell, Column, Table, VerdictCell
 
 if TYPE_CHECKING:

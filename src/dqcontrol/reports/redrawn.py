@@ -11,25 +11,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import joblib
 
 from dqcontrol.errors import FileFormatError, LimitWarning, NoteWarning
+from dqcontrol.experiments import load_results, prepare, rank, read_spec
 from dqcontrol.experiments.check import LoopCheck, loop_checks
-from dqcontrol.experiments.load_results import (
-    is_study,
-    is_sweep,
-    load_rows,
-    load_run,
-    load_runs,
-    run_folders,
-    why_no_run,
-)
-from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.experiments.processes import in_processes
-from dqcontrol.experiments.ranking import rank
 from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE, added_files
-from dqcontrol.experiments.run_comparison import unit_of_way
-from dqcontrol.experiments.spec.spec import read_spec
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.reports.run_report import figures_of, write_run_report
-from dqcontrol.reports.study_reports import figures_of_several, surroundings_of
+from dqcontrol.reports.study_reports import figures_of_runs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,10 +58,12 @@ def rewrite_reports(
     --------
     >>> rewrite_reports(["results/circle"])  # doctest: +SKIP
     """
-    drafts = [_Place(run, _root(run)) for folder in map(Path, folders) for run in run_folders(folder)]
+    drafts = [
+        _Place(run, _root(run)) for folder in map(Path, folders) for run in load_results.run_folders(folder)
+    ]
     for place in drafts:
         if not (place.run / "record.mcap").is_file():
-            raise FileFormatError(why_no_run(place.run))
+            raise FileFormatError(load_results.why_no_run(place.run))
         read_spec(place.run / SPEC_FILE)  # says which code it brings: processes that draw say nothing
     if progress:
         progress(0, len(drafts))
@@ -102,7 +92,10 @@ def _root(run: Path) -> Path:
 
 
 def _drawn(place: _Place) -> Path:
-    run, outside = load_run(place.run), PARENT if place.root == place.run.resolve() else f"{PARENT}/{PARENT}"
+    run, outside = (
+        load_results.load_run(place.run),
+        PARENT if place.root == place.run.resolve() else f"{PARENT}/{PARENT}",
+    )
     old = place.run / "report.html"
     if old.is_file() and '<pre class="command">' in old.read_text(encoding="utf-8"):
         run = replace(run, expected=_expected(run.spec))  # it can be run again
@@ -136,13 +129,11 @@ def figures_of_results(folders: Sequence[Path]) -> dict[str, Figure]:
     """
     from dqcontrol.figures import repeats_figure, sweep_figure
 
-    if any(map(is_sweep, folders)):
+    if any(map(load_results.is_sweep, folders)):
         return {"sweep": sweep_figure(rank(folders))}
-    if any(map(is_study, folders)):
-        return {"repeats": repeats_figure(load_rows(folders))}
-    runs = load_runs(folders)
+    if any(map(load_results.is_study, folders)):
+        return {"repeats": repeats_figure(load_results.load_rows(folders))}
+    runs = load_results.load_runs(folders)
     if len(runs) == 1:
         return figures_of(next(iter(runs.values())))
-    records = {label: run.record for label, run in runs.items()}
-    unit = unit_of_way(run.robot for run in runs.values())
-    return figures_of_several(records, unit, surroundings_of(runs.values()))
+    return figures_of_runs(runs)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Iterator
 from contextlib import suppress
@@ -14,12 +15,11 @@ from dqcontrol.errors import MissingExtraError
 from dqcontrol.experiments.check import LoopCheck, judged
 from dqcontrol.experiments.result_pages import replay
 from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE
-from dqcontrol.experiments.run import Run, units_of
+from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.run_comparison import unit_of_way
 from dqcontrol.files.yaml_file import parse_yaml
-from dqcontrol.loop import Record, Timing
+from dqcontrol.loop import Record, Timing, has_failed
 from dqcontrol.loop.constraint_signals import DISTANCE, ROOM, SLACK
-from dqcontrol.loop.record import has_failed
 from dqcontrol.measures.held import deadlocks, plans_of_run
 from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.measures.metric_tables import metrics_tables
@@ -229,16 +229,16 @@ def figures_of(run: Run) -> dict[str, Figure]:
     """
     from dqcontrol.figures import run_figures
 
-    draw = run_figures(
-        run.record,
-        run.robot.limits,
-        **units_of(run.robot),
-        robot=run.robot,
-        timing=run.timing,
-        certificate=Certificate.recorded(run.record),
-        constraints=run.surroundings,
-    )
-    return {name: each() for name, each in draw.items()}
+    return {name: draw() for name, draw in run_figures(run).items()}
+
+
+def path_picture(record: Record) -> bytes:
+    """Return the path of the end effector as a PNG file."""
+    from dqcontrol.figures.paths import path_3d
+
+    picture = io.BytesIO()
+    path_3d(record).savefig(picture, format="png", dpi=100)
+    return picture.getvalue()
 
 
 def write_run_report(

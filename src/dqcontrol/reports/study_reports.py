@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dqcontrol.experiments.ranking import Ranking
-from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE
-from dqcontrol.experiments.row_file import Row
+from dqcontrol.experiments.results_folder import PARENT, SPEC_FILE, Row
 from dqcontrol.experiments.run_comparison import MOST_CURVES, unit_of_way
 from dqcontrol.experiments.study import Study, by_label
 from dqcontrol.experiments.verdict import verdict_of
@@ -18,6 +17,10 @@ from dqcontrol.loop.record import Record, has_failed
 from dqcontrol.measures.metric_tables import NUMBER_COLUMNS
 from dqcontrol.reports.about import RERUN_FOLDER, about_study, command, origins
 from dqcontrol.reports.report import write_report
+from dqcontrol.reports.run_report import (  # with these this file is a `ResultPages`
+    path_picture as path_picture,
+    write_run_report as write_run_report,
+)
 from dqcontrol.tables.tables import Cell, Column, Table, VerdictCell
 
 if TYPE_CHECKING:
@@ -50,17 +53,33 @@ def figures_of_several(
     return {name: draw() for name, draw in comparison_figures(few, unit, constraints).items()} if few else {}
 
 
+def figures_of_runs(runs: Mapping[str, Run]) -> dict[str, Figure]:
+    """Return the same of runs by label."""
+    unit = unit_of_way(run.robot for run in runs.values())
+    return figures_of_several(
+        {label: run.record for label, run in runs.items()}, unit, surroundings_of(runs.values())
+    )
+
+
+def _write(spec: str, folder: Path, name: str, *, by: str | None = None, **parts: Any) -> None:
+    """Write the report of results that a command of this name gives again from a spec."""
+    data = parse_yaml(SPEC_FILE, spec)
+    again = command(name, SPEC_FILE, by=by, out=f"{PARENT}/{RERUN_FOLDER}")
+    write_report(folder, str(data["name"]), command=again, spec=spec, origins=origins(data), **parts)
+
+
 def write_sweep_report(ranking: Ranking, spec: str, folder: Path) -> None:
     """Write ``report.html`` of a parameter study into an existing folder."""
     from dqcontrol.figures import sweep_figure
 
-    count, data = len(ranking.groups), parse_yaml(SPEC_FILE, spec)
+    count = len(ranking.groups)
     well = VerdictCell.of(ranking.placed == count, "succeeded", "failed")
-    write_report(
+    _write(
+        spec,
         folder,
-        str(data["name"]),
+        "sweep",
+        by=ranking.by,
         facts=f"{count:,} points, ranked by {ranking.by}",
-        command=command("sweep", SPEC_FILE, by=ranking.by, out=f"{PARENT}/{RERUN_FOLDER}"),
         verdicts=[
             Table(
                 [Column("Points whose runs ended well"), Column("End")],
@@ -69,8 +88,6 @@ def write_sweep_report(ranking: Ranking, spec: str, folder: Path) -> None:
         ],
         tables=[ranking.table()],
         figures={"sweep": sweep_figure(ranking)} if ranking.placed else {},
-        spec=spec,
-        origins=origins(data),
     )
 
 
@@ -184,21 +201,19 @@ def write_tuning_report(tuning: Tuning, spec: str, folder: Path) -> None:
     if any(each.result.front for each in tuning.laws):
         figures["front"] = front_figure(tuning)
     save_figures(figures, folder, ("svg",))
-    data, block = parse_yaml(SPEC_FILE, spec), tuning.problem.block
+    block = tuning.problem.block
     asked = " + ".join(f"{weight:g} × {name}" for name, weight in block.objectives.items())
     verdicts: list[list[Cell]] = [
         [each.label, _verdict(each.succeeded, each.result.held_out_violation == 0)] for each in tuning.laws
     ]
-    write_report(
+    _write(
+        spec,
         folder,
-        str(data["name"]),
+        "tune",
         facts=f"{len(tuning.laws)} laws, {block.budget} parameter sets each; smallest {asked}",
-        command=command("tune", SPEC_FILE, out=f"{PARENT}/{RERUN_FOLDER}"),
         verdicts=[Table([Column("law"), Column("constraints")], verdicts)],
         tables=[tuning.table(), _numbers(tuning), *_remarks(tuning.remarks())],
         figures=figures,
-        spec=spec,
-        origins=origins(data),
     )
 
 
@@ -236,23 +251,20 @@ def write_learning_report(learning: Learning, spec: str, folder: Path) -> None:
 
     figures = {"learning": repeats_of_learning(learning)}
     save_figures(figures, folder, ("svg",))
-    data = parse_yaml(SPEC_FILE, spec)
     first, best = learning.repeats[0], learning.repeats[learning.best]
     better = VerdictCell.of(learning.gain > 1, f"{learning.gain:.3g} × smaller", "no better")
     what, unit, errors = "position error RMS", "mm", [first.position, best.position]
     if first.force is not None:
         what, unit, errors = "force error RMS", "N", [first.force, best.force]
     columns = [Column(f"{what}, first", unit), Column("learnt", unit), Column("learning")]
-    write_report(
+    _write(
+        spec,
         folder,
-        str(data["name"]),
+        "learn",
         facts=f"{len(learning.repeats) - 1} repeats; {learning.stopped}",
-        command=command("learn", SPEC_FILE, out=f"{PARENT}/{RERUN_FOLDER}"),
         verdicts=[Table(columns, [[*errors, better]])],
         tables=[learning.table(), *_remarks(learning.remarks())],
         figures=figures,
-        spec=spec,
-        origins=origins(data),
     )
 
 

@@ -32,11 +32,11 @@ from dqcontrol.references.straight import PEAK_SPEED, progress
 from dqcontrol.robots import Robot
 from dqcontrol.ros2.loading import load_simulated
 from dqcontrol.ros2.tracked_hand import TRACKED, read_tracked
-from dqcontrol.tuning.learning.learnt_motion import TRACKED_POSE, write_motion
+from dqcontrol.tuning.learnt_motion import TRACKED_POSE, write_motion
 
 if TYPE_CHECKING:
     from dqcontrol.references import Points
-    from dqcontrol.tuning.learning.learn_spec import LearnProblem
+    from dqcontrol.tuning.spec_blocks import LearnProblem
 
 
 _PRIORITY = 20  # of both processes, where that is allowed: their work is a tenth of their periods

@@ -8,6 +8,7 @@ import math
 import re
 import shutil
 import unicodedata
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -440,6 +441,26 @@ class Table:
         except FileExistsError:
             raise ExistsError(f"{path}: exists already; choose another name or remove it") from None
         return path
+
+
+class Tabled(ABC):
+    """A result that shows itself as its table and what is to be said of it."""
+
+    @abstractmethod
+    def table(self) -> Table:
+        """Return its table."""
+
+    def remarks(self) -> Iterable[str]:
+        """Say what the table does not, a line each."""
+        return ()
+
+    def __str__(self) -> str:
+        """Return the table, and what is to be said of it."""
+        return "\n".join([str(self.table()), *self.remarks()])
+
+    def _repr_markdown_(self) -> str:
+        """Return what notebooks show: the same."""
+        return "\n".join([self.table().markdown(), *(f"* {remark}" for remark in self.remarks())])
 
 
 def _one_line(text: str) -> str:

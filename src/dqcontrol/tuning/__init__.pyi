@@ -1,6 +1,5 @@
-from .learning import (
-    Convergence as Convergence,
-    LearnBlock as LearnBlock,
+from .learning_convergence import Convergence as Convergence
+from .run_learning import (
     Learning as Learning,
     LearningRun as LearningRun,
     learn as learn,
@@ -17,4 +16,7 @@ from .searches import (
     nondominated as nondominated,
     search_front as search_front,
 )
-from .tune_spec import TuneBlock as TuneBlock
+from .spec_blocks import (
+    LearnBlock as LearnBlock,
+    TuneBlock as TuneBlock,
+)

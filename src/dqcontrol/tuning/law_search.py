@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -17,11 +17,12 @@ from msgspec.structs import replace
 
 from dqcontrol.errors import ShapeError, ValueRangeError, error_prefix, unknown_name
 from dqcontrol.experiments.prepared_experiment import check_program
-from dqcontrol.experiments.row_file import Row, parquet, read_rows, write_whole
+from dqcontrol.experiments.results_folder import Row, parquet, read_rows, write_whole
 from dqcontrol.files.plain_data import finite_or_none
 from dqcontrol.laws import Law
 from dqcontrol.measures.metric_tables import LARGE_IS_GOOD, NUMBERS
 from dqcontrol.named_fields import check_fields
+from dqcontrol.tuning import spec_blocks
 from dqcontrol.tuning.law_evaluation import (
     Evaluated,
     LawEvaluation,
@@ -30,18 +31,10 @@ from dqcontrol.tuning.law_evaluation import (
     searched_scenes,
 )
 from dqcontrol.tuning.searches import Point, SimplexSearch, nondominated, search_front
-from dqcontrol.tuning.tune_spec import (
-    PlantFamily,
-    SearchRange,
-    Slack,
-    StabilityJudge,
-    TuneProblem,
-    plant_family,
-)
 
 LOOP_GAIN, INTEGRAL_SHARE = "loop_gain", "integral_share"
 _SLOWEST = 50.0  # times the gain at the side where the margin ends
-_SHARES = SearchRange(low=2e-3, high=0.25)
+_SHARES = spec_blocks.SearchRange(low=2e-3, high=0.25)
 _INTEGRAL = "integral_gain"
 _MARGIN_TOLERANCE = 1e-3  # relative error of a margin that is asked for
 # with these alone a margin goes exactly with one over the gain: not with lags of a law's own, nor over a horizon
@@ -50,7 +43,7 @@ _SCALING = {"gain", "integral_gain"} | {
 }
 _MOST_STEPS = 4  # rescalings; they end by themselves within `_MARGIN_TOLERANCE`
 
-Judge = Callable[[Law], Slack]
+Judge = Callable[[Law], spec_blocks.Slack]
 
 
 class SearchSpace:
@@ -76,12 +69,14 @@ class SearchSpace:
         If the law has no such parameter, or it cannot be stable.
     """
 
-    def __init__(self, label: str, law: Law, ranges: Mapping[str, SearchRange] | None, judge: Judge) -> None:
+    def __init__(
+        self, label: str, law: Law, ranges: Mapping[str, spec_blocks.SearchRange] | None, judge: Judge
+    ) -> None:
         self.label = label
         self.law = law
         self._judge = judge
-        self._known: dict[str, Slack] = {}
-        self.ranges: dict[str, SearchRange | None] = dict(ranges) if ranges else self._defaults()
+        self._known: dict[str, spec_blocks.Slack] = {}
+        self.ranges: dict[str, spec_blocks.SearchRange | None] = dict(ranges) if ranges else self._defaults()
         for key in self.ranges:
             self._check_key(key)
         if LOOP_GAIN in self.ranges and (taken := set(law.gain_powers) & set(self.ranges)) == {"gain"}:
@@ -96,12 +91,12 @@ class SearchSpace:
         """Names of the free parameters, in the order of coordinates."""
         return tuple(self.ranges)
 
-    def _defaults(self) -> dict[str, SearchRange | None]:
+    def _defaults(self) -> dict[str, spec_blocks.SearchRange | None]:
         if not self.law.gain_powers:
             raise ShapeError(
                 f"tune.free.{self.label}: the law's loop gain is unknown; say which of its keys are free"
             )
-        found: dict[str, SearchRange | None] = {LOOP_GAIN: None}
+        found: dict[str, spec_blocks.SearchRange | None] = {LOOP_GAIN: None}
         if getattr(self.law, _INTEGRAL, 0.0):
             found[INTEGRAL_SHARE] = _SHARES
         return found
@@ -147,7 +142,7 @@ class SearchSpace:
             f"asked{ends if product else ''}"
         )
 
-    def slack(self, law: Law) -> Slack:
+    def slack(self, law: Law) -> spec_blocks.Slack:
         """Return gain and slack of a law, found once."""
         key = repr(law)
         if key not in self._known:
@@ -235,7 +230,7 @@ class LawTask:
         Where what was evaluated is kept while it runs, on this machine, and beside it what was found; None: nowhere.
     """
 
-    problem: TuneProblem
+    problem: spec_blocks.TuneProblem
     label: str
     part: int
     program: str
@@ -320,7 +315,7 @@ class LawSearch:
         Where what was evaluated is kept; what it holds is not repeated.
     """
 
-    def __init__(self, problem: TuneProblem, label: str, file: Path | None = None) -> None:
+    def __init__(self, problem: spec_blocks.TuneProblem, label: str, file: Path | None = None) -> None:
         self._problem, self._file = problem, file
         self.label = label
         ready = ready_problem(problem)
@@ -461,17 +456,15 @@ class LawSearch:
         ]
 
 
-@dataclass(frozen=True)
-class ReadyProblem:
+class ReadyProblem(NamedTuple):
     """What all laws of a problem share in one process."""
 
-    family: PlantFamily
     searched: LawEvaluation
     held_out: LawEvaluation
 
 
 @lru_cache(maxsize=1)
-def ready_problem(problem: TuneProblem) -> ReadyProblem:
+def ready_problem(problem: spec_blocks.TuneProblem) -> ReadyProblem:
     """Return plants and loops of a problem, made once in each process.
 
     Raises
@@ -483,11 +476,10 @@ def ready_problem(problem: TuneProblem) -> ReadyProblem:
     scenes = searched_scenes(problem)
     plant = next(iter(spec.plant_by_label.values()))
     with error_prefix(problem.where):
-        family = plant_family(plant, block.robust, block.margin, spec.period, problem.identified)
-        judge = StabilityJudge(spec, scenes[0], family, block.damping)
+        family = spec_blocks.plant_family(plant, block.robust, block.margin, spec.period, problem.identified)
+        judge = spec_blocks.StabilityJudge(spec, scenes[0], family, block.damping)
     seeds = range(spec.seed, spec.seed + block.seeds)
     return ReadyProblem(
-        family,
         LawEvaluation(problem, scenes, family, seeds, judge),
         LawEvaluation(problem, held_out_scenes(problem), family, held_out_seeds(problem), None),
     )

@@ -17,26 +17,24 @@ from dqcontrol.experiments.prepared_experiment import prepare_spec, program
 from dqcontrol.experiments.processes import checked_jobs, workers
 from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.results_folder import (
-    SPEC_FILE,
     WorkingFolder,
     check_new,
     new_folder,
     told_first,
     working_folder,
+    write_rows,
 )
-from dqcontrol.experiments.row_file import write_rows
 from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec import as_spec
 from dqcontrol.experiments.spec.reference_spec import ObjectSpec
-from dqcontrol.experiments.spec.spec_files import copy_inputs
+from dqcontrol.experiments.spec.spec_files import write_spec
 from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
-from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.measures.metric_tables import NUMBER_COLUMNS
 from dqcontrol.measures.metrics import AT_LIMIT
 from dqcontrol.measures.number_texts import percent_text
-from dqcontrol.tables.tables import Cell, Column, Table
+from dqcontrol.tables.tables import Cell, Column, Table, Tabled
 from dqcontrol.tuning.law_search import LawResult, LawSearch, LawTask, ready_problem
-from dqcontrol.tuning.tune_spec import TuneProblem, read_tune
+from dqcontrol.tuning.spec_blocks import TuneProblem, read_tune
 
 TuneProgress = Callable[[int, int], None]  # laws done; laws in all
 WINNERS, BEST, EVALUATIONS, FRONTS = "winners.json", "best.yaml", "evaluations.parquet", "fronts.json"
@@ -102,7 +100,7 @@ class TunedLaw:
 
 
 @dataclass(frozen=True)
-class Tuning:
+class Tuning(Tabled):
     """What a search found.
 
     Attributes
@@ -118,13 +116,6 @@ class Tuning:
 
     def __repr__(self) -> str:
         return f"Tuning({self.problem.spec.name!r}, best: {self.laws[0].label!r})"
-
-    def __str__(self) -> str:
-        """Return the table, and what is to be said of it."""
-        return "\n".join([str(self.table()), *self.remarks()])
-
-    def _repr_markdown_(self) -> str:
-        return "\n".join([self.table().markdown(), *(f"* {remark}" for remark in self.remarks())])
 
     @property
     def best(self) -> TunedLaw:
@@ -145,18 +136,7 @@ class Tuning:
     def table(self) -> Table:
         """Return one row a law: parameters, objectives on what was searched and on what was not, margin."""
         names = list(self.problem.block.objectives)
-        columns = [
-            Column("law"),
-            Column("parameters"),
-            *(NUMBER_COLUMNS[name] for name in names),
-            Column("total"),
-            Column("total, held out"),
-            Column("margin", "", ".3g"),
-            Column("overshoot", "%", ".2g"),
-            Column("verdict"),
-            Column("evaluations"),
-        ]
-        rows: list[list[Cell]] = []
+        rows: list[list[tuple[Column, Cell]]] = []
         shown = [
             (f"{law.label}{_FASTER}" if law is each.faster else law.label, law)
             for each in self.laws
@@ -166,13 +146,22 @@ class Tuning:
         for label, each in shown:
             found = each.result
             parameters = [f"{key} {_in_short(value)}" for key, value in found.parameters.items()]
-            objectives = [found.searched[name] for name in names]
-            numbers = [*objectives, found.total, found.held_out_total, each.margin]
             percent = None if each.overshoot is None else 100 * each.overshoot
             overshoot = percent if percent is None or percent >= LEAST_OVERSHOOT else 0.0
-            cells = [label, ", ".join(parameters), *finite_or_none(numbers)]
-            rows.append([*cells, overshoot, each.verdict, found.evaluations])
-        return Table(columns, rows, f"{self.problem.spec.name}: every law tuned")
+            rows.append(
+                [
+                    (Column("law"), label),
+                    (Column("parameters"), ", ".join(parameters)),
+                    *((NUMBER_COLUMNS[name], finite_or_none(found.searched[name])) for name in names),
+                    (Column("total"), finite_or_none(found.total)),
+                    (Column("total, held out"), finite_or_none(found.held_out_total)),
+                    (Column("margin", "", ".3g"), finite_or_none(each.margin)),
+                    (Column("overshoot", "%", ".2g"), overshoot),
+                    (Column("verdict"), each.verdict),
+                    (Column("evaluations"), found.evaluations),
+                ]
+            )
+        return Table.of(rows, f"{self.problem.spec.name}: every law tuned")
 
     def remarks(self) -> list[str]:
         """Say what the table does not: constraints broken, sides of the box reached, limits of speed met."""
@@ -258,8 +247,7 @@ class Tuning:
     def write(self, folder: Path) -> None:
         """Write the files of `save` into an existing folder."""
         text = tune_text(self.problem)
-        (folder / SPEC_FILE).write_text(text, encoding="utf-8")
-        copy_inputs(parse_yaml("spec", text), folder)
+        write_spec(text, folder)
         write_json(folder / WINNERS, self.winners())
         (folder / BEST).write_text(yaml_text(self.best_spec), encoding="utf-8")
         rows = [{"law": each.label} | row for each in self.laws for row in each.result.rows]
@@ -267,7 +255,7 @@ class Tuning:
         if self.problem.block.front:
             write_json(folder / FRONTS, self.fronts())
         write_table(self.table(), folder, "winners")
-        result_pages().write_tuning(self, text, folder)
+        result_pages().write_tuning_report(self, text, folder)
 
     def fronts(self) -> dict[str, list[dict[str, Any]]]:
         """Return of each law its best compromises: parameters, and both objectives."""

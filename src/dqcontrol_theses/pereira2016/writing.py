@@ -166,8 +166,7 @@ def writing_figure(records: Mapping[str, Record], asked: Array) -> Figure:
             axes.plot(1e3 * path @ across, 1e3 * path @ up, color=colour, lw=width)
         axes.set_aspect("equal")
         axes.set_title(f"{label}\nerrors × {enlarged:g}", fontsize="x-small")
-        axes.set_xticks([])
-        axes.set_yticks([])
+        axes.set(xticks=[], yticks=[])
     for axes in grid.flat[len(records) :]:
         axes.remove()
     return figure

@@ -1,8 +1,8 @@
-from .notebook import (
+from .play_page import (
+    PlayPage as PlayPage,
     ShownPlay as ShownPlay,
     play as play,
 )
-from .play_page import PlayPage as PlayPage
 from .scenes import (
     SCENES as SCENES,
     Scene as Scene,

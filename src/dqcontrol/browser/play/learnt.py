@@ -19,7 +19,7 @@ from dqcontrol.loop import part_of
 if TYPE_CHECKING:
     from dqcontrol.loop import Record
     from dqcontrol.references import Points
-    from dqcontrol.tuning.learning.learn_spec import LearnProblem
+    from dqcontrol.tuning.spec_blocks import LearnProblem
 
 _LOOK = 0.02  # s
 
@@ -40,7 +40,7 @@ def learn_in(session: PlaySession, repeats: int) -> threading.Thread:
 
 def _learn(session: PlaySession, repeats: int) -> None:
     from dqcontrol.tuning import learn
-    from dqcontrol.tuning.learning.learnt_motion import write_motion
+    from dqcontrol.tuning.learnt_motion import write_motion
 
     spec = dict(session.spec)
     wanted: list[Array] = []  # positions, of the first run

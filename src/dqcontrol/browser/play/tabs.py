@@ -13,7 +13,7 @@ import numpy as np
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.browser.drawn_things import shape_mesh
+from dqcontrol.browser.drawn import shape_mesh
 from dqcontrol.browser.play.board import LEVEL, UPRIGHT, Board
 from dqcontrol.browser.play.contact_panel import ContactPanel
 from dqcontrol.browser.play.learnt import learn_in

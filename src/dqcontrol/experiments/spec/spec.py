@@ -53,12 +53,10 @@ from dqcontrol.extensions.user_code import admit, place_of
 from dqcontrol.files.input_file import read_text
 from dqcontrol.files.plain_data import yaml_text
 from dqcontrol.files.yaml_file import convert, parse_yaml
-from dqcontrol.laws import Law
-from dqcontrol.laws.null_space import AnyNullSpace
+from dqcontrol.laws import AnyNullSpace, Law
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Stop
-from dqcontrol.plants import Disturbance, Plant, limits_before
-from dqcontrol.plants.mujoco.gripper import GripperEvent
+from dqcontrol.plants import Disturbance, GripperEvent, Plant, limits_before
 from dqcontrol.references import Reference
 from dqcontrol.references.gripping import GripperStep, held_by_steps, never_held
 from dqcontrol.robots import (

@@ -13,6 +13,7 @@ import msgspec
 
 from dqcontrol.contact import load_tool
 from dqcontrol.errors import Error
+from dqcontrol.experiments.results_folder import SPEC_FILE
 from dqcontrol.extensions.registry import by_tag
 from dqcontrol.extensions.user_code import places
 from dqcontrol.files.input_file import read_text
@@ -53,15 +54,15 @@ def locate_files(data: dict[str, Any], folder: Path) -> None:
             part[key] = {"source": path} if key == "robot" else path
 
 
-def copy_inputs(data: dict[str, Any], folder: Path) -> None:
-    """Copy the files that a spec names by absolute names into a folder of results, for `use_copies` elsewhere.
+def write_spec(text: str, folder: Path) -> None:
+    """Write a spec into a folder of results, and copies of the files that it names by absolute names: see `use_copies`.
 
     A robot file brings those of its parts along, a xacro file is expanded; of meshes only the names remain. Files that
     cannot be read, and several of one name, are left out.
     """
-    files = [
-        Path(part[key].rpartition(":")[0] if key == "function" else part[key]) for part, key in _named(data)
-    ]
+    (folder / SPEC_FILE).write_text(text, encoding="utf-8")
+    named = _named(parse_yaml("spec", text))
+    files = [Path(part[key].rpartition(":")[0] if key == "function" else part[key]) for part, key in named]
     files = [path for path in dict.fromkeys(files) if path.is_absolute() and path.is_file()]
     for path in list(files):
         files += [part for part in _parts(path) if part not in files]

@@ -17,19 +17,17 @@ import numpy as np
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.contact import Admittance
-from dqcontrol.contact.admittance import AdmittanceStage
+from dqcontrol.contact import Admittance, AdmittanceStage
 from dqcontrol.errors import ShapeError
 from dqcontrol.files.whole_file import whole_file
 from dqcontrol.loop import Record
 from dqcontrol.measures.metrics import low_passed
 from dqcontrol.plants.plant import WRENCH_READINGS
 from dqcontrol.plants.wrist import TOUCH_FORCE
-from dqcontrol.references import Points
+from dqcontrol.references import POSE, TIME, Points
 from dqcontrol.references.points import DUAL_QUATERNION
-from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.robots import Robot
-from dqcontrol.tuning.learning.convergence import Convergence
+from dqcontrol.tuning.learning_convergence import Convergence
 
 _TAPER = 1.0  # s, in which errors fade beyond both ends of a record
 TRACKED_POSE = "tracked_pose"  # among the readings of a record: where a tracker saw the end effector, (N, 8)

@@ -7,7 +7,6 @@ import math
 import warnings
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
-from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -23,24 +22,20 @@ from dqcontrol.experiments.contact_check import sensed, stiffness_touched
 from dqcontrol.experiments.feasibility import path_demand
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare_spec
 from dqcontrol.experiments.result_pages import result_pages
-from dqcontrol.experiments.results_folder import SPEC_FILE, WorkingFolder, check_new, new_folder, told_first
+from dqcontrol.experiments.results_folder import WorkingFolder, check_new, new_folder, told_first
 from dqcontrol.experiments.run_comparison import write_table
-from dqcontrol.experiments.spec.spec_files import copy_inputs
+from dqcontrol.experiments.spec.spec_files import write_spec
 from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
-from dqcontrol.files.yaml_file import parse_yaml
-from dqcontrol.loop import Clock, Record
-from dqcontrol.loop.record import has_failed
-from dqcontrol.loop.simulate import simulate_prepared
+from dqcontrol.loop import Clock, Record, has_failed, simulate_prepared
 from dqcontrol.measures.metrics import low_passed
 from dqcontrol.measures.stability import GOOD_MARGIN, gain_margin
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import WRENCH_READINGS, Plant
 from dqcontrol.recording import load_record, save_record
-from dqcontrol.references import Points, Previewed
-from dqcontrol.references.sample import POSE, TIME, TWIST
-from dqcontrol.tables.tables import Cell, Column, Table
-from dqcontrol.tuning.learning import learnt_motion
-from dqcontrol.tuning.learning.convergence import (
+from dqcontrol.references import POSE, TIME, TWIST, Points, Previewed
+from dqcontrol.tables.tables import Column, Table, Tabled
+from dqcontrol.tuning import learnt_motion
+from dqcontrol.tuning.learning_convergence import (
     HIGHEST,
     Convergence,
     ForceShape,
@@ -48,8 +43,7 @@ from dqcontrol.tuning.learning.convergence import (
     loop_shape,
     widest,
 )
-from dqcontrol.tuning.learning.learn_spec import LearnProblem, read_learn
-from dqcontrol.tuning.tune_spec import plant_family
+from dqcontrol.tuning.spec_blocks import LearnProblem, plant_family, read_learn
 
 LEARNT, LEARNT_SPEC, HISTORY = "learnt.csv", "learnt.yaml", "learning.json"
 LearnProgress = Callable[[int, int], None]
@@ -116,7 +110,7 @@ class LearningRun:
 
 
 @dataclass(frozen=True)
-class Learning:
+class Learning(Tabled):
     """What was learnt.
 
     Attributes
@@ -156,13 +150,6 @@ class Learning:
     forces: learnt_motion.ForceLearning | None = field(default=None, repr=False)
     notes: tuple[str, ...] = ()
 
-    def __str__(self) -> str:
-        """Return the table, and what is to be said of it."""
-        return "\n".join([str(self.table()), *self.remarks()])
-
-    def _repr_markdown_(self) -> str:
-        return "\n".join([self.table().markdown(), *(f"* {line}" for line in self.remarks())])
-
     @property
     def gain(self) -> float:
         """How many times smaller the error of the best repeat is than that of the first run: of a wanted force's."""
@@ -174,25 +161,22 @@ class Learning:
     def table(self) -> Table:
         """Return one row a repeat."""
         forced = self.repeats[0].force is not None
-        columns = [
-            Column("repeat"),
-            *([Column("force error RMS", "N", ".3g")] if forced else []),
-            Column("position error RMS", "mm", ".3g"),
-            Column("peak", "mm", ".3g"),
-            Column("orientation error RMS", "°", ".3g"),
-            Column("as measured", "mm", ".3g"),
-            Column("noise in the band", "N" if forced else "mm", ".2g"),
-            Column("cut-off", "Hz", ".3g"),
-            Column("peak |u|", "rad/s or m/s", ".3g"),
-            Column("outcome"),
-        ]
-        names = ("position", "peak", "orientation", "seen", "noise", "cutoff", "peak_command")
-        numbers = attrgetter(*(["force"] if forced else []), *names)
-        rows: list[list[Cell]] = [
-            [each.number, *numbers(each), each.outcome + ", kept" * (each.number == self.best)]
+        rows = (
+            [
+                (Column("repeat"), each.number),
+                *([(Column("force error RMS", "N", ".3g"), each.force)] if forced else []),
+                (Column("position error RMS", "mm", ".3g"), each.position),
+                (Column("peak", "mm", ".3g"), each.peak),
+                (Column("orientation error RMS", "°", ".3g"), each.orientation),
+                (Column("as measured", "mm", ".3g"), each.seen),
+                (Column("noise in the band", "N" if forced else "mm", ".2g"), each.noise),
+                (Column("cut-off", "Hz", ".3g"), each.cutoff),
+                (Column("peak |u|", "rad/s or m/s", ".3g"), each.peak_command),
+                (Column("outcome"), each.outcome + ", kept" * (each.number == self.best)),
+            ]
             for each in self.repeats
-        ]
-        return Table(columns, rows, f"{self.problem.spec.name}: learning from repetition")
+        )
+        return Table.of(rows, f"{self.problem.spec.name}: learning from repetition")
 
     def remarks(self) -> list[str]:
         """Say what was expected, and why it ended."""
@@ -227,8 +211,7 @@ class Learning:
     def write(self, folder: Path) -> None:
         """Write the files of `save` into an existing folder."""
         text = _text(self.problem)
-        (folder / SPEC_FILE).write_text(text, encoding="utf-8")
-        copy_inputs(parse_yaml("spec", text), folder)
+        write_spec(text, folder)
         law = json.dumps(self.problem.data.get("law") or self.problem.data.get("laws"))
         plant = json.dumps(self.problem.data.get("plant") or self.problem.data.get("plants"))
         notes = (
@@ -251,7 +234,7 @@ class Learning:
         }
         write_json(folder / HISTORY, history)
         write_table(self.table(), folder, "learning")
-        result_pages().write_learning(self, text, folder)
+        result_pages().write_learning_report(self, text, folder)
 
 
 def learn(
