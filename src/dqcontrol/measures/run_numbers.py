@@ -465,11 +465,11 @@ class DesiredMotion:
 
 
 def _first_of_rest(poses: Array) -> int:
-    def are_there(rows: Array) -> NDArray[np.bool_]:
-        signs = np.copysign(1.0, rows[:, :4] @ poses[-1, :4])
-        return (np.abs(signs[:, None] * rows - poses[-1]) <= _SAME).all(axis=1)
+    def away(rows: Array) -> Array:
+        signs = np.copysign(1.0, rows[:, :4] @ poses[-1, :4])  # a pose and its negative are one
+        return np.abs(signs[:, None] * rows - poses[-1]).max(axis=1)
 
-    there = row_by_row(are_there, poses)
+    there = row_by_row(away, poses) <= _SAME
     first = len(there) - int(there[::-1].argmin()) if not there.all() else 0
     return len(there) - max(1, int(LAST * (len(there) - first)))
 
