@@ -1,9 +1,13 @@
 """The filter behind speeds and accelerations of logs, at the edge of what it filters at all."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from test_numbers_of_a_run import make_run
 
-from dqcontrol.measures.metrics import low_passed
+from dqcontrol import algebra
+from dqcontrol.measures.metrics import evaluate, low_passed
 
 PERIOD = 0.01  # s: the Nyquist frequency is 50 Hz
 
@@ -22,3 +26,22 @@ def test_gaps_are_joined_by_ten_points_a_sample_at_most(cutoff, is_filtered):
     time[-1] = time[0] + 20.0
     values = np.random.default_rng(3).standard_normal((200, 1))
     assert (np.abs(low_passed(time, values, cutoff) - values).max() > 1e-3) == is_filtered
+
+
+def test_motion_is_that_of_the_smooth_run_and_all_else_is_as_it_was():
+    """Joint steps and path, speed and acceleration; errors, commands and effort are not smoothed."""
+    run = make_run(400)
+    run = replace(run, time=PERIOD * np.arange(400))
+    smooth = replace(
+        run,
+        q=low_passed(run.time, run.q, 5.0),
+        pose=algebra.pose(run.pose[:, :4], low_passed(run.time, run.position, 5.0)),
+    )
+    given, found, other = evaluate(run).flat(), evaluate(run, low_pass=5.0).flat(), evaluate(smooth).flat()
+    moves = "joint_path_length", "joint_step", "hand_speed", "hand_acceleration"
+    for name, value in found.items():
+        expected = (other if name.split(".")[0] in moves else given)[name]
+        assert value == (pytest.approx(expected, rel=1e-12) if isinstance(expected, float) else expected), (
+            name
+        )
+    assert found["joint_path_length"] < 0.2 * given["joint_path_length"]

@@ -20,9 +20,11 @@ from dqcontrol.laws import (
     ProportionalFeedforward,
 )
 from dqcontrol.measures.stability import (
+    LoopGain,
     damped_overshoot,
     damping_limit,
     gain_limits,
+    gain_margin,
     large_error_limit,
     loop_gains,
     overshoot,
@@ -390,3 +392,23 @@ def test_who_has_a_joint_left_has_a_loop_in_the_null_space(name, own):
     assert found is not None
     assert [each.loop for each in found] == ["position", "orientation", *["null space"] * own]
     assert [each.value for each in found] == [2.0, 2.0, *[0.7] * own]
+
+
+@pytest.mark.parametrize("value", [50.0, 30 + 40j])
+@pytest.mark.parametrize("lag", [0.0, 40.0])
+def test_a_margin_is_the_limit_over_the_gain(value, lag):
+    ideal = LinearModel(np.ones((1, 1)), np.full((1, 1), T))
+    margin = gain_margin(LoopGain("position", value, None, lag=lag), ideal, T)
+    if not lag and value == 50.0:
+        assert margin == pytest.approx(2 / (50 * T), rel=1e-6)
+    behind = with_lag(ideal, lag, T)
+    for factor, is_stable in ((0.999, True), (1.001, False)):
+        assert (spectral_radius(behind.poles(factor * margin * value)) < 1) == is_stable
+    assert gain_margin(LoopGain("position", 0.0, None), ideal, T) == np.inf
+
+
+def test_behind_a_limit_of_acceleration_large_errors_bound_what_is_recommended(arm):
+    model = Servo(time_constant=TAU, delay=2 * T).linear_model(arm, None, T)
+    free, limited = (gain_limits(model, T, accelerations_limited=each) for each in (False, True))
+    assert (free.large, limited.large) == (np.inf, large_error_limit(model, T))
+    assert limited.recommended == min(free.recommended, limited.large)
