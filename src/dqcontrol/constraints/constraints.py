@@ -16,7 +16,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.geometry import Box, Cylinder, InfiniteCylinder, Plane, Shape
 from dqcontrol.named_fields import NamedFields
-from dqcontrol.robots.command_mode import AT_ONCE, CommandMode, Lag
+from dqcontrol.robots.robot import AT_ONCE, CommandMode, Lag
 from dqcontrol.world import Body, Held, Motion, Solid, World
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from dqcontrol.errors import ValueRangeError
 from dqcontrol.extensions.registry import union_of
 from dqcontrol.limits.compensation import Compensation
 from dqcontrol.limits.position_limit import PositionLimit
-from dqcontrol.limits.velocity_limit import (
+from dqcontrol.limits.rates import (
     roller_speed_limits,
     scale_velocity,
     scale_velocity_on_rollers,

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, WRITE2, Kernel, inline, kernel
-from dqcontrol.compiled.intrinsics import ADDRESS
-from dqcontrol.compiled.law_signature import call_law
+from dqcontrol.compiled.intrinsics import ADDRESS, call_law
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.named_fields import NamedFields

@@ -30,8 +30,7 @@ from dqcontrol.contact import (
 from dqcontrol.contact.tool import WORST_CONDITION
 from dqcontrol.errors import FileFormatError, ValueRangeError, as_array, as_positive
 from dqcontrol.experiments.results_folder import made_folder
-from dqcontrol.files.plain_data import yaml_text
-from dqcontrol.files.whole_file import whole_file
+from dqcontrol.files.output_file import whole_file, yaml_text
 from dqcontrol.logs.joint_log import JointLog, arm_of, read_joint_log
 from dqcontrol.logs.joint_messages import is_recording, read_wrenches
 from dqcontrol.logs.servos.excitation import middle_of_limits, write_joint_motion

@@ -19,8 +19,7 @@ from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_arra
 from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.robots.command_mode import AT_ONCE, CommandMode, Lag
-from dqcontrol.robots.robot import Robot, base_coordinates
+from dqcontrol.robots.robot import AT_ONCE, CommandMode, Lag, Robot, base_coordinates
 from dqcontrol.world import World
 
 if TYPE_CHECKING:

@@ -23,9 +23,9 @@ from dqcontrol.errors import (
 )
 from dqcontrol.geometry import FloorMap
 from dqcontrol.references.base_ways import Piece, arcs_and_lines, rolled, turns_and_lines
-from dqcontrol.references.reference import NO_CORNERS, Reference
+from dqcontrol.references.reference import NO_CORNERS, Metres, Reference, SpecStart
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE, as_pose
-from dqcontrol.references.set_point import SetPoint
+from dqcontrol.references.set_points import SetPoint
 from dqcontrol.references.straight import PEAK_SPEED, progress
 from dqcontrol.references.ways_around import (
     WaysAround,
@@ -35,7 +35,6 @@ from dqcontrol.references.ways_around import (
     itself_apart,
     room_of,
 )
-from dqcontrol.references.yaml_form import Metres, SpecStart
 from dqcontrol.robots import Robot, WholeBody, nearest_pose
 from dqcontrol.robots.kinematics.driving import RIM_LEVER, TURNING_RADIUS
 from dqcontrol.robots.robot import base_coordinates

@@ -39,9 +39,15 @@ from dqcontrol.errors import (
 )
 from dqcontrol.files.input_file import as_number, read_text
 from dqcontrol.files.lerobot_dataset import POSE as POSE_COLUMN, Dataset, episode_of, only_episode
-from dqcontrol.references.reference import NO_CORNERS, Reference, corners_between
+from dqcontrol.references.reference import (
+    NO_CORNERS,
+    FileName,
+    Reference,
+    Seconds,
+    SpecStart,
+    corners_between,
+)
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, as_pose, motion_samples
-from dqcontrol.references.yaml_form import FileName, Seconds, SpecStart
 
 
 @dataclass(frozen=True, eq=False, repr=False)

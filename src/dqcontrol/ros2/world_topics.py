@@ -27,6 +27,7 @@ from dqcontrol.ros2.messages import (
     numbers,
     optional,
     parts_of,
+    pose_from,
     transform_topic,
     write_parts,
     write_pose,
@@ -197,12 +198,8 @@ class WorldTopics:
                 raise RefusedError(
                     f"transform of {name}: is in frame '{each.header.frame_id}', expected '{self._frame}'"
                 )
-            at, turn = each.transform.translation, each.transform.rotation
-            numbers = np.array([turn.w, *parts_of(turn), *parts_of(at)])
-            size = float(np.linalg.norm(numbers[:4]))
-            if not np.isfinite(numbers).all() or abs(size - 1) > 1e-3:
-                raise RefusedError(f"transform of {name}: is no pose, got {numbers.tolist()}")
-            self.seen[name] = algebra.pose(numbers[:4] / size, numbers[4:])
+            place = each.transform
+            self.seen[name] = pose_from(f"transform of {name}: ", place.translation, place.rotation)
             self._control.law.place(name, self.seen[name])
 
     def _publish(self) -> None:

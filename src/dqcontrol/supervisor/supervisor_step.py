@@ -5,8 +5,15 @@ from __future__ import annotations
 import math
 
 from dqcontrol.compiled.compile import OK, STATUS, WRITE, WRONG_SIZE, apart, inline, kernel
-from dqcontrol.limits.braking import braking_share, fastest_stoppable, largest_share, surely_stops
-from dqcontrol.limits.velocity_limit import SpeedLimits, scale_down, scale_down_rollers
+from dqcontrol.limits.rates import (
+    SpeedLimits,
+    braking_share,
+    fastest_stoppable,
+    largest_share,
+    scale_down,
+    scale_down_rollers,
+    surely_stops,
+)
 from dqcontrol.robots.kinematics.driving import RIM_LEVER, advance, drive_speeds, rim_load, steer
 from dqcontrol.supervisor import interventions as reason, supervisor_layout as layout
 from dqcontrol.supervisor.supervisor_geometry import (

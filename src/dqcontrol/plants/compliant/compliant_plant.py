@@ -23,8 +23,7 @@ from dqcontrol.plants.compliant.loads_and_faults import (
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import ControllerSettings, EncoderErrors, Plant
 from dqcontrol.plants.servo.servo_plant import encoders_and_mode, load_servo, say_what_is_left_out
-from dqcontrol.robots.command_mode import CommandMode
-from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.robot import CommandMode, Robot
 from dqcontrol.world import World
 
 if TYPE_CHECKING:

@@ -21,8 +21,7 @@ from msgspec import Meta
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, MissingExtraError, ShapeError, ValueRangeError, as_positive
 from dqcontrol.plants.plant import Plant, RunningPlant, as_command, start_within_limits
-from dqcontrol.robots.command_mode import CommandMode
-from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.robot import CommandMode, Robot
 
 Answer = TypeVar("Answer")
 

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, FallenError, ShapeError, ValueRangeError, as_each
-from dqcontrol.plants.camera import CAMERA_CHANNELS, Camera
 from dqcontrol.plants.mobile.odometry import SEEN, FusedSight, Sight
 from dqcontrol.plants.mobile.standing import check_standing
 from dqcontrol.plants.mobile.wheeled_base import (
@@ -53,8 +52,8 @@ from dqcontrol.plants.plant import (
     plants_that_drive,
     start_within_limits,
 )
+from dqcontrol.plants.sensors import AXES, CAMERA_CHANNELS, Camera
 from dqcontrol.plants.servo.servo_plant import Each, EachAboveZero
-from dqcontrol.plants.wrist import AXES
 from dqcontrol.robots.bases import DifferentialDrive, RollerBase
 from dqcontrol.robots.files.mjcf import import_mujoco
 from dqcontrol.robots.robot import Robot

@@ -22,11 +22,10 @@ from dqcontrol.plants.servo.servo_plant import (
     load_servo,
     say_what_is_left_out,
 )
-from dqcontrol.robots.command_mode import CommandMode
 from dqcontrol.robots.files.description import drawn_reach, foot_below, joint_range, rod_radii
 from dqcontrol.robots.files.mjcf import import_mujoco
 from dqcontrol.robots.kinematics.kinematics_kernels import PRISMATIC
-from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.robot import CommandMode, Robot
 
 _LEAST = 1e-15  # kg, kg m²; MuJoCo refuses moving bodies below it
 _ROUNDING = 1e-6  # relative; tensors written with few digits may miss the triangle inequality by it

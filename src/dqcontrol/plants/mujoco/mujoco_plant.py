@@ -25,7 +25,7 @@ from dqcontrol.plants.mujoco.mujoco_model import (
 from dqcontrol.plants.mujoco.world_model import WorldContacts, add_links, add_world
 from dqcontrol.plants.mujoco.wrist_sensor import TOOL, MujocoWrist, add_wrist
 from dqcontrol.plants.plant import Channel, RunningPlant, as_command, plants_that_drive, start_within_limits
-from dqcontrol.plants.wrist import Wrist
+from dqcontrol.plants.sensors import Wrist
 from dqcontrol.robots.files.mjcf import import_mujoco
 from dqcontrol.robots.robot import Robot, base_coordinates
 from dqcontrol.world import World

@@ -11,7 +11,7 @@ from dqcontrol.errors import ValueRangeError
 from dqcontrol.plants.mujoco.gripper import BODIES
 from dqcontrol.plants.mujoco.mujoco_model import add_geom, weigh
 from dqcontrol.plants.plant import Channel
-from dqcontrol.plants.wrist import CHANNELS, Wrist
+from dqcontrol.plants.sensors import CHANNELS, Wrist
 from dqcontrol.robots.files.mjcf import import_mujoco
 from dqcontrol.robots.robot import Robot
 

@@ -34,8 +34,7 @@ from dqcontrol.files.input_file import read_text
 from dqcontrol.files.long_array import long_array
 from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.limits.compensation import lag_weights
-from dqcontrol.limits.velocity_limit import scale_down, scale_down_rollers, speed_limits
-from dqcontrol.plants.camera import CAMERA_CHANNELS, Camera
+from dqcontrol.limits.rates import scale_down, scale_down_rollers, speed_limits
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import (
     PLANT,
@@ -46,16 +45,15 @@ from dqcontrol.plants.plant import (
     begun_periods,
     start_configuration,
 )
+from dqcontrol.plants.sensors import CAMERA_CHANNELS, Camera, Wrist
 from dqcontrol.plants.servo import servo_step as layout
 from dqcontrol.plants.servo.servo_step import free_response, servo, servo_kernel_inline
 from dqcontrol.plants.servo.touching import touching
-from dqcontrol.plants.wrist import Wrist
 from dqcontrol.robots.bases import DifferentialDrive, SteeredTricycle
-from dqcontrol.robots.command_mode import CommandMode, Lag
 from dqcontrol.robots.kinematics.driving import DRIVE_COLUMNS, ROLLER_COLUMNS, advance, to_inputs
 from dqcontrol.robots.kinematics.gravity import WORK, gravity_forces
 from dqcontrol.robots.limits import Limits
-from dqcontrol.robots.robot import Robot, base_coordinates
+from dqcontrol.robots.robot import CommandMode, Lag, Robot, base_coordinates
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.world import World
 

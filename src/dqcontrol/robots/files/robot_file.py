@@ -17,7 +17,6 @@ from dqcontrol.errors import Error, FileFormatError, error_prefix, unknown_name
 from dqcontrol.files.input_file import read_text
 from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.geometry import Box, Capsule, Sphere
-from dqcontrol.robots.dh import chain_from_denso, chain_from_dh
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
 from dqcontrol.robots.poses import (
@@ -30,7 +29,7 @@ from dqcontrol.robots.poses import (
     rotation_z,
     shift,
 )
-from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.serial_arm import SerialArm, chain_from_denso, chain_from_dh
 
 Length = Annotated[float, Meta(ge=-1e3, le=1e3, description="m")]
 Angle = Annotated[float, Meta(ge=-1e4, le=1e4, description="in the file's unit of angles")]
