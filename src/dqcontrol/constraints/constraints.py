@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import numpy as np
 from msgspec import Meta
@@ -298,8 +298,6 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     >>> bool(np.linalg.norm(places - ball.position, axis=1).min() >= 0.07)
     True
     """
-
-    PER_INPUT: ClassVar[tuple[str, ...]] = ("acceleration",)
 
     margin: Length = 0.01
     rate: Annotated[float, Meta(gt=0, description="1/s")] | None = None

@@ -205,9 +205,8 @@ class ControllerFile(_ControllerPart, frozen=True, kw_only=True):
             name = next(iter(self.hands))
         if name not in self.hands:
             raise unknown_name("plant.hand", name, self.hands)
-        body, t = self.hands[name], self.hands[name].tensor
-        tensor = np.array([[t.xx, t.xy, t.xz], [t.xy, t.yy, t.yz], [t.xz, t.yz, t.zz]])
-        return Hand(body.mass, as_array(f"hands.{name}.center", body.center, (3,)), tensor)
+        body = self.hands[name]
+        return Hand(body.mass, as_array(f"hands.{name}.center", body.center, (3,)), body.tensor.matrix)
 
 
 def known_controllers() -> tuple[str, ...]:

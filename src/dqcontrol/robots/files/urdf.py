@@ -19,6 +19,7 @@ from dqcontrol.robots.files.link_tree import (
     Mimic,
     default_tip,
     known_link,
+    one_body,
     way_between,
     ways_down,
 )
@@ -141,14 +142,8 @@ def _lumped(tree: UrdfTree, chain: Sequence[Any], turns: Sequence[Array]) -> Ine
                 if i + 1 == n or below is not chain[i + 1]
             ]
         turn = rotation_matrix(turns[i])
-        mass[i] = sum(part.mass for part in parts)
+        mass[i], middle, about = one_body(parts)
         if mass[i] > 0:
-            middle = sum(part.mass * part.center for part in parts) / mass[i]
-            offsets = [(part, part.center - middle) for part in parts]
-            about = sum(
-                part.tensor + part.mass * ((off @ off) * np.eye(3) - np.outer(off, off))
-                for part, off in offsets
-            )
             center[i], tensor[i] = turn.T @ middle, turn.T @ about @ turn
     return Inertia(mass, center, tensor) if mass.any() else None
 
