@@ -271,8 +271,7 @@ def scipy_from_rotation(rotation: ArrayLike) -> Any:
     """
     from scipy.spatial.transform import Rotation
 
-    r = as_unit_quaternion("rotation", rotation)
-    return Rotation.from_quat(r[..., [1, 2, 3, 0]])
+    return Rotation.from_quat(as_unit_quaternion("rotation", rotation)[..., [1, 2, 3, 0]])
 
 
 def pose_from_se3(placement: Any) -> Array:

@@ -18,6 +18,7 @@ from dqcontrol.geometry import Box, Cylinder, InfiniteCylinder, Plane, Shape
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.robots.robot import AT_ONCE, CommandMode, Lag
 from dqcontrol.world import Body, Held, Motion, Solid, World
+from dqcontrol.world.body import Direction, Name, Place
 
 if TYPE_CHECKING:
     from dqcontrol.constraints.prepared_constraints import PreparedConstraints
@@ -25,11 +26,7 @@ if TYPE_CHECKING:
 
 HAND = "hand"  # the name of the hand's point among shapes
 
-Number3 = tuple[float, float, float]
-Place = Annotated[Number3, Meta(description="m")]
-Direction = Annotated[Number3, Meta(description="not zero")]
 Length = Annotated[float, Meta(ge=0, description="m")]
-Name = Annotated[str, Meta(min_length=1, max_length=60)]
 Level = Annotated[int, Meta(ge=0, le=9)]
 
 

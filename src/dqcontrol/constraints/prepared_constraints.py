@@ -168,12 +168,11 @@ class PreparedConstraints:
         rows = as_array("q", q, (None, self.robot.configuration_size))
         when = as_array("times", times, (len(rows),))
         out = np.empty((len(rows), len(self.labels)))
-        samples = np.rint(when / self.period)
         status = constraint_values(
             self.robot.table,
             np.ascontiguousarray(rows),
             np.ascontiguousarray(when),
-            samples,
+            np.rint(when / self.period),
             self.parameters,
             np.zeros(self.scratch),
             out,

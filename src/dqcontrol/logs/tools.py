@@ -348,8 +348,7 @@ def tool_from_logs(
     read = poses, wrenches, gravity
     found = tare_tool(known, *read) if known else identify_tool(*read)
     stamp = datetime.fromtimestamp(day / 1e9, UTC) if day > _FIRST_STAMP else datetime.now(UTC)
-    dated = replace(found.tool, tared=f"{stamp:%Y-%m-%d}")
-    whole = dataclasses.replace(found, tool=dated)
+    whole = dataclasses.replace(found, tool=replace(found.tool, tared=f"{stamp:%Y-%m-%d}"))
     return ToolIdentification(arm.name, tuple(paths), whole, len(wrenches), readings)
 
 

@@ -509,7 +509,6 @@ class Pace:
         now = self._now()
         self.deadline += self.period
         if now > self.deadline:
-            missed = int((now - self.deadline) / self.period)
-            self.missed += missed
+            self.missed += int((now - self.deadline) / self.period)
             self.deadline = now
         return self.deadline - now

@@ -230,8 +230,7 @@ class DriveTo(PlannedWay):
     ) -> DriveTo:
         """Return the way from the start configuration to the reference's pose; see `Reference.of_robot`."""
         floor = None if clear_of is None else floor_around(world, clear_of, "reference.clear_of")
-        target = reference.at(0.0).pose
-        return cls.pose(robot, start, target, speed_fraction, acceleration, floor, clearance)
+        return cls.pose(robot, start, reference.at(0.0).pose, speed_fraction, acceleration, floor, clearance)
 
     @classmethod
     def pose(
@@ -326,8 +325,7 @@ class DriveTo(PlannedWay):
         if not self.via:
             return 0.0, 0.0
         first = self.robot.bases[0][0]
-        ends = (np.asarray(each)[first : first + 2] for each in (self.start, self.goal))
-        start, goal = ends
+        start, goal = (np.asarray(each)[first : first + 2] for each in (self.start, self.goal))
         points = np.vstack([start, *self.via, goal])
         return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()), math.dist(start, goal)
 

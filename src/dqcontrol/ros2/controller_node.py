@@ -322,9 +322,8 @@ class Following:
         warm_up(law, supervisor, loaded.case.scene.start, loaded.case.scene.samples[0])
         self._impedance = loaded.impedance(self._interface)
         self._velocities = np.zeros(len(loaded.parts.joints))
-        leads = self._impedance is not None
         self.control: Control = Control(
-            law, self.target, supervisor, loaded.longest_advance, leads_targets=leads
+            law, self.target, supervisor, loaded.longest_advance, leads_targets=self._impedance is not None
         )
         self._periods, self._stamps = PeriodMonitor(loaded.state_period), Stamps("joint states")
         self._latest: tuple[float, float] | None = None  # heard, stamp

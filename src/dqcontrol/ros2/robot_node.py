@@ -138,8 +138,7 @@ class RobotNode(Node):
                 check_wheels(parts)
             self._obeyed["base"] = Obeyed(self, *BASE_COMMANDS[base_interface], self._base_command, guarded)
         self._joint_states = self.create_publisher(JointState, JOINT_STATES, SENT) if self._joints else None
-        rng = np.random.default_rng(spec.seed)
-        self._drift = OdometryDrift(self._plant.measured[parts.place], rng)
+        self._drift = OdometryDrift(self._plant.measured[parts.place], np.random.default_rng(spec.seed))
         self._change({one.name: number(self, one.name) for one in own})
         self._odometry = (
             odometry_publisher(self, parts, loaded.case.plant, self._drift) if parts.base else None

@@ -83,8 +83,7 @@ def write_joint_motion(
         "plant": plant,
         **(more or {}),
     }
-    text = yaml_text(data)
-    spec.write_text(f"# {note}\n{text}", encoding="utf-8")
+    spec.write_text(f"# {note}\n{yaml_text(data)}", encoding="utf-8")
 
 
 def write_table(path: Path, names: list[str], rows: Array) -> None:

@@ -244,8 +244,7 @@ class Identification:
         head = "# Servos identified from logs; in specs: plant: {kind: servo, file: …}. s, rad, N·m/rad.\n"
         if assumed:
             head += "# Joints under 'assumed' could not be identified and have the medians of the others.\n"
-        data = {"plant": {"kind": "servo"} | changed, "identified": identified}
-        return head + yaml_text(data)
+        return head + yaml_text({"plant": {"kind": "servo"} | changed, "identified": identified})
 
 
 def _files(log: Path) -> list[Path]:

@@ -21,7 +21,7 @@ from dqcontrol.plants.compliant.loads_and_faults import (
     WristFault,
 )
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.plant import ControllerSettings, EncoderErrors, Plant
+from dqcontrol.plants.plant import ControllerSettings, Plant
 from dqcontrol.plants.servo.servo_plant import encoders_and_mode, load_servo, say_what_is_left_out
 from dqcontrol.robots.robot import CommandMode, Robot
 from dqcontrol.world import World
@@ -155,10 +155,6 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
     world: World | None = None
     touches_world: ClassVar[bool] = True
 
-    def in_world(self, world: World) -> Self:
-        """Return it with what its links touch."""
-        return replace(self, world=world)
-
     @classmethod
     def of_servos(cls, path: Path) -> dict[str, Any]:
         """Return what fits of a plant file of servos: the encoders and the command mode.
@@ -210,14 +206,6 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         from dqcontrol.plants.compliant.running_compliant import RunningCompliant, assemble
 
         return RunningCompliant(self, assemble(self, robot, start, period), seed)
-
-    def target_mode(self) -> CommandMode:
-        """Return its command mode."""
-        return self.command_mode
-
-    def encoder_errors(self) -> EncoderErrors:
-        """Return noise and resolution of its encoders."""
-        return EncoderErrors(self.encoder_noise, self.encoder_resolution or 0.0)
 
     def joint_control(self, joints: int) -> ControllerSettings:
         """Return its mode and stiffness, its slew rate if it has one of its own, and what its mode asks for."""

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from msgspec import Meta
-from msgspec.structs import replace
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
@@ -423,10 +422,6 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
     world: World | None = None
     touches_world: ClassVar[bool] = True
 
-    def in_world(self, world: World) -> Self:
-        """Return it with what its chassis, links and fingers touch."""
-        return replace(self, world=world)
-
     @property
     def bodies(self) -> dict[str, Body]:
         """What stands on the floor, by name."""
@@ -534,8 +529,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
 
     def _spec(self, robot: Robot, gear: RunningGear, arm: Robot | None, bodies: dict[str, Body]) -> Any:
         """Return robot, gripper and what stands around without motors."""
-        mujoco = import_mujoco()
-        spec = mujoco.MjSpec()
+        spec = import_mujoco().MjSpec()
         spec.modelname = robot.name
         spec.compiler.degree, spec.compiler.autolimits = False, True
         add_floor(spec)

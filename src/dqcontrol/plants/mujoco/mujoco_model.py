@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_each, as_positive
-from dqcontrol.plants.plant import EncoderErrors, Plant
+from dqcontrol.plants.plant import Plant
 from dqcontrol.plants.servo.servo_plant import (
     Each,
     EachAboveZero,
@@ -298,14 +298,6 @@ class JointServos(Plant, frozen=True, kw_only=True):
             "damping_ratio": [ratio for _, ratio in lags],
             **encoders_and_mode(servo),
         }
-
-    def target_mode(self) -> CommandMode:
-        """Return its command mode."""
-        return self.command_mode
-
-    def encoder_errors(self) -> EncoderErrors:
-        """Return noise and resolution of its encoders."""
-        return EncoderErrors(self.encoder_noise, self.encoder_resolution)
 
     def substeps(self, period: float) -> int:
         """Return how many time steps a control period has."""

@@ -40,7 +40,6 @@ from dqcontrol.plants.plant import (
     PLANT,
     Channel,
     CompiledPlant,
-    EncoderErrors,
     Plant,
     begun_periods,
     start_configuration,
@@ -223,10 +222,6 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
             return plant
         return touching(plant, self.wrist, self.world, robot, self.gravity, period, seed)
 
-    def target_mode(self) -> CommandMode:
-        """Return its command mode."""
-        return self.command_mode
-
     def lag(self, robot: Robot) -> Lag:
         """Return time constants and delays of its coordinates; of second order 2ζ/ω."""
         n = robot.configuration_size
@@ -235,10 +230,6 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
             times[second] = 2 * self._each("damping_ratio", n)[second] / bandwidth[second]
         times[base_coordinates(robot)] = self.base_time_constant
         return Lag(tuple(times.tolist()), tuple(self._each("delay", n).tolist()))
-
-    def encoder_errors(self) -> EncoderErrors:
-        """Return noise and resolution of its encoders."""
-        return EncoderErrors(self.encoder_noise, self.encoder_resolution)
 
     def linear_model(self, robot: Robot, start: Array, period: float) -> LinearModel | None:
         """Return the joints without sag, play, encoder and rate limit: positions, then their targets, newest first.
@@ -252,8 +243,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         if base_coordinates(robot).any():
             return None
         n = robot.configuration_size
-        gain = self._each("gain", n)
-        answers = list(zip(self._answers(n, period), gain.tolist(), strict=True))
+        answers = list(zip(self._answers(n, period), self._each("gain", n).tolist(), strict=True))
         if all(each == answers[0] for each in answers):
             return self._joint_model(*answers[0], period)
         from scipy.linalg import block_diag

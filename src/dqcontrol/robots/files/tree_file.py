@@ -161,8 +161,7 @@ def tree_from(path: str | Path, data: Any) -> TreeRobot:
     """
     file = convert(path, data, TreeFile)
     try:
-        robot = _links(path, file).tree()
-        return robot.with_task(file.task or file.frames[0].name)
+        return _links(path, file).tree().with_task(file.task or file.frames[0].name)
     except Error as error:
         text = str(error)
         raise FileFormatError(text if text.startswith(f"{path}:") else f"{path}: {text}") from None
