@@ -11,14 +11,7 @@ from typing import Annotated, NamedTuple
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.robots.kinematics.driving import (
-    DRIVE_COLUMNS,
-    RIM_LEVER,
-    ROLLER_COLUMNS,
-    drive_speeds,
-    rim_load,
-    steer,
-)
+from dqcontrol.robots.kinematics import driving
 
 # q, parameters, command
 LIMIT = STATUS(INPUT, READ, WRITE)
@@ -28,7 +21,7 @@ class SpeedLimits(NamedTuple):
     """The velocity limit of each input, and the robot's drives, whose rims have limits too."""
 
     fastest: Annotated[Array, "m"]
-    drives: Annotated[Array, ..., DRIVE_COLUMNS]
+    drives: Annotated[Array, ..., driving.DRIVE_COLUMNS]
 
 
 class RollerSpeedLimits(NamedTuple):
@@ -36,8 +29,8 @@ class RollerSpeedLimits(NamedTuple):
 
     fastest: Annotated[Array, "m"]
     drive_count: float
-    drives: Annotated[Array, "drives", DRIVE_COLUMNS]
-    rollers: Annotated[Array, ..., ROLLER_COLUMNS]
+    drives: Annotated[Array, "drives", driving.DRIVE_COLUMNS]
+    rollers: Annotated[Array, ..., driving.ROLLER_COLUMNS]
 
 
 speed_limits: MemoryLayout[SpeedLimits] = MemoryLayout(SpeedLimits, "m")
@@ -60,8 +53,8 @@ def velocity_scale(q, speed_limits, command):
         if abs(command[i]) * scale > limits[i]:
             scale = limits[i] / abs(command[i])
     for k in range(drives.shape[0]):
-        v, omega = drive_speeds(drives, k, command, q)
-        rim = abs(v) + drives[k, RIM_LEVER] * abs(omega)
+        v, omega = driving.drive_speeds(drives, k, command, q)
+        rim = abs(v) + drives[k, driving.RIM_LEVER] * abs(omega)
         fastest = limits[int(drives[k, 0]) - (k if m < q.shape[0] else 0)]
         if rim * scale > fastest:
             scale = fastest / rim
@@ -75,7 +68,7 @@ def scale_down(q, speed_limits, command):
     for i in range(command.shape[0]):
         command[i] *= scale
     if command.shape[0] < q.shape[0]:
-        steer(speed_limits.drives, command)
+        driving.steer(speed_limits.drives, command)
 
 
 @inline
@@ -83,7 +76,7 @@ def scale_down_rollers(q, rollers, command):
     """Scale the whole command so that no rim of a wheel with rollers is too fast."""
     share = 1.0
     for k in range(rollers.shape[0]):
-        share = max(share, abs(rim_load(rollers, k, q, command)))
+        share = max(share, abs(driving.rim_load(rollers, k, q, command)))
     for i in range(command.shape[0]):
         command[i] /= share
 

@@ -70,7 +70,7 @@ def one_body(parts: Sequence[LinkBody]) -> LinkBody:
     mass, tensor = sum(part.mass for part in parts), np.zeros((3, 3))
     if not mass > 0:
         return LinkBody(mass, np.zeros(3), tensor)
-    center = sum(part.mass * part.center for part in parts) / mass
+    center = sum((part.mass * part.center for part in parts), np.zeros(3)) / mass
     for part in parts:
         off = part.center - center
         tensor += part.tensor + part.mass * (off @ off * np.eye(3) - np.outer(off, off))

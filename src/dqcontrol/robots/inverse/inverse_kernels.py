@@ -18,14 +18,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, inline, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.robots.kinematics.kinematics_kernels import (
-    REVOLUTE,
-    compose_fixed,
-    half_sine_cosine,
-    hand_jacobian,
-    move_joint,
-    z_axis,
-)
+from dqcontrol.robots.kinematics import kinematics_kernels as chains
 from dqcontrol.robots.kinematics.pose_task_kernels import task_twist_kinematics
 
 # Iterations in a row that hardly reduce the error, after which a start is given up: of random starts of an iiwa 7 that
@@ -49,18 +42,18 @@ def _residual(chain, q, target, position, turns, moves, jacobian, out, turn):
     n = chain.shape[0] - 1
     w, x, y, z, px, py, pz = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(n):
-        w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, chain[i])
-        zx, zy, zz = z_axis(w, x, y, z)
+        w, x, y, z, px, py, pz = chains.compose_fixed(w, x, y, z, px, py, pz, chain[i])
+        zx, zy, zz = chains.z_axis(w, x, y, z)
         jacobian[i, 0], jacobian[i, 1], jacobian[i, 2] = zx, zy, zz
         jacobian[i, 3], jacobian[i, 4], jacobian[i, 5] = px, py, pz
-        sine, cosine = half_sine_cosine(q[i])
-        w, x, y, z, px, py, pz = move_joint(
+        sine, cosine = chains.half_sine_cosine(q[i])
+        w, x, y, z, px, py, pz = chains.move_joint(
             w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], q[i], sine, cosine
         )
-    w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, chain[n])
+    w, x, y, z, px, py, pz = chains.compose_fixed(w, x, y, z, px, py, pz, chain[n])
     for i in range(n):
         zx, zy, zz = jacobian[i, 0], jacobian[i, 1], jacobian[i, 2]
-        if chain[i, 7] != REVOLUTE:
+        if chain[i, 7] != chains.REVOLUTE:
             jacobian[i, 0], jacobian[i, 1], jacobian[i, 2] = 0.0, 0.0, 0.0
             jacobian[i, 3], jacobian[i, 4], jacobian[i, 5] = moves * zx, moves * zy, moves * zz
         else:
@@ -289,7 +282,7 @@ def _task_residual(tables, begins, q, target, options, weighted, own, jacobian, 
         )
         px, py, pz = position(own.pose)
         rows, error = jacobian[6 * k : 6 * k + 6], out[6 * k : 6 * k + 6]
-        hand_jacobian((px, py, pz), own.twist, rows)
+        chains.hand_jacobian((px, py, pz), own.twist, rows)
         for j in range(q.shape[0]):
             for i in range(3):
                 rows[i, j] *= turns
