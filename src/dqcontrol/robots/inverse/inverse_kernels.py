@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from dqcontrol.algebra.dual_quaternion_kernels import half_angle, position, quaternion_product, translation
+from dqcontrol.algebra.dual_quaternion_kernels import half_turn, position, translation
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, inline, kernel
@@ -62,10 +62,7 @@ def _residual(chain, q, target, position, turns, moves, jacobian, out, turn):
             jacobian[i, 3] = moves * (zy * az - zz * ay)
             jacobian[i, 4] = moves * (zz * ax - zx * az)
             jacobian[i, 5] = moves * (zx * ay - zy * ax)
-    quaternion_product(target, (w, -x, -y, -z), turn)
-    if turn[0] < 0.0:  # the short way round
-        turn[0], turn[1], turn[2], turn[3] = -turn[0], -turn[1], -turn[2], -turn[3]
-    half_angle(turn, out)
+    half_turn((w, x, y, z), target, turn, out)
     out[0], out[1], out[2] = turns * 2.0 * out[0], turns * 2.0 * out[1], turns * 2.0 * out[2]
     out[3], out[4], out[5] = (
         moves * (position[0] - px),
@@ -287,11 +284,7 @@ def _task_residual(tables, begins, q, target, options, weighted, own, jacobian, 
             for i in range(3):
                 rows[i, j] *= turns
                 rows[3 + i, j] *= moves
-        pose, turn = own.pose, own.turn
-        quaternion_product(wanted, (pose[0], -pose[1], -pose[2], -pose[3]), turn)
-        if turn[0] < 0.0:  # the short way round
-            turn[0], turn[1], turn[2], turn[3] = -turn[0], -turn[1], -turn[2], -turn[3]
-        half_angle(turn, error)
+        half_turn(own.pose, wanted, own.turn, error)
         translation(wanted, own.at)
         error[0], error[1], error[2] = turns * 2.0 * error[0], turns * 2.0 * error[1], turns * 2.0 * error[2]
         error[3], error[4], error[5] = (

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.algebra.dual_quaternion_kernels import position, rotated, set_pose
+from dqcontrol.algebra.dual_quaternion_kernels import position, product, rotated, set_pose
 from dqcontrol.compiled.compile import (
     INPUT,
     NOT_FINITE,
@@ -148,20 +148,9 @@ def _crossed(a, b):
 
 
 @inline
-def _product(a, b):
-    """Return the quaternion product ab."""
-    return (
-        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
-    )
-
-
-@inline
 def _relative(r1, p1, r2, p2):
     """Return r and p of x₂*x₁."""
-    r = _product((r2[0], -r2[1], -r2[2], -r2[3]), r1)
+    r = product((r2[0], -r2[1], -r2[2], -r2[3]), r1)
     return r, _turned_back(r2, (p1[0] - p2[0], p1[1] - p2[1], p1[2] - p2[2]))
 
 
@@ -180,12 +169,12 @@ def _common_pose(kind, sign, r1, p1, r2, p2, pose):
     norm = 1.0 / math.sqrt(2.0 * half)
     root = half * norm, r[1] * norm, r[2] * norm, r[3] * norm
     k = rotated(r2, (r[1] * scale, r[2] * scale, r[3] * scale))
-    ra = _product(r2, root)
+    ra = product(r2, root)
     if kind == MIDPOINT:
         set_pose(ra, (0.5 * (p1[0] + p2[0]), 0.5 * (p1[1] + p2[1]), 0.5 * (p1[2] + p2[2])), pose)
         return half, k, (0.0, 0.0, 0.0)
     # x_r = r + ε d, d = ½ p r; its half s = (1 + x_r)/|1 + x_r|, |1 + x_r| = √(2(1 + w)) + ε w'/√(2(1 + w))
-    d = _product((0.0, 0.5 * p[0], 0.5 * p[1], 0.5 * p[2]), r)
+    d = product((0.0, 0.5 * p[0], 0.5 * p[1], 0.5 * p[2]), r)
     less = d[0] * norm * norm * norm
     dual = (
         d[0] * norm - half * less,
@@ -193,7 +182,7 @@ def _common_pose(kind, sign, r1, p1, r2, p2, pose):
         d[2] * norm - r[2] * less,
         d[3] * norm - r[3] * less,
     )
-    step = _product(dual, (root[0], -root[1], -root[2], -root[3]))  # half the translation of s
+    step = product(dual, (root[0], -root[1], -root[2], -root[3]))  # half the translation of s
     a, b, c = rotated(r2, (2.0 * step[1], 2.0 * step[2], 2.0 * step[3]))
     set_pose(ra, (p2[0] + a, p2[1] + b, p2[2] + c), pose)
     less = d[0] * scale * scale
