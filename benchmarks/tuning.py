@@ -22,7 +22,7 @@ import dqcontrol as dqc
 from dqcontrol.experiments import check
 from dqcontrol.experiments.feasibility import path_demand
 from dqcontrol.experiments.prepared_experiment import prepare
-from dqcontrol.files.plain_data import yaml_text
+from dqcontrol.files.output_file import yaml_text
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.measures.metrics import AT_LIMIT

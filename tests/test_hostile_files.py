@@ -107,7 +107,7 @@ WRITE = """
     from dqcontrol.recording.export import export_record
     from dqcontrol.experiments.results_folder import new_folder
     from dqcontrol.films.clip import write_clip
-    from dqcontrol.files.whole_file import whole_file
+    from dqcontrol.files.output_file import whole_file
     from dqcontrol.errors import writing
 
     count, rng = 3000, np.random.default_rng(0)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from dqcontrol.cli import experiment_commands
-from dqcontrol.compiled import kernel_cache, numba_choice
+from dqcontrol.compiled import compile as compiling, kernel_cache
 from dqcontrol.loop.rollout import rollout
 from dqcontrol.measures.run_numbers import measure_kernel
 
@@ -46,7 +46,7 @@ def test_new_kernels_start_one_process(started):
         (kernel_cache, "is_kept", lambda function: True),
         (kernel_cache, "root", lambda: None),
         (os, "cpu_count", lambda: 1),
-        (numba_choice, "IS_PLAIN", True),
+        (compiling, "IS_PLAIN", True),
     ],
 )
 def test_nothing_starts_where_it_would_not_help(started, monkeypatch, owner, name, value):

@@ -12,7 +12,7 @@ import dqcontrol
 
 SCRIPT = """
 import numpy as np, dqcontrol as dqc
-from dqcontrol.compiled.numba_choice import numba_used
+from dqcontrol.compiled.compile import numba_used
 arm, q = dqc.load_robot("iiwa7"), np.array([0, 0.6, 0, 1.6, 0, 0.6, 0])
 circle = dqc.references.Circle(arm.fkm(q), radius=0.05, duration=1.0)
 law = dqc.laws.Proportional(gain=5.0, null_space=dqc.laws.Posture(gain=1.0))

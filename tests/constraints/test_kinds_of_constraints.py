@@ -17,7 +17,7 @@ from obstacles import around, box, column, plane, sphere
 import dqcontrol as dqc
 from dqcontrol.loop.simulate import simulate_prepared
 from dqcontrol.measures.held import deadlocks
-from dqcontrol.robots.command_mode import AT_ONCE
+from dqcontrol.robots.robot import AT_ONCE
 
 ARM = dqc.load_robot("panda")
 PLANT = dqc.plants.Integrator()

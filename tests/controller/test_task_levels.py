@@ -9,7 +9,7 @@ from dqcontrol.controller.task_levels import task_levels
 from dqcontrol.errors import InterpretedWarning, ReachError, ShapeError, UnknownNameError, ValueRangeError
 from dqcontrol.experiments.prepared_experiment import prepare
 from dqcontrol.loop import Record
-from dqcontrol.robots.command_mode import Lag
+from dqcontrol.robots.robot import Lag
 
 Q = np.array([-0.1, -0.5, 0.1, -2.2, 0.1, 1.7, 0.8, 0.3, -0.7, -0.2, -2.1, -0.1, 1.5, 0.7])
 LAW = dqc.laws.ProportionalFeedforward(gain=5.0)

@@ -9,8 +9,7 @@ from dqcontrol import algebra
 from dqcontrol.figures.surroundings import corners_of, entries, faces_near, faces_of
 from dqcontrol.geometry import Box, Capsule, Cylinder, InfiniteCylinder, Plane, Point, Sphere, distance
 from dqcontrol.loop import Record
-from dqcontrol.loop.constraint_signals import DISTANCE
-from dqcontrol.loop.signals import Signal
+from dqcontrol.loop.signals import DISTANCE, Signal
 
 TURNED = algebra.pose(algebra.rotation_from_axis_angle([0.6, 0.8, 0.0], 0.7), [0.1, 0.2, 0.3])
 

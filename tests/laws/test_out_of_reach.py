@@ -13,7 +13,7 @@ from dqcontrol.laws.growth import counted, curvature, drives_anywhere, growth_fo
 from dqcontrol.laws.law import LoopRates
 from dqcontrol.loop import close_loop
 from dqcontrol.loop.targets import PoseTarget, Speeds
-from dqcontrol.robots.command_mode import Lag
+from dqcontrol.robots.robot import Lag
 from dqcontrol_theses import variants
 
 SEED, LENGTH = 38, 0.3

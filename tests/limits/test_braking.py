@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from dqcontrol.limits.braking import braked, braking_share, fastest_stoppable, largest_share, surely_stops
+from dqcontrol.limits.rates import braked, braking_share, fastest_stoppable, largest_share, surely_stops
 
 SEED = 20261128
 

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dqcontrol.loop.constraint_signals import EFFECT, PRESSURE
 from dqcontrol.loop.replanning import PLAN
+from dqcontrol.loop.signals import EFFECT, PRESSURE
 from dqcontrol.measures.held import Deadlock, apart_at_plans, deadlocks, plans_of_run
 from dqcontrol.measures.metrics import recovery_time
 from dqcontrol.plants.mujoco.world_model import FORCE

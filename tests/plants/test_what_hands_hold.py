@@ -12,7 +12,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.controller import FurtherTask
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.files.plain_data import yaml_text
+from dqcontrol.files.output_file import yaml_text
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.plants import Gripper, GripperEvent, MujocoPlant, Pads
 from dqcontrol.reports.run_report import _held_box as held_box

@@ -135,7 +135,7 @@ def test_a_failed_export_keeps_the_old_file(record, tmp_path, monkeypatch):
     def fail(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("dqcontrol.files.whole_file.os.replace", fail)
+    monkeypatch.setattr("dqcontrol.files.output_file.os.replace", fail)
     with pytest.raises(Error, match=r"run\.csv: cannot be written: No space left"):
         export_record(record, path, force=True)
     assert [file.read_text() for file in tmp_path.iterdir()] == ["precious"]

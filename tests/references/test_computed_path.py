@@ -6,7 +6,7 @@ import pytest
 from dqcontrol import algebra
 from dqcontrol.references import Circle, CornerStops, SetPoint, Spiral, Square, StartRamp
 from dqcontrol.references.computed_path import computed_path, path_parameters
-from dqcontrol.references.timing import Transformed
+from dqcontrol.references.modifiers import Transformed
 
 START = algebra.pose(algebra.rotation_from_axis_angle([1, 2, 3], 0.7), [0.4, -0.1, 0.5])
 TURN = algebra.pose(algebra.rotation_from_axis_angle([0, 1, 0], 0.4), [0.1, 0.2, -0.3])

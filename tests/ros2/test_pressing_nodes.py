@@ -9,7 +9,7 @@ from nodes import UNHURRIED
 from rclpy.parameter import Parameter
 
 from dqcontrol.errors import Error
-from dqcontrol.plants.wrist import TOUCH_FORCE
+from dqcontrol.plants.sensors import TOUCH_FORCE
 from dqcontrol.ros2.loading import load
 
 PRESS = {

@@ -69,8 +69,11 @@ def test_constraints_keep_clear_of_where_a_transform_says_that_a_body_is():
             transform("cube", (0, 0, 0), frame="map"),
             "transform of cube: is in frame 'map', expected 'base_link'",
         ),
-        (transform("cube", (0, np.nan, 0)), "transform of cube: is no pose"),
-        (transform("cube", (0, 0, 0), turn=(0.0, 0, 0, 0)), "transform of cube: is no pose"),
+        (transform("cube", (0, np.nan, 0)), "transform of cube: position: number 2 is not finite"),
+        (
+            transform("cube", (0, 0, 0), turn=(0.0, 0, 0, 0)),
+            "transform of cube: orientation: expected a unit quaternion, got norm 0",
+        ),
     ],
 )
 def test_transforms_that_say_nothing_are_refused(message, words):

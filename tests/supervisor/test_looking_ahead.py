@@ -6,7 +6,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.errors import ValueRangeError
-from dqcontrol.limits.braking import fastest_stoppable
+from dqcontrol.limits.rates import fastest_stoppable
 from dqcontrol.supervisor import KeepOutZones, LinkPoint, Supervisor, WorkspaceBox
 from dqcontrol.supervisor.interventions import REASONS
 from dqcontrol.supervisor.supervisor_geometry import _distance

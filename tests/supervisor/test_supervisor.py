@@ -7,7 +7,7 @@ import dqcontrol as dqc
 from dqcontrol import algebra
 from dqcontrol.contact import Tool
 from dqcontrol.errors import ShapeError, UnknownNameError, ValueRangeError
-from dqcontrol.limits.braking import fastest_stoppable
+from dqcontrol.limits.rates import fastest_stoppable
 from dqcontrol.supervisor import LinkPoint, Supervisor, WorkspaceBox
 from dqcontrol.supervisor.interventions import IMPOSSIBLE
 from dqcontrol.supervisor.supervisor_layout import END, FINISH, GO, RESET, STOP

@@ -6,7 +6,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.contact import Tool
 from dqcontrol.errors import ShapeError, ValueRangeError
-from dqcontrol.limits.braking import fastest_stoppable
+from dqcontrol.limits.rates import fastest_stoppable
 from dqcontrol.supervisor import Supervisor
 from dqcontrol.supervisor.supervisor_layout import END, GO, RESET, STOP
 from dqcontrol.supervisor.supervisor_step import _moved

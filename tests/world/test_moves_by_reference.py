@@ -6,7 +6,7 @@ import pytest
 import dqcontrol as dqc
 from dqcontrol.algebra import translation
 from dqcontrol.experiments.spec import read_spec
-from dqcontrol.loop.constraint_signals import DISTANCE
+from dqcontrol.loop.signals import DISTANCE
 from dqcontrol.world.body import poses_of
 
 PLACE = [0.8, 0.5, 0.5]

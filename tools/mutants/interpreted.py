@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dqcontrol.compiled.numba_choice import numba_used
+from dqcontrol.compiled.compile import numba_used
 
 _kernels: list[Callable[..., Any]] = []
 

@@ -20,16 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dqcontrol.algebra import dual_quaternion_kernels as kernels
-from dqcontrol.algebra.functions import (
-    UNIT_TOLERANCE,
-    WRITTEN_TOLERANCE,
-    apply,
-    as_unit,
-    broadcast_lead,
-    index_of,
-    translation,
-)
+from dqcontrol.algebra import dual_quaternion_kernels as kernels, functions
 from dqcontrol.arrays import Array
 from dqcontrol.errors import MissingExtraError, NoteWarning, ShapeError, ValueRangeError, as_array
 
@@ -50,7 +41,7 @@ def pose(rotation: ArrayLike, translation: ArrayLike) -> Array:
     >>> pose([1, 0, 0, 0], [0.1, 0.2, 0.3])[5:].tolist()
     [0.05, 0.1, 0.15]
     """
-    return apply(
+    return functions.apply(
         kernels.set_pose,
         8,
         rotation=as_unit_quaternion("rotation", rotation),
@@ -80,15 +71,15 @@ def rotation_from_matrix(matrix: ArrayLike) -> Array:
     """
     m = as_array("matrix", matrix, (3, 3))
     defect = np.abs(np.swapaxes(m, -1, -2) @ m - np.eye(3)).max(axis=(-1, -2))
-    if (defect > UNIT_TOLERANCE).any():
+    if (defect > functions.UNIT_TOLERANCE).any():
         raise ValueRangeError(
             f"matrix: expected a rotation, but RᵀR differs from 1 by {defect.max():.3g}"
-            f"{index_of(defect > UNIT_TOLERANCE)}; allowed is {UNIT_TOLERANCE:g}"
+            f"{functions.index_of(defect > functions.UNIT_TOLERANCE)}; allowed is {functions.UNIT_TOLERANCE:g}"
         )
     mirrored = np.linalg.det(m) < 0
     if mirrored.any():
         raise ValueRangeError(
-            f"matrix: expected a rotation, but its determinant is −1{index_of(mirrored)}, a reflection"
+            f"matrix: expected a rotation, but its determinant is −1{functions.index_of(mirrored)}, a reflection"
         )
     a, b, c = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
     x, y, z = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]
@@ -112,10 +103,10 @@ def rotation_from_matrix(matrix: ArrayLike) -> Array:
 
 def matrix_from_pose(x: ArrayLike) -> Array:
     """Return homogeneous matrices [R p; 0 1], shape (…, 4, 4), of poses (…, 8) [P16 A.25]."""
-    x = as_unit("x", x)
+    x = functions.as_unit("x", x)
     matrix = np.zeros((*x.shape[:-1], 4, 4))
     matrix[..., :3, :3] = matrix_from_rotation(x[..., :4])
-    matrix[..., :3, 3] = translation(x)
+    matrix[..., :3, 3] = functions.translation(x)
     matrix[..., 3, 3] = 1
     return matrix
 
@@ -129,11 +120,11 @@ def pose_from_matrix(matrix: ArrayLike) -> Array:
         As for `rotation_from_matrix`, or if the last row is not [0, 0, 0, 1].
     """
     m = as_array("matrix", matrix, (4, 4))
-    wrong = (np.abs(m[..., 3, :] - [0, 0, 0, 1]) > UNIT_TOLERANCE).any(axis=-1)
+    wrong = (np.abs(m[..., 3, :] - [0, 0, 0, 1]) > functions.UNIT_TOLERANCE).any(axis=-1)
     if wrong.any():
         row = m[..., 3, :][wrong][0]
         raise ValueRangeError(
-            f"matrix: the last row must be [0, 0, 0, 1], got {row.tolist()}{index_of(wrong)}"
+            f"matrix: the last row must be [0, 0, 0, 1], got {row.tolist()}{functions.index_of(wrong)}"
         )
     return pose(rotation_from_matrix(m[..., :3, :3]), m[..., :3, 3])
 
@@ -153,10 +144,10 @@ def rotation_from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> Array:
     """
     n = as_array("axis", axis, (3,))
     half = 0.5 * as_array("angle", angle)[..., None]
-    broadcast_lead(axis=n, angle=half)
+    functions.broadcast_lead(axis=n, angle=half)
     length = np.linalg.norm(n, axis=-1, keepdims=True)
     if (length == 0).any():
-        raise ValueRangeError(f"axis: must not be zero{index_of(length[..., 0] == 0)}")
+        raise ValueRangeError(f"axis: must not be zero{functions.index_of(length[..., 0] == 0)}")
     vector = np.sin(half) * (n / length)
     return np.concatenate([np.broadcast_to(np.cos(half), (*vector.shape[:-1], 1)), vector], axis=-1)
 
@@ -225,13 +216,15 @@ def as_unit_quaternion(field: str, value: ArrayLike) -> Array:
     r = as_array(field, value, (4,))
     norm = np.linalg.norm(r, axis=-1, keepdims=True)
     off = np.abs(norm[..., 0] - 1)
-    bad = ~(off <= WRITTEN_TOLERANCE)
+    bad = ~(off <= functions.WRITTEN_TOLERANCE)
     if bad.any():
         unit = ", ".join(f"{each:.6g}" for each in r / norm) if r.ndim == 1 and r.any() else ""
         hint = f"; normalised it is [{unit}]" if unit else ""
-        got = f"{norm[..., 0][bad][0]:.9g}{index_of(bad)}"
-        raise ValueRangeError(f"{field}: must have norm 1 within {WRITTEN_TOLERANCE:g}, got {got}{hint}")
-    if (off > UNIT_TOLERANCE).any():
+        got = f"{norm[..., 0][bad][0]:.9g}{functions.index_of(bad)}"
+        raise ValueRangeError(
+            f"{field}: must have norm 1 within {functions.WRITTEN_TOLERANCE:g}, got {got}{hint}"
+        )
+    if (off > functions.UNIT_TOLERANCE).any():
         warnings.warn(
             f"{field}: normalised; its norm was {norm.flat[np.argmax(off)]:.8g}", NoteWarning, stacklevel=2
         )
@@ -271,8 +264,7 @@ def scipy_from_rotation(rotation: ArrayLike) -> Any:
     """
     from scipy.spatial.transform import Rotation
 
-    r = as_unit_quaternion("rotation", rotation)
-    return Rotation.from_quat(r[..., [1, 2, 3, 0]])
+    return Rotation.from_quat(as_unit_quaternion("rotation", rotation)[..., [1, 2, 3, 0]])
 
 
 def pose_from_se3(placement: Any) -> Array:
@@ -299,7 +291,7 @@ def pose_from_mujoco(position: ArrayLike, quaternion: ArrayLike) -> Array:
     Raises `ShapeError`, `ValueRangeError` if a shape is wrong, a value not finite or a norm not 1.
     """
     r, p = as_unit_quaternion("quaternion", quaternion), as_array("position", position, (3,))
-    broadcast_lead(position=p, quaternion=r)
+    functions.broadcast_lead(position=p, quaternion=r)
     return pose(r, p)
 
 
@@ -308,8 +300,8 @@ def mujoco_from_pose(x: ArrayLike) -> tuple[Array, Array]:
 
     Raises `ShapeError`, `ValueRangeError` if x is not (…, 8) or not unit.
     """
-    x = as_unit("x", x)
-    return translation(x), x[..., :4].copy()
+    x = functions.as_unit("x", x)
+    return functions.translation(x), x[..., :4].copy()
 
 
 def pose_from_dqrobotics(x: Any) -> Array:
@@ -330,7 +322,7 @@ def dqrobotics_from_pose(x: ArrayLike) -> Any:
 
 
 def _single(x: ArrayLike) -> Array:
-    x = as_unit("x", x)
+    x = functions.as_unit("x", x)
     if x.ndim > 1:
         raise ShapeError(f"x: expected one pose, shape (8,), got shape {x.shape}")
     return x

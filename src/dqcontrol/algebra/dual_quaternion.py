@@ -112,8 +112,7 @@ def power(x: ArrayLike, t: ArrayLike) -> Array:
     >>> power([1.0, 0, 0, 0, 0, 0.5, 0, 0], [0.0, 3.0])[:, 5].tolist()
     [0.0, 1.5]
     """
-    out = apply(kernels.power, 8, x=as_unit("x", x), t=as_array("t", t)[..., None])
-    return _defined(out)
+    return _defined(apply(kernels.power, 8, x=as_unit("x", x), t=as_array("t", t)[..., None]))
 
 
 def sclerp(x1: ArrayLike, x2: ArrayLike, t: ArrayLike) -> Array:

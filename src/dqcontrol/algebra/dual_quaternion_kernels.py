@@ -14,14 +14,22 @@ _SERIES_BELOW = 0.3  # rad; beyond it the closed forms of V and V⁻¹ lose fewe
 
 
 @inline
-def quaternion_product(a, b, out):
-    """Write the quaternion product ab."""
+def product(a, b):
+    """Return the quaternion product ab."""
     aw, ax, ay, az = a[0], a[1], a[2], a[3]
     bw, bx, by, bz = b[0], b[1], b[2], b[3]
-    out[0] = aw * bw - ax * bx - ay * by - az * bz
-    out[1] = aw * bx + ax * bw + ay * bz - az * by
-    out[2] = aw * by - ax * bz + ay * bw + az * bx
-    out[3] = aw * bz + ax * by - ay * bx + az * bw
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+@inline
+def quaternion_product(a, b, out):
+    """Write the quaternion product ab."""
+    out[0], out[1], out[2], out[3] = product(a, b)
 
 
 @inline
@@ -106,30 +114,26 @@ def short(a, out):
 @inline
 def hamilton_plus(a, out):
     """Write H⁺(a), row-major: vec8(ab) = H⁺(a) vec8(b)."""
-    for half in range(2):
-        w, x, y, z = a[4 * half], a[4 * half + 1], a[4 * half + 2], a[4 * half + 3]
-        for block in range(2 - half):
-            o = 8 * (4 * (half + block)) + 4 * block
-            out[o], out[o + 1], out[o + 2], out[o + 3] = w, -x, -y, -z
-            out[o + 8], out[o + 9], out[o + 10], out[o + 11] = x, w, -z, y
-            out[o + 16], out[o + 17], out[o + 18], out[o + 19] = y, z, w, -x
-            out[o + 24], out[o + 25], out[o + 26], out[o + 27] = z, -y, x, w
-    for row in range(4):
-        for column in range(4, 8):
-            out[8 * row + column] = 0.0
+    _hamilton(a, 1.0, out)
 
 
 @inline
 def hamilton_minus(b, out):
     """Write H⁻(b), row-major: vec8(ab) = H⁻(b) vec8(a)."""
+    _hamilton(b, -1.0, out)
+
+
+@inline
+def _hamilton(a, side, out):
     for half in range(2):
-        w, x, y, z = b[4 * half], b[4 * half + 1], b[4 * half + 2], b[4 * half + 3]
+        w, x, y, z = a[4 * half], a[4 * half + 1], a[4 * half + 2], a[4 * half + 3]
+        i, j, k = side * x, side * y, side * z
         for block in range(2 - half):
             o = 8 * (4 * (half + block)) + 4 * block
             out[o], out[o + 1], out[o + 2], out[o + 3] = w, -x, -y, -z
-            out[o + 8], out[o + 9], out[o + 10], out[o + 11] = x, w, z, -y
-            out[o + 16], out[o + 17], out[o + 18], out[o + 19] = y, -z, w, x
-            out[o + 24], out[o + 25], out[o + 26], out[o + 27] = z, y, -x, w
+            out[o + 8], out[o + 9], out[o + 10], out[o + 11] = x, w, -k, j
+            out[o + 16], out[o + 17], out[o + 18], out[o + 19] = y, k, w, -i
+            out[o + 24], out[o + 25], out[o + 26], out[o + 27] = z, -j, i, w
     for row in range(4):
         for column in range(4, 8):
             out[8 * row + column] = 0.0
@@ -272,6 +276,15 @@ def half_angle(r, out):
     out[0] = scale * r[1]
     out[1] = scale * r[2]
     out[2] = scale * r[3]
+
+
+@inline
+def half_turn(present, goal, turn, out):
+    """Write half the rotation vector, base axes, that turns one pose into another; ``turn`` is scratch."""
+    quaternion_product(goal, (present[0], -present[1], -present[2], -present[3]), turn)
+    if turn[0] < 0.0:  # the short way round
+        turn[0], turn[1], turn[2], turn[3] = -turn[0], -turn[1], -turn[2], -turn[3]
+    half_angle(turn, out)
 
 
 @inline

@@ -17,8 +17,7 @@ from cyclopts.exceptions import CommandCollisionError, UnknownCommandError, Unus
 
 import dqcontrol
 from dqcontrol.cli import screen
-from dqcontrol.extensions import POLICY, REFUSED
-from dqcontrol.extensions.offered import offered
+from dqcontrol.extensions import POLICY, REFUSED, offered
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 

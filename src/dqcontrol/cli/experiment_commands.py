@@ -407,7 +407,7 @@ def compile_beside() -> None:
     Only where these kernels are new and kept, and a processor is left.
     """
     from dqcontrol.compiled import kernel_cache
-    from dqcontrol.compiled.numba_choice import IS_PLAIN
+    from dqcontrol.compiled.compile import IS_PLAIN
 
     if (
         IS_PLAIN  # kernels are kept by Numba's internals alone

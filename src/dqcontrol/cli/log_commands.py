@@ -431,7 +431,7 @@ def convert(
     from dqcontrol.errors import ExistsError, ShapeError, ValueRangeError, writing
     from dqcontrol.experiments import load_run
     from dqcontrol.experiments.spec.world_file import load_world, world_text
-    from dqcontrol.files.whole_file import whole_file
+    from dqcontrol.files.output_file import whole_file
     from dqcontrol.geometry import save_map
     from dqcontrol.world import floor_around
 

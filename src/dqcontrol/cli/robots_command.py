@@ -117,7 +117,7 @@ def convert(
         Links with commas between them, or "all": the tree of the joints above them in place of a chain.
     """
     from dqcontrol.errors import ExistsError, ShapeError
-    from dqcontrol.files.plain_data import yaml_text
+    from dqcontrol.files.output_file import yaml_text
     from dqcontrol.robots import SerialArm, TreeRobot, TwoArms, load_robot
     from dqcontrol.robots.files.robot_file import plain_arm
     from dqcontrol.robots.files.tree_file import plain_tree

@@ -16,7 +16,7 @@ import yaml
 from dqcontrol.arrays import Array
 from dqcontrol.cli.screen import print_table
 from dqcontrol.errors import Error, ExistsError, FileFormatError, NoteWarning, ShapeError
-from dqcontrol.files.whole_file import whole_file
+from dqcontrol.files.output_file import whole_file
 from dqcontrol.geometry import Box, Capsule, Sphere
 from dqcontrol.robots import LinkShape, LinkShapes, Robot, SerialArm, describe, load_robot, robot_names
 from dqcontrol.robots.collision_shapes import FittedShape, SampledPair, collision_shapes, kept, sampled_pairs

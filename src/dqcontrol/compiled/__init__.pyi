@@ -4,7 +4,7 @@ from .compile import (
     inline as inline,
     kernel as kernel,
 )
-from .law_signature import (
+from .intrinsics import (
     LAW as LAW,
     call_law as call_law,
 )

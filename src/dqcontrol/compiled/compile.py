@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import gc
 import inspect
+import os
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -24,8 +25,16 @@ from numba import types
 from numba.extending import overload
 
 from dqcontrol.compiled import kernel_cache
-from dqcontrol.compiled.numba_choice import numba_used
 from dqcontrol.errors import DivergedError, Error, InterpretedWarning, ShapeError
+
+# Internals that a new release of Numba lacks are not imported where its public part alone is asked for.
+IS_PLAIN: bool = os.environ.get("DQCONTROL_NUMBA") == "plain"
+if IS_PLAIN:
+    from dqcontrol.compiled import numba_public as _used
+else:
+    from dqcontrol.compiled import numba_internals as _used
+
+numba_used: Any = _used
 
 FAST = {"contract", "reassoc", "nsz", "arcp"}  # NaN and infinity keep their meaning
 

@@ -27,12 +27,12 @@ import llvmlite.binding
 import numba
 
 from dqcontrol.errors import CacheWarning
-from dqcontrol.files.whole_file import whole_file
+from dqcontrol.files.output_file import whole_file
 
 _OURS = __name__.partition(".")[0]
 _KEPT = 8  # versions of a module's kernels
 _SAID_EVERY = 5  # kernels: every few seconds
-# numba_choice.py imports it in an `if`, which `_AT_IMPORT` skips
+# compile.py imports it in an `if`, which `_AT_IMPORT` skips
 _OF_ALL_KERNELS = "dqcontrol.compiled.numba_internals"
 _IMPORT = r"from +([\w.]+) +import +(\([^)]*\)|[^\n]*)|import +([\w.]+)"
 _AT_IMPORT = re.compile(f"^(?:{_IMPORT})", re.MULTILINE)

@@ -22,7 +22,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled import kernel_cache
 from dqcontrol.compiled.compile import Kernel
 from dqcontrol.errors import Error, unknown_name
-from dqcontrol.files.whole_file import whole_file
+from dqcontrol.files.output_file import whole_file
 
 # What compiled code may ask of the libraries of C.
 OF_C = frozenset(

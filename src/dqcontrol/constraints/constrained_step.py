@@ -40,8 +40,7 @@ from dqcontrol.compiled.compile import (
     kernel,
     shared,
 )
-from dqcontrol.compiled.intrinsics import as_matrix
-from dqcontrol.compiled.law_signature import CONSTRAINT
+from dqcontrol.compiled.intrinsics import CONSTRAINT, as_matrix
 from dqcontrol.constraints import active_set, constraint_layout as layout
 from dqcontrol.constraints.constraint_rows import (
     curvature,
@@ -57,7 +56,7 @@ from dqcontrol.constraints.constraint_rows import (
     write_tree_screws,
 )
 from dqcontrol.constraints.levels import solve_by_levels
-from dqcontrol.limits.braking import fastest_stoppable
+from dqcontrol.limits.rates import fastest_stoppable
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots.kinematics.driving import RIM_LEVER, advance
 from dqcontrol.robots.kinematics.kinematics_kernels import call_chain, hand_jacobian, split

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import numpy as np
 from msgspec import Meta
@@ -16,8 +16,9 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.geometry import Box, Cylinder, InfiniteCylinder, Plane, Shape
 from dqcontrol.named_fields import NamedFields
-from dqcontrol.robots.command_mode import AT_ONCE, CommandMode, Lag
+from dqcontrol.robots.robot import AT_ONCE, CommandMode, Lag
 from dqcontrol.world import Body, Held, Motion, Solid, World
+from dqcontrol.world.body import Direction, Name, Place
 
 if TYPE_CHECKING:
     from dqcontrol.constraints.prepared_constraints import PreparedConstraints
@@ -25,11 +26,7 @@ if TYPE_CHECKING:
 
 HAND = "hand"  # the name of the hand's point among shapes
 
-Number3 = tuple[float, float, float]
-Place = Annotated[Number3, Meta(description="m")]
-Direction = Annotated[Number3, Meta(description="not zero")]
 Length = Annotated[float, Meta(ge=0, description="m")]
-Name = Annotated[str, Meta(min_length=1, max_length=60)]
 Level = Annotated[int, Meta(ge=0, le=9)]
 
 
@@ -298,8 +295,6 @@ class Constraints(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=
     >>> bool(np.linalg.norm(places - ball.position, axis=1).min() >= 0.07)
     True
     """
-
-    PER_INPUT: ClassVar[tuple[str, ...]] = ("acceleration",)
 
     margin: Length = 0.01
     rate: Annotated[float, Meta(gt=0, description="1/s")] | None = None

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.robots.command_mode import Lag
+from dqcontrol.robots.robot import Lag
 
 _POINTS = 4  # how far the way bends off the chords between them is found and kept beside
 _BETWEEN = 200  # instants between two points at which a way is compared with the line between them

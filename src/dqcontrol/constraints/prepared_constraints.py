@@ -18,14 +18,13 @@ from dqcontrol.constraints.moving_frames import HandFrame, moving_frames
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, error_prefix, unknown_name
 from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, Plane, Shape, Sphere
 from dqcontrol.geometry.distance_kernels import FIRST_CORNER, KIND, PLANE, RADIUS, ROUND, SHAPE
-from dqcontrol.robots.command_mode import AT_ONCE, Lag
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
-from dqcontrol.robots.robot import Robot, base_coordinates
+from dqcontrol.robots.robot import AT_ONCE, Lag, Robot, base_coordinates
 from dqcontrol.world import Motion
 from dqcontrol.world.body import INSTANT
 
 if TYPE_CHECKING:
-    from dqcontrol.robots.command_mode import CommandMode
+    from dqcontrol.robots.robot import CommandMode
 
 _FASTEST_RATE = 10.0  # 1/s
 _ANGULAR = 0.3**2  # l²: 1 rad/s of the hand counts as much as 0.3 m/s
@@ -169,12 +168,11 @@ class PreparedConstraints:
         rows = as_array("q", q, (None, self.robot.configuration_size))
         when = as_array("times", times, (len(rows),))
         out = np.empty((len(rows), len(self.labels)))
-        samples = np.rint(when / self.period)
         status = constraint_values(
             self.robot.table,
             np.ascontiguousarray(rows),
             np.ascontiguousarray(when),
-            samples,
+            np.rint(when / self.period),
             self.parameters,
             np.zeros(self.scratch),
             out,

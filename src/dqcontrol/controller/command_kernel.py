@@ -23,15 +23,14 @@ from dqcontrol.compiled.compile import (
     shared,
     types,
 )
-from dqcontrol.compiled.intrinsics import caller
-from dqcontrol.compiled.law_signature import CONSTRAINT, call_law
+from dqcontrol.compiled.intrinsics import CONSTRAINT, call_law, caller
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.contact.admittance_step import give_back
 from dqcontrol.contact.contact_layout import CONTACT, CONTACT_STATE, LEFT, WRENCH, contact_work
 from dqcontrol.controller.task_levels import TASKS
 from dqcontrol.laws.null_space import PREFERENCE, WORK_SIZE
 from dqcontrol.limits.position_limit import POSITION_LIMIT
-from dqcontrol.limits.velocity_limit import LIMIT
+from dqcontrol.limits.rates import LIMIT
 from dqcontrol.references.sample import SAMPLE_SIZE, TIME
 from dqcontrol.robots.kinematics.kinematics_kernels import call_chain, split
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import NOT_FINITE, RAISED, SINGULAR, InterpretedKernel, Kernel
-from dqcontrol.compiled.law_signature import LAW as LAW
+from dqcontrol.compiled.intrinsics import LAW as LAW
 from dqcontrol.contact.admittance import NO_GUARDS
 from dqcontrol.contact.contact_layout import (
     CONTACT_STATE,
@@ -40,11 +40,10 @@ from dqcontrol.laws.growth import growth_for
 from dqcontrol.laws.inverses import FilteredInverse, inverse_parameters
 from dqcontrol.laws.null_space import WORK_SIZE
 from dqcontrol.limits.command_limits import CommandLimits
-from dqcontrol.limits.velocity_limit import unlimited
+from dqcontrol.limits.rates import unlimited
 from dqcontrol.references.sample import TIME, Sample
-from dqcontrol.robots.command_mode import AT_ONCE, CommandMode, Lag
 from dqcontrol.robots.kinematics.kinematics_kernels import split
-from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.robot import AT_ONCE, CommandMode, Lag, Robot
 
 if TYPE_CHECKING:
     from dqcontrol.constraints.prepared_constraints import PreparedConstraints

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dqcontrol import algebra
-from dqcontrol.algebra.dual_quaternion_kernels import half_angle, position, quaternion_product
+from dqcontrol.algebra.dual_quaternion_kernels import half_turn, position
 from dqcontrol.algebra.symmetric import cholesky, inverse_trace
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import (
@@ -201,11 +201,8 @@ def _add_metric(begin, count, level, own):
 @inline
 def _asked(task, sample, own):
     """Write the [ω ; ṗ] that a task asks for: k times what is left, and what its reference does."""
-    pose, turn, error = own.pose, own.turn, own.error
-    quaternion_product(sample, (pose[0], -pose[1], -pose[2], -pose[3]), turn)
-    if turn[0] < 0.0:  # the short way round
-        turn[0], turn[1], turn[2], turn[3] = -turn[0], -turn[1], -turn[2], -turn[3]
-    half_angle(turn, error)
+    pose, error = own.pose, own.error
+    half_turn(pose, sample, own.turn, error)
     px, py, pz = position(pose)
     x, y, z = position(sample)
     a, b, c = sample[8], sample[9], sample[10]

@@ -1,13 +1,13 @@
-from .gamepad import Gamepad as Gamepad
 from .haptics import Haptics as Haptics
 from .jog import (
     Jog as Jog,
     Keyboard as Keyboard,
 )
-from .space_mouse import SpaceMouse as SpaceMouse
 from .teleoperation import (
+    Gamepad as Gamepad,
     Input as Input,
     LeaderArm as LeaderArm,
+    SpaceMouse as SpaceMouse,
     Teleoperation as Teleoperation,
     Told as Told,
 )

@@ -1,17 +1,18 @@
-"""Teleoperation by any device: a clutch, scaling, and rest when nothing is told any more."""
+"""Teleoperation: a clutch, scaling, and rest when nothing is told any more; and devices that tell: arm, pad, knob."""
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dqcontrol import algebra
 from dqcontrol.arrays import Array
-from dqcontrol.errors import Error, as_array
+from dqcontrol.errors import Error, as_array, from_extra
 from dqcontrol.loop.live import Live
 from dqcontrol.loop.targets import Clutch
 from dqcontrol.robots import Robot
@@ -177,3 +178,108 @@ def _is_sound(told: Told) -> bool:
     if told.pose is None:
         return bool(np.isfinite(told.linear).all() and np.isfinite(told.angular).all())
     return bool(np.isfinite(told.pose).all() and abs(np.linalg.norm(told.pose[:4]) - 1.0) < _UNIT)
+
+
+_AXES = 6  # left x, left y, right x, right y, left trigger, right trigger, as SDL orders them
+_LEFT_SHOULDER, _RIGHT_SHOULDER = 9, 10
+_A, _B = 0, 1
+_FULL = 32767.0  # SDL's axes are 16 bit integers
+_STICK_REST = 0.08  # of a stick's way, around its middle: worn sticks rest there
+
+
+class Gamepad:
+    """An `Input`: the first gamepad that is plugged in, by SDL (pygame-ce).
+
+    Left stick: forward and left; right stick: up, and turning about the vertical. Left shoulder held: drive; right one
+    besides: the sticks turn. A closes the gripper, B opens it.
+
+    Raises
+    ------
+    MissingExtraError
+        If pygame-ce is not installed.
+    Error
+        If there is no gamepad.
+    """
+
+    def __init__(self) -> None:
+        os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # no window
+        os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+        self._pygame, controllers = (
+            from_extra(name, "devices", "gamepads") for name in ("pygame", "pygame._sdl2.controller")
+        )
+        self._pygame.display.init()
+        controllers.init()
+        found = [i for i in range(controllers.get_count()) if controllers.is_controller(i)]
+        if not found:
+            raise Error("gamepad: none is plugged in, or it is not known to SDL")
+        self._device: Any = controllers.Controller(found[0])
+        self._gripper = 0.0
+
+    def read(self) -> Told | None:
+        """Return what is pressed now; see `Input`."""
+        self._pygame.event.pump()
+        device = self._device
+        if not device.attached():
+            return None
+        axes = np.array([device.get_axis(i) / _FULL for i in range(_AXES)])
+        sticks = np.where(np.abs(axes[:4]) < _STICK_REST, 0.0, np.clip(axes[:4], -1.0, 1.0))
+        left, forward, yaw, up = -sticks[0], -sticks[1], -sticks[2], -sticks[3]
+        turns = bool(device.get_button(_RIGHT_SHOULDER))
+        for button, closed in ((_A, 1.0), (_B, 0.0)):
+            if device.get_button(button):
+                self._gripper = closed
+        return Told(
+            time.monotonic(),
+            bool(device.get_button(_LEFT_SHOULDER)),
+            linear=np.zeros(3) if turns else np.array([forward, left, up]),
+            angular=np.array([-left, forward, yaw]) if turns else np.array([0.0, 0.0, yaw]),
+            gripper=self._gripper,
+        )
+
+    def close(self) -> None:
+        """Let go of it."""
+        self._device.quit()
+
+
+_KNOB_REST = 0.05  # of its way: it rests not quite at 0
+
+
+class SpaceMouse:
+    """An `Input`: the first knob that is plugged in, by pyspacemouse.
+
+    Its first button closes the gripper, its second opens it. A knob that is pushed is held: it needs no clutch.
+
+    Raises
+    ------
+    MissingExtraError
+        If pyspacemouse is not installed.
+    Error
+        If there is none, or it may not be read.
+    """
+
+    def __init__(self) -> None:
+        library = from_extra("pyspacemouse", "devices", "space mice")
+        try:
+            # Forward, left and up, and turns about these (REP 103)
+            self._device: Any = library.open(axis_convention=library.AxisConvention.ROS)
+        except Exception as error:  # it raises RuntimeError, OSError, and errors of the HID library
+            raise Error(f"space mouse: cannot be read: {error}") from None
+        self._gripper = 0.0
+
+    def read(self) -> Told | None:
+        """Return how it is pushed now; see `Input`."""
+        state = self._device.read()
+        if state is None:
+            return None
+        pushed = np.array([state.x, state.y, state.z, state.roll, state.pitch, state.yaw], dtype=np.float64)
+        pushed = np.where(np.abs(pushed) < _KNOB_REST, 0.0, pushed)
+        for button, closed in zip(state.buttons, (1.0, 0.0), strict=False):
+            if button:
+                self._gripper = closed
+        return Told(
+            time.monotonic(), bool(pushed.any()), linear=pushed[:3], angular=pushed[3:], gripper=self._gripper
+        )
+
+    def close(self) -> None:
+        """Let go of it."""
+        self._device.close()

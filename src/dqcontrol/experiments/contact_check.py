@@ -14,7 +14,7 @@ from dqcontrol.contact import Admittance, ContactLimits, ForceReference, bears, 
 from dqcontrol.contact.admittance import NEEDS_CONTACT
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.plants.plant import RunningPlant, lagging_mode, running_plant
-from dqcontrol.plants.wrist import Wrist
+from dqcontrol.plants.sensors import Wrist
 from dqcontrol.references.sample import POSE, TIME
 from dqcontrol.tables.tables import Column, Table
 

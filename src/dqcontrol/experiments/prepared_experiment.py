@@ -59,11 +59,10 @@ from dqcontrol.planning.certified_edges import CertifiedEdges
 from dqcontrol.planning.followed_path import start_through
 from dqcontrol.plants.plant import lagging_mode, running_plant
 from dqcontrol.references import POSE, TIME, Previewed, Reference
-from dqcontrol.references.gripping import GripperStep
+from dqcontrol.references.set_points import GripperStep
 from dqcontrol.robots import ReachingPosture, Robot, TreeRobot, WholeBody, describe
-from dqcontrol.robots.command_mode import Lag
 from dqcontrol.robots.kinematics.kinematics_kernels import split
-from dqcontrol.robots.robot import base_coordinates
+from dqcontrol.robots.robot import Lag, base_coordinates
 from dqcontrol.robots.whole_body import Base, parts_with_offsets
 
 _POSES = 200  # of the reference, evenly spaced

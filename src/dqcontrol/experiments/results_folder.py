@@ -18,7 +18,7 @@ from filelock import FileLock, Timeout
 
 from dqcontrol.errors import Error, ExistsError, FileFormatError, ValueRangeError, from_extra, writing
 from dqcontrol.files.input_file import read_text
-from dqcontrol.files.whole_file import whole_file
+from dqcontrol.files.output_file import whole_file
 from dqcontrol.measures.metric_tables import METRIC_COLUMNS, TEXTS
 
 Found = TypeVar("Found")

@@ -18,8 +18,8 @@ from dqcontrol.experiments.contacts import HAND, contacts_of
 from dqcontrol.experiments.outcome import hits, judge
 from dqcontrol.experiments.spec import Spec
 from dqcontrol.laws import Law, PartialProportional
-from dqcontrol.loop.constraint_signals import DISTANCE, PRESSURE, ROOM, held_poses
 from dqcontrol.loop.record import Record, has_failed, row_norms
+from dqcontrol.loop.signals import DISTANCE, PRESSURE, ROOM, held_poses
 from dqcontrol.measures.held import deadlocks
 from dqcontrol.measures.metrics import AT_LIMIT, UNSEEN, Metrics, joint_margins
 from dqcontrol.measures.number_texts import angle_text, length_text, percent_text
@@ -28,7 +28,7 @@ from dqcontrol.measures.task_result import TaskResult, further_results
 from dqcontrol.plants import MobilePlant, MujocoPlant, Plant
 from dqcontrol.plants.mobile.mobile_plant import SLIDING
 from dqcontrol.plants.mujoco.gripper import GRIP_FORCE, GRIPPER_OPENING
-from dqcontrol.plants.wrist import TOUCH_FORCE
+from dqcontrol.plants.sensors import TOUCH_FORCE
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
 from dqcontrol.supervisor import list_interventions

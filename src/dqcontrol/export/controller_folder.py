@@ -192,7 +192,6 @@ def _header_values(
     spec, names = parts.setting.spec, parts.case.names
     kind = str(parts.law_spec.__struct_config__.tag)
     law = " · ".join(name for name in (names.law, names.set) if name) or kind
-    interventions = ", ".join(f'"{REASONS[2**i]}"' for i in range(len(REASONS)))
     return {
         "DESCRIPTION": f"{law} for {parts.robot.name}, from the spec '{spec.name}'.",
         "DQCONTROL": __version__,
@@ -211,7 +210,7 @@ def _header_values(
         "STREAMED": int(parts.takes_streams),
         "HAS_CONTACT": int(parts.wrench_at >= 0),
         "DURATION": c_number(parts.period * (len(parts.samples) - 1)),
-        "INTERVENTIONS": interventions,
+        "INTERVENTIONS": ", ".join(f'"{REASONS[2**i]}"' for i in range(len(REASONS))),
         "NATIVE": int(target.is_native),
         "COMPILER": target.compiler,
         "FLAGS": target.flags,

@@ -29,9 +29,8 @@ from numba.core.errors import NumbaDebugInfoWarning, NumbaError
 from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
-from dqcontrol.compiled.compile import Kernel
+from dqcontrol.compiled.compile import Kernel, numba_used
 from dqcontrol.compiled.kernel_cache import source_hash
-from dqcontrol.compiled.numba_choice import numba_used
 from dqcontrol.compiled.object_code import TargetProcessor, foreign_symbols, isolated_code, target_named
 from dqcontrol.controller import Controller
 from dqcontrol.controller.command_kernel import Plan, prepared_memory, sent, step

@@ -10,7 +10,7 @@ from typing import Any, TypeVar, Union
 import msgspec
 
 from dqcontrol.errors import FileFormatError
-from dqcontrol.extensions.offered import offered
+from dqcontrol.extensions import offered
 
 T = TypeVar("T")
 S = TypeVar("S", bound=msgspec.Struct)

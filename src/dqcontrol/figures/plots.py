@@ -10,9 +10,8 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, unknown_name
 from dqcontrol.figures import style as styles
-from dqcontrol.loop.constraint_signals import PRESSURE, ROOM, SLACK
 from dqcontrol.loop.record import Record
-from dqcontrol.loop.signals import TASK
+from dqcontrol.loop.signals import PRESSURE, ROOM, SLACK, TASK
 from dqcontrol.measures.held import PlanOfRun, plans_of_run
 from dqcontrol.measures.metrics import joint_margins
 from dqcontrol.robots.limits import Limits

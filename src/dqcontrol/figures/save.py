@@ -16,8 +16,8 @@ from dqcontrol.figures.comparisons import compare_criteria, compare_errors
 from dqcontrol.figures.distributions import timing_histogram
 from dqcontrol.figures.paths import compare_paths, path_3d
 from dqcontrol.figures.robots import base_path, has_base, superimposed
-from dqcontrol.loop.constraint_signals import ROOM
 from dqcontrol.loop.record import Record
+from dqcontrol.loop.signals import ROOM
 from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.measures.task_range import RANGE, TaskRange
 

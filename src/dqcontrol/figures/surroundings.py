@@ -11,7 +11,7 @@ import numpy as np
 from dqcontrol.arrays import Array
 from dqcontrol.constraints.constraint_view import Surroundings
 from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, InfiniteCylinder, Plane, Shape, Sphere
-from dqcontrol.loop.constraint_signals import DISTANCE
+from dqcontrol.loop.signals import DISTANCE
 from dqcontrol.world.body import poses_of
 
 if TYPE_CHECKING:

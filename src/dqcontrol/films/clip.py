@@ -27,11 +27,11 @@ from dqcontrol.errors import (
     writing,
 )
 from dqcontrol.figures.paths import desired_in_room, tip_paths
-from dqcontrol.files.whole_file import whole_file
+from dqcontrol.files.output_file import whole_file
 from dqcontrol.films.drawn_scene import COLOURS, check_picture_file
 from dqcontrol.films.film import Film, film_arm, film_physics, frames, with_rolling_wheels
 from dqcontrol.films.physics_picture import render_run
-from dqcontrol.loop.constraint_signals import DISTANCE
+from dqcontrol.loop.signals import DISTANCE
 from dqcontrol.measures.held import plans_of_run
 from dqcontrol.measures.metrics import contact_force
 from dqcontrol.plants.mobile.mobile_plant import MobilePlant

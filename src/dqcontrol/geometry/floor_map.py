@@ -23,8 +23,7 @@ from dqcontrol.errors import (
     writing,
 )
 from dqcontrol.files.input_file import read_text, version
-from dqcontrol.files.plain_data import yaml_text
-from dqcontrol.files.whole_file import whole_file
+from dqcontrol.files.output_file import whole_file, yaml_text
 from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.geometry.shapes import Box
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import Kernel
-from dqcontrol.compiled.law_signature import LAW as LAW
+from dqcontrol.compiled.intrinsics import LAW as LAW
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.constraints.constraints import Constraints
 from dqcontrol.contact.admittance import NO_GUARDS, Admittance
@@ -24,8 +24,7 @@ from dqcontrol.laws.null_space import AnyNullSpace
 from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.references.sample import Sample
-from dqcontrol.robots.command_mode import AT_ONCE, CommandMode, Lag
-from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.robot import AT_ONCE, CommandMode, Lag, Robot
 
 if TYPE_CHECKING:
     from dqcontrol.controller.controller import Controller

@@ -257,10 +257,8 @@ class LimitAvoidance(NullSpace, frozen=True, kw_only=True, tag="limit-avoidance"
 
     def parameters(self, robot: Robot) -> NDArray[np.float64]:
         """Return gain, largest speed and limits."""
-        gain = self.gain
-        fastest = self.fastest
         limits = position_limits("null_space", robot)
-        return avoidance_parameters.pack(gain=gain, fastest=fastest, **limits._asdict())
+        return avoidance_parameters.pack(gain=self.gain, fastest=self.fastest, **limits._asdict())
 
 
 @inline
@@ -395,8 +393,7 @@ class ManipulabilityAscent(NullSpace, frozen=True, kw_only=True, tag="manipulabi
 
     def parameters(self, robot: Robot) -> NDArray[np.float64]:
         """Return the gain, and which inputs are forward speeds of drives."""
-        gain = self.gain
-        return heading_parameters.pack(gain=gain, drives=_headings(robot))
+        return heading_parameters.pack(gain=self.gain, drives=_headings(robot))
 
 
 def _headings(robot: Robot) -> NDArray[np.intp]:
@@ -438,8 +435,7 @@ class BestHeading(NullSpace, frozen=True, kw_only=True, tag="best-heading"):
 
     def parameters(self, robot: Robot) -> NDArray[np.float64]:
         """Return the gain and the input v of each drive."""
-        gain = self.gain
-        return heading_parameters.pack(gain=gain, drives=_headings(robot))
+        return heading_parameters.pack(gain=self.gain, drives=_headings(robot))
 
 
 WORK_SIZE = max(ascent_work.size(), heading_work.size())  # what a preference needs

@@ -101,8 +101,7 @@ class OwnLaw(Law, frozen=True, kw_only=True, tag="own"):
 
     def parameter_rows(self, robot: Robot, times: np.ndarray) -> np.ndarray:
         """Return the parameters."""
-        given = numbers_in(self.parameters)
-        parameters = as_array("parameters", given or [0.0], (None,))
+        parameters = as_array("parameters", numbers_in(self.parameters) or [0.0], (None,))
         if parameters.ndim != 1:
             raise ShapeError(f"parameters: expected a row of numbers, got shape {parameters.shape}")
         return parameters[None, :]

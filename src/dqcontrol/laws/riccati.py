@@ -36,9 +36,6 @@ class Steps(CheckedFields, frozen=True, forbid_unknown_fields=True):
     ]
 
 
-Weight = float | list[float | list[float]] | Steps
-
-
 def weight_matrix(field: str, value: Any, size: int, *, definite: bool) -> Array:
     """Return a symmetric weight matrix of a number, a diagonal or a matrix.
 

@@ -11,15 +11,9 @@ from numpy.typing import NDArray
 from dqcontrol.compiled.compile import Kernel
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.extensions.registry import union_of
+from dqcontrol.limits import rates
 from dqcontrol.limits.compensation import Compensation
 from dqcontrol.limits.position_limit import PositionLimit
-from dqcontrol.limits.velocity_limit import (
-    roller_speed_limits,
-    scale_velocity,
-    scale_velocity_on_rollers,
-    speed_limits,
-    unlimited,
-)
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.robots.robot import Robot
 
@@ -73,12 +67,12 @@ class CommandLimits(NamedFields, frozen=True, kw_only=True, forbid_unknown_field
             If the robot has no velocity limits to keep.
         """
         if not self.velocity:
-            return unlimited, np.zeros(0)
+            return rates.unlimited, np.zeros(0)
         if not np.isfinite(robot.limits.velocity).any():
             raise ValueRangeError(f"limits.velocity: {robot.name} has no velocity limits to keep")
         fastest, drives, rollers = robot.limits.velocity, robot.drives, robot.rollers
         if not len(rollers):
-            return scale_velocity, speed_limits.pack(fastest=fastest, drives=drives)
-        return scale_velocity_on_rollers, roller_speed_limits.pack(
+            return rates.scale_velocity, rates.speed_limits.pack(fastest=fastest, drives=drives)
+        return rates.scale_velocity_on_rollers, rates.roller_speed_limits.pack(
             fastest=fastest, drive_count=len(drives), drives=drives, rollers=rollers
         )

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, Kernel, kernel
-from dqcontrol.compiled.intrinsics import as_matrix
-from dqcontrol.compiled.law_signature import call_law
+from dqcontrol.compiled.intrinsics import as_matrix, call_law
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each
 from dqcontrol.limits.position_limit import POSITION_LIMIT

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import INPUT, OK, READ, STATUS, WRITE, WRITE2, Kernel, inline, kernel
-from dqcontrol.compiled.intrinsics import ADDRESS
-from dqcontrol.compiled.law_signature import call_law
+from dqcontrol.compiled.intrinsics import ADDRESS, call_law
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.named_fields import NamedFields
@@ -326,10 +325,9 @@ class ModifiedClamping(PositionLimit, frozen=True, kw_only=True, tag="modified-c
 
     def parameters(self, robot: Robot, period: float, command_mode: str, velocity: np.ndarray) -> np.ndarray:
         """Return period, tolerance, command mode, position limits, longest lags and velocity limits."""
-        tolerance = self.tolerance
         return clamping_parameters.pack(
             period=period,
-            tolerance=tolerance,
+            tolerance=self.tolerance,
             memory=self.memory(robot, command_mode, period),
             **position_limits("limits.position", robot)._asdict(),
             longest=_MOST_LAG * robot.limits.velocity,

@@ -16,22 +16,12 @@ import numpy as np
 from msgspec.structs import replace
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from dqcontrol import algebra
+from dqcontrol import algebra, contact
 from dqcontrol.arrays import Array
-from dqcontrol.contact import (
-    ForceSensor,
-    IdentifiedTool,
-    Tool,
-    gravity_condition,
-    identify_tool,
-    tare_tool,
-    tool_orientations,
-)
 from dqcontrol.contact.tool import WORST_CONDITION
 from dqcontrol.errors import FileFormatError, ValueRangeError, as_array, as_positive
 from dqcontrol.experiments.results_folder import made_folder
-from dqcontrol.files.plain_data import yaml_text
-from dqcontrol.files.whole_file import whole_file
+from dqcontrol.files.output_file import whole_file, yaml_text
 from dqcontrol.logs.joint_log import JointLog, arm_of, read_joint_log
 from dqcontrol.logs.joint_messages import is_recording, read_wrenches
 from dqcontrol.logs.servos.excitation import middle_of_limits, write_joint_motion
@@ -118,7 +108,7 @@ class ToolMotion:
 def tool_motion(
     robot: str | Path | Robot,
     start: Sequence[float] | None = None,
-    sensor: ForceSensor | None = None,
+    sensor: contact.ForceSensor | None = None,
     *,
     gravity: Sequence[float] = (0.0, 0.0, -9.81),
     period: float = 0.008,
@@ -158,14 +148,14 @@ def tool_motion(
     if not fall.any():
         raise ValueRangeError("gravity: is 0, so nothing weighs anything")
     begin = middle_of_limits(arm) if start is None else as_array("start", start, (arm.configuration_size,))
-    at_sensor = (sensor or ForceSensor()).pose
+    at_sensor = (sensor or contact.ForceSensor()).pose
     place = algebra.pose(_STRAIGHT, algebra.translation(arm.fkm(begin)))
     back = algebra.conjugate(algebra.pose(algebra.rotation(at_sensor), np.zeros(3)))
     spins = np.arange(_YAWS) * (2 * np.pi / _YAWS)
     down = fall / np.linalg.norm(fall)
     yaws = algebra.pose([algebra.rotation_from_axis_angle(down, spin) for spin in spins], np.zeros(3))
     rests, at = list[Array](), begin
-    left = list(algebra.multiply(_from_down(fall), algebra.pose(tool_orientations(), np.zeros(3))))
+    left = list(algebra.multiply(_from_down(fall), algebra.pose(contact.tool_orientations(), np.zeros(3))))
     while left:
         turned = [algebra.multiply(yaws, algebra.multiply(turn, back)) for turn in left]
         near = [_nearest(arm, algebra.multiply(place, each), at) for each in turned]
@@ -177,7 +167,9 @@ def tool_motion(
         at = q
         del left[k]
     found = np.array(rests).reshape(-1, len(begin))
-    condition = gravity_condition(algebra.multiply(arm.fkm(found), at_sensor), fall) if rests else np.inf
+    condition = (
+        contact.gravity_condition(algebra.multiply(arm.fkm(found), at_sensor), fall) if rests else np.inf
+    )
     if not condition <= WORST_CONDITION:
         raise ValueRangeError(
             f"start: from there {arm.name} reaches {len(rests)} of 6 orientations, which are too much alike (condition "
@@ -233,7 +225,7 @@ class ToolIdentification:
 
     robot: str
     logs: tuple[Path, ...]
-    found: IdentifiedTool
+    found: contact.IdentifiedTool
     rests: int
     readings: int
 
@@ -290,9 +282,9 @@ class ToolIdentification:
 def tool_from_logs(
     logs: str | Path | Sequence[str | Path],
     robot: str | Path | Robot,
-    sensor: ForceSensor | None = None,
+    sensor: contact.ForceSensor | None = None,
     *,
-    known: Tool | None = None,
+    known: contact.Tool | None = None,
     gravity: Sequence[float] = (0.0, 0.0, -9.81),
     wrench_topic: str | None = None,
     **options: Any,
@@ -345,12 +337,11 @@ def tool_from_logs(
             f"{paths[0]}: the robot nowhere rests for {_SETTLED + _SHORTEST:g} s; dqcontrol identify tool-motion "
             "proposes a motion that does"
         )
-    poses = algebra.multiply(arm.fkm(np.array(configurations)), (sensor or ForceSensor()).pose)
+    poses = algebra.multiply(arm.fkm(np.array(configurations)), (sensor or contact.ForceSensor()).pose)
     read = poses, wrenches, gravity
-    found = tare_tool(known, *read) if known else identify_tool(*read)
+    found = contact.tare_tool(known, *read) if known else contact.identify_tool(*read)
     stamp = datetime.fromtimestamp(day / 1e9, UTC) if day > _FIRST_STAMP else datetime.now(UTC)
-    dated = replace(found.tool, tared=f"{stamp:%Y-%m-%d}")
-    whole = dataclasses.replace(found, tool=dated)
+    whole = dataclasses.replace(found, tool=replace(found.tool, tared=f"{stamp:%Y-%m-%d}"))
     return ToolIdentification(arm.name, tuple(paths), whole, len(wrenches), readings)
 
 

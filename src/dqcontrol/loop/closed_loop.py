@@ -26,7 +26,7 @@ from dqcontrol.loop.supervision import Senses, Supervision, most_steps_to_rest
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.disturbance import RunningDisturbance
 from dqcontrol.plants.plant import CompiledPlant, PlantProtocol, RunningPlant, running_plant
-from dqcontrol.references.follow import Follow
+from dqcontrol.references.modifiers import Follow
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME, TWIST, TWIST_RATE
 from dqcontrol.supervisor.supervisor_layout import GO, moment_layout
 

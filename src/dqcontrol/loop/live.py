@@ -36,7 +36,7 @@ from dqcontrol.references.previewed import Previewed
 from dqcontrol.references.reference import Reference
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TIME
 from dqcontrol.robots import Robot, most_dexterous
-from dqcontrol.robots.command_mode import AT_ONCE, CommandMode, Lag
+from dqcontrol.robots.robot import AT_ONCE, CommandMode, Lag
 from dqcontrol.supervisor import Supervisor
 
 AnyTarget = TypeVar("AnyTarget", bound=Target)
@@ -509,7 +509,6 @@ class Pace:
         now = self._now()
         self.deadline += self.period
         if now > self.deadline:
-            missed = int((now - self.deadline) / self.period)
-            self.missed += missed
+            self.missed += int((now - self.deadline) / self.period)
             self.deadline = now
         return self.deadline - now

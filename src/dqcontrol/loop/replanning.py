@@ -13,8 +13,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.constraints.constraint_layout import report_of
 from dqcontrol.controller.controller import Controller
 from dqcontrol.errors import NoteWarning, PlanError, ValueRangeError, from_extra
-from dqcontrol.loop.constraint_signals import HELD_WINDOW, is_held
-from dqcontrol.loop.signals import Signal
+from dqcontrol.loop.signals import HELD_WINDOW, Signal, is_held
 from dqcontrol.references import Reference
 from dqcontrol.references.drive_through import DriveThrough
 from dqcontrol.references.drive_to import PlannedWay

@@ -21,10 +21,9 @@ from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import rollout as compiled
 from dqcontrol.loop.clock import Clock
 from dqcontrol.loop.closed_loop import FARTHEST, SampleSink, Stop, close_loop
-from dqcontrol.loop.constraint_signals import constraint_signals, held_signals
 from dqcontrol.loop.record import Record, has_failed
 from dqcontrol.loop.replanning import Replanning, plan_signals, refuse_replanning
-from dqcontrol.loop.signals import Signal, actuator_command, task_errors
+from dqcontrol.loop.signals import Signal, actuator_command, constraint_signals, held_signals, task_errors
 from dqcontrol.loop.supervision import BlackBox, Supervision, Watch
 from dqcontrol.plants.disturbance import Disturbance
 from dqcontrol.plants.plant import (
@@ -36,7 +35,7 @@ from dqcontrol.plants.plant import (
     running_plant,
 )
 from dqcontrol.references import Reference
-from dqcontrol.references.follow import follow_in
+from dqcontrol.references.modifiers import follow_in
 from dqcontrol.robots.robot import Robot
 from dqcontrol.supervisor import Supervisor
 

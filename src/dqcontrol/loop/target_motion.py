@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 
 from dqcontrol.algebra.dual_quaternion_kernels import (
     exp_quaternion,
-    half_angle,
+    half_turn,
     position,
     quaternion_product,
     rotate,
@@ -101,17 +101,6 @@ def _apart(a, b):
 
 
 @inline
-def _find_turn(present, goal, turn, way):
-    """Write half the rotation vector, base axes, that turns one pose into another; ``turn`` is scratch."""
-    back = present[0], -present[1], -present[2], -present[3]
-    quaternion_product((goal[0], goal[1], goal[2], goal[3]), back, turn)
-    if turn[0] < 0.0:
-        for i in range(4):
-            turn[i] = -turn[i]
-    half_angle(turn, way)
-
-
-@inline
 def _time_to_move(time, moving):
     """Rest at this time; return the time since the last, s."""
     passed = max(time - moving.last[0], 0.0)
@@ -148,7 +137,7 @@ def _keep_near(pose, moving):
         ahead[0], ahead[1], ahead[2] = tx - px, ty - py, tz - pz
         kept_way = _kept_share(v, ahead, way)
     if angle > _ANGULAR_LEAD:
-        _find_turn(pose, moving.pose, moving.turn, ahead)
+        half_turn(pose, moving.pose, moving.turn, ahead)
         kept_turn = _kept_share(w, ahead, 0.5 * angle)
     for i in range(3):
         w[i] *= kept_way
@@ -225,7 +214,7 @@ def move_with_pose(pose, time, asked, speeds, memory):
     present, w, v = moving.pose, moving.angular, moving.linear
     way, angle = _apart(present, goal)
     pace = 1.0 / max(passed, way / bounds.linear, angle / bounds.angular)
-    _find_turn(present, goal, moving.turn, moving.way)
+    half_turn(present, goal, moving.turn, moving.way)
     for i in range(3):
         w[i] = 2.0 * pace * moving.way[i]
     (px, py, pz), (gx, gy, gz) = position(present), position(goal)
@@ -257,7 +246,7 @@ def move_to_pose(pose, time, asked, speeds, memory):
     px, py, pz = position(present)
     gx, gy, gz = position(goal)
     _approach(v, (pace * (gx - px), pace * (gy - py), pace * (gz - pz)), bounds.acceleration * passed)
-    _find_turn(present, goal, moving.turn, moving.way)
+    half_turn(present, goal, moving.turn, moving.way)
     twice, most = 2.0 * pace, slower * bounds.angular
     _approach(w, (twice * moving.way[0], twice * moving.way[1], twice * moving.way[2]), most)
     _keep_near(pose, moving)

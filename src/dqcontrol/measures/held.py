@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from dqcontrol.arrays import Array
-from dqcontrol.loop.constraint_signals import EFFECT, HELD_WINDOW, PRESSURE, is_held
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.replanning import PLAN
+from dqcontrol.loop.signals import EFFECT, HELD_WINDOW, PRESSURE, is_held
 
 _HOLDS = 0.1  # share of the largest pressure from which a name counts
 

@@ -17,7 +17,7 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_positive
 from dqcontrol.files.long_array import row_by_row
-from dqcontrol.files.plain_data import finite_or_none
+from dqcontrol.files.output_file import finite_or_none
 from dqcontrol.laws import Law
 from dqcontrol.loop.record import Record, error_norms, pose_errors, row_norms
 from dqcontrol.loop.signals import ACTUATORS, TASK

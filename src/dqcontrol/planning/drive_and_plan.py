@@ -28,8 +28,8 @@ from dqcontrol.planning.smooth_way import SmoothWay
 from dqcontrol.planning.standing_world import standing
 from dqcontrol.references import drive_to
 from dqcontrol.references.drive_through import DriveThrough
-from dqcontrol.references.gripping import GripperStep, held_by_steps
 from dqcontrol.references.reference import NO_CORNERS
+from dqcontrol.references.set_points import GripperStep, held_by_steps
 from dqcontrol.references.ways_around import WaysAround, across, folded_posture
 from dqcontrol.robots import Robot, postures
 from dqcontrol.robots.kinematics.driving import TURNING_RADIUS

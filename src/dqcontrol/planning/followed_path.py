@@ -17,7 +17,7 @@ from dqcontrol.errors import NoteWarning, PlanError, ReachError, ShapeError, Val
 from dqcontrol.planning.certified_edges import CertifiedEdges, standing_at
 from dqcontrol.references import POSE, Reference
 from dqcontrol.references.drive_to import PlannedWay
-from dqcontrol.references.gripping import GripperStep
+from dqcontrol.references.set_points import GripperStep
 from dqcontrol.robots import Robot, postures
 from dqcontrol.robots.poses import unit_poses
 

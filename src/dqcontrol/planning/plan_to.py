@@ -21,10 +21,9 @@ from dqcontrol.planning.certified_edges import driven_coordinates
 from dqcontrol.planning.constraint_timing import WayTiming, constraint_timing
 from dqcontrol.planning.plan import EFFORT, ProvedWay, plan, way_now
 from dqcontrol.references.drive_to import PlannedWay
-from dqcontrol.references.reference import NO_CORNERS, Reference
+from dqcontrol.references.reference import NO_CORNERS, Reference, SpecStart, Vector
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE
-from dqcontrol.references.set_point import SetPoint
-from dqcontrol.references.yaml_form import SpecStart, Vector
+from dqcontrol.references.set_points import SetPoint
 from dqcontrol.robots import Robot
 from dqcontrol.world import World
 

@@ -1,7 +1,3 @@
-from .camera import (
-    Camera as Camera,
-    FiducialLoss as FiducialLoss,
-)
 from .compliant import CompliantPlant as CompliantPlant
 from .compliant.loads_and_faults import (
     EncoderLoss as EncoderLoss,
@@ -45,8 +41,12 @@ from .plant import (
     lagging_mode as lagging_mode,
     limits_before as limits_before,
 )
+from .sensors import (
+    Camera as Camera,
+    FiducialLoss as FiducialLoss,
+    Wrist as Wrist,
+)
 from .servo import (
     Servo as Servo,
     load_servo as load_servo,
 )
-from .wrist import Wrist as Wrist

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, ShapeError, ValueRangeError, as_positive, from_extra
 from dqcontrol.plants.plant import Plant, RunningPlant, as_command, start_configuration
-from dqcontrol.robots.command_mode import CommandMode
-from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.robot import CommandMode, Robot
 
 _STOPPED = 0  # sim.simulation_stopped
 _MOST_WAITS = 1000  # steps of the simulator until it has stopped

@@ -93,8 +93,7 @@ class OwnPlant(Plant, frozen=True, kw_only=True, tag="own"):
             If an argument or a parameter does not fit.
         """
         start, period = start_configuration(robot, start), as_positive("period", period)
-        given = numbers_in(self.parameters)
-        parameters = np.array([period, *as_array("parameters", given, (None,))])
+        parameters = np.array([period, *as_array("parameters", numbers_in(self.parameters), (None,))])
         state = as_array("state", self.state if len(self.state) else [0.0], (None,))
         noise = np.random.default_rng(seed).standard_normal((steps, max(as_count("noise", self.noise), 1)))
         kernel = _kernel(function_at("function", self.function), of_spec=isinstance(self.function, str))

@@ -19,8 +19,7 @@ from dqcontrol.errors import DivergedError, ShapeError, ValueRangeError, as_arra
 from dqcontrol.limits.command_limits import CommandLimits
 from dqcontrol.named_fields import NamedFields
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.robots.command_mode import AT_ONCE, CommandMode, Lag
-from dqcontrol.robots.robot import Robot, base_coordinates
+from dqcontrol.robots.robot import AT_ONCE, CommandMode, Lag, Robot, base_coordinates
 from dqcontrol.world import World
 
 if TYPE_CHECKING:
@@ -310,9 +309,9 @@ class Plant(
     def target_mode(self) -> CommandMode | None:
         """Return what the targets of its joint controllers grow from by T u: the last ones, or the measured joints.
 
-        None of plants without such targets.
+        That is its key ``command_mode``; None of plants without such targets.
         """
-        return None
+        return getattr(self, "command_mode", None)
 
     def lag(self, robot: Robot) -> Lag:
         """Return how late its joints follow targets that commands move; none unless it says so."""
@@ -370,8 +369,10 @@ class Plant(
         return [Path(file) for key in self.file_keys if (file := getattr(self, key))]
 
     def encoder_errors(self) -> EncoderErrors:
-        """Return how its encoders err."""
-        return EncoderErrors(0.0, 0.0)
+        """Return how its encoders err: its keys ``encoder_noise`` and ``encoder_resolution``, as far as it has them."""
+        return EncoderErrors(
+            getattr(self, "encoder_noise", 0.0), getattr(self, "encoder_resolution", 0.0) or 0.0
+        )
 
     def body_of(self, robot: Robot) -> Robot:
         """Return a robot with the body of its base here, if that is wider than it says itself; by default as it is."""
@@ -395,7 +396,7 @@ class Plant(
 
     def in_world(self, world: World) -> Self:
         """Return this plant among the bodies of a world; one that nothing touches stays as it is."""
-        return self
+        return replace(self, world=world) if self.touches_world else self
 
     def picture(self, robot: Robot) -> PhysicsPicture | None:
         """Return the robot among the things around it, for pictures; None if the robot alone says it all."""

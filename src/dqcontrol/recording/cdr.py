@@ -172,8 +172,7 @@ class _Walk:
 
     def text(self) -> str:
         """Return a text."""
-        size = self.count()
-        first = self.skip(size, 1)
+        first = self.skip(self.count(), 1)
         self.form.append((first, self.place))
         return self.message[first : self.place].rstrip(b"\0").decode()
 

@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ExistsError, ShapeError, from_extra, unknown_name, writing
 from dqcontrol.files.lerobot_dataset import ACTION, COMMAND, POSE, REFERENCE, STATE, Feature
-from dqcontrol.files.whole_file import whole_file
+from dqcontrol.files.output_file import whole_file
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import Signal
 from dqcontrol.references.sample import TWIST, TWIST_RATE

@@ -44,7 +44,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import kernel, types
 from dqcontrol.errors import ExistsError, FileFormatError, unreadable, writing
 from dqcontrol.files.input_file import open_regular
-from dqcontrol.files.whole_file import whole_file
+from dqcontrol.files.output_file import whole_file
 from dqcontrol.loop.record import Record
 from dqcontrol.loop.signals import Signal
 from dqcontrol.loop.supervision import BlackBox

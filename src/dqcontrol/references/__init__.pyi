@@ -7,9 +7,13 @@ from .drawing import (
 )
 from .drive_through import DriveThrough as DriveThrough
 from .drive_to import DriveTo as DriveTo
-from .follow import Follow as Follow
-from .gripping import Grip as Grip, Release as Release
 from .jerk_limited import JerkLimited as JerkLimited
+from .modifiers import (
+    CornerStops as CornerStops,
+    Follow as Follow,
+    StartRamp as StartRamp,
+    Transformed as Transformed,
+)
 from .planar import (
     Circle as Circle,
     Search as Search,
@@ -38,15 +42,10 @@ from .sequence import (
     Repeat as Repeat,
     Sequence as Sequence,
 )
-from .set_point import SetPoint as SetPoint
+from .set_points import Grip as Grip, Release as Release, SetPoint as SetPoint
 from .straight import Straight as Straight
 from .strokes import (
     Arc as Arc,
     Rest as Rest,
     StraightStroke as StraightStroke,
-)
-from .timing import (
-    CornerStops as CornerStops,
-    StartRamp as StartRamp,
-    Transformed as Transformed,
 )

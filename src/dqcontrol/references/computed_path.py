@@ -20,9 +20,9 @@ from dqcontrol.algebra.dual_quaternion_kernels import (
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, STATUS, WRITE, inline, kernel, types
 from dqcontrol.compiled.memory_layout import MemoryLayout
+from dqcontrol.references.modifiers import Paced, Transformed
 from dqcontrol.references.planar import PlanarReference
 from dqcontrol.references.reference import SNAP, Reference, begun
-from dqcontrol.references.timing import Paced, Transformed
 
 _UNMOVED = np.array([1.0, 0, 0, 0, 0, 0, 0, 0])
 

@@ -21,9 +21,9 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ValueRangeError, as_positive, suggest, unknown_name
 from dqcontrol.files.input_file import as_number, read_text
 from dqcontrol.references.planar import PLANES, PlanarReference, Plane, plane_axes
+from dqcontrol.references.reference import FileName, SpecStart
 from dqcontrol.references.sample import as_pose
 from dqcontrol.references.strokes import Arc, PenPath, PenStroke, Rest, StraightStroke, Stroke, distance_home
-from dqcontrol.references.yaml_form import FileName, SpecStart
 
 _SAME = 1e-9  # m: no way to go
 

@@ -18,7 +18,7 @@ from dqcontrol.references.sample import SAMPLE_SIZE
 from dqcontrol.robots import Robot
 
 if TYPE_CHECKING:
-    from dqcontrol.references.gripping import GripperStep
+    from dqcontrol.references.set_points import GripperStep
 
 _SAME_PLACE = 1e-9  # rad or m
 

@@ -23,9 +23,9 @@ from dqcontrol.errors import (
 )
 from dqcontrol.geometry import FloorMap
 from dqcontrol.references.base_ways import Piece, arcs_and_lines, rolled, turns_and_lines
-from dqcontrol.references.reference import NO_CORNERS, Reference
+from dqcontrol.references.reference import NO_CORNERS, Metres, Reference, SpecStart
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, TWIST_RATE, as_pose
-from dqcontrol.references.set_point import SetPoint
+from dqcontrol.references.set_points import SetPoint
 from dqcontrol.references.straight import PEAK_SPEED, progress
 from dqcontrol.references.ways_around import (
     WaysAround,
@@ -35,7 +35,6 @@ from dqcontrol.references.ways_around import (
     itself_apart,
     room_of,
 )
-from dqcontrol.references.yaml_form import Metres, SpecStart
 from dqcontrol.robots import Robot, WholeBody, nearest_pose
 from dqcontrol.robots.kinematics.driving import RIM_LEVER, TURNING_RADIUS
 from dqcontrol.robots.robot import base_coordinates
@@ -231,8 +230,7 @@ class DriveTo(PlannedWay):
     ) -> DriveTo:
         """Return the way from the start configuration to the reference's pose; see `Reference.of_robot`."""
         floor = None if clear_of is None else floor_around(world, clear_of, "reference.clear_of")
-        target = reference.at(0.0).pose
-        return cls.pose(robot, start, target, speed_fraction, acceleration, floor, clearance)
+        return cls.pose(robot, start, reference.at(0.0).pose, speed_fraction, acceleration, floor, clearance)
 
     @classmethod
     def pose(
@@ -327,8 +325,7 @@ class DriveTo(PlannedWay):
         if not self.via:
             return 0.0, 0.0
         first = self.robot.bases[0][0]
-        ends = (np.asarray(each)[first : first + 2] for each in (self.start, self.goal))
-        start, goal = ends
+        start, goal = (np.asarray(each)[first : first + 2] for each in (self.start, self.goal))
         points = np.vstack([start, *self.via, goal])
         return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum()), math.dist(start, goal)
 

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_positive
+from dqcontrol.references.modifiers import finite_duration
 from dqcontrol.references.reference import NO_CORNERS, SNAP, Reference
 from dqcontrol.references.sample import TWIST, TWIST_RATE, point_motion
-from dqcontrol.references.timing import finite_duration
 
 _SLOWEST = 1e-6  # of the greatest speed; who is slower rests
 

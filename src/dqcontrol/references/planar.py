@@ -13,10 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from dqcontrol.algebra import rotation, translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive, unknown_name
-from dqcontrol.references.reference import Reference, corners_between
+from dqcontrol.references.reference import Metres, Positive, Reference, Seconds, Vector, Yaml, corners_between
 from dqcontrol.references.sample import TWIST, as_pose, motion_samples, turned
 from dqcontrol.references.strokes import PenPath, StraightStroke
-from dqcontrol.references.yaml_form import Metres, Positive, Seconds, Vector, Yaml
 
 
 class PlanarReference(Reference):

@@ -12,18 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dqcontrol.algebra import (
-    adjoint_twist,
-    as_unit,
-    conjugate,
-    exp_screw,
-    log_screw,
-    multiply,
-    pose,
-    renormalise,
-    rotation,
-    translation,
-)
+from dqcontrol import algebra
 from dqcontrol.algebra.functions import WRITTEN_TOLERANCE
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import READ, WRITE, WRITE2, inline, kernel, types
@@ -39,9 +28,15 @@ from dqcontrol.errors import (
 )
 from dqcontrol.files.input_file import as_number, read_text
 from dqcontrol.files.lerobot_dataset import POSE as POSE_COLUMN, Dataset, episode_of, only_episode
-from dqcontrol.references.reference import NO_CORNERS, Reference, corners_between
+from dqcontrol.references.reference import (
+    NO_CORNERS,
+    FileName,
+    Reference,
+    Seconds,
+    SpecStart,
+    corners_between,
+)
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST, as_pose, motion_samples
-from dqcontrol.references.yaml_form import FileName, Seconds, SpecStart
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -80,8 +75,8 @@ class Points(Reference):
 
     def __post_init__(self) -> None:
         times, poses = as_path(self.times, self.poses)
-        steps = log_screw(multiply(conjugate(poses[:-1]), poses[1:]))
-        twists = adjoint_twist(poses[:-1], 2 * steps / np.diff(times)[:, None])
+        steps = algebra.log_screw(algebra.multiply(algebra.conjugate(poses[:-1]), poses[1:]))
+        twists = algebra.adjoint_twist(poses[:-1], 2 * steps / np.diff(times)[:, None])
         after = np.concatenate([twists[1:], np.zeros((1, 6))])
         corners = NO_CORNERS if self.streamed else corners_between(twists, after, times[1:])
         duration = float(times[-1])
@@ -111,7 +106,7 @@ class Points(Reference):
         i = np.clip(np.searchsorted(begins, times, side="right") - 1, 0, len(self._twists) - 1)
         out = np.zeros((len(times), SAMPLE_SIZE))
         elapsed = times - begins[i]
-        out[:, POSE] = multiply(exp_screw(0.5 * elapsed[:, None] * self._twists[i]), poses[i])
+        out[:, POSE] = algebra.multiply(algebra.exp_screw(0.5 * elapsed[:, None] * self._twists[i]), poses[i])
         if not self.streamed:
             out[:, TWIST] = self._twists[i]
         return out
@@ -128,10 +123,10 @@ def as_path(times: ArrayLike, poses: ArrayLike) -> tuple[Array, Array]:
         raise ValueRangeError(
             f"times: must increase, got {times[i + 1]:g} after {times[i]:g} at index {i + 1}"
         )
-    poses = as_unit("poses", poses)
+    poses = algebra.as_unit("poses", poses)
     if poses.shape != (len(times), 8):
         raise ShapeError(f"poses: expected shape ({len(times)}, 8) as there are times, got {poses.shape}")
-    poses = renormalise(poses)
+    poses = algebra.renormalise(poses)
     signs = np.where(np.sum(poses[1:, :4] * poses[:-1, :4], axis=1) < 0, -1.0, 1.0)
     poses[1:] *= np.cumprod(signs)[:, None]
     return times - times[0], poses
@@ -284,10 +279,10 @@ def _poses(path: object, table: dict[str, Array], lines: list[str], start: Array
     if "qw" in table:
         r = np.zeros((len(lines), 8))
         r[:, :4] = np.stack([table[name] for name in QUATERNION], axis=1)
-        return pose(_units(r, lines, "qw … qz")[:, :4], position)
+        return algebra.pose(_units(r, lines, "qw … qz")[:, :4], position)
     if start is None:
         raise ValueRangeError(f"start: {path} gives no orientation: give a pose that has it")
-    return pose(as_pose("start", start)[:4], position)
+    return algebra.pose(as_pose("start", start)[:4], position)
 
 
 def _units(x: Array, lines: list[str], columns: str) -> Array:
@@ -299,7 +294,7 @@ def _units(x: Array, lines: list[str], columns: str) -> Array:
         raise FileFormatError(
             f"{lines[i]}: {columns}: must have norm 1, got {norms[i]:.9g} + ε {along[i]:.6g}"
         )
-    return renormalise(x)
+    return algebra.renormalise(x)
 
 
 _LEAST = 1e-3  # s of way between two poses, less is none
@@ -355,7 +350,7 @@ class PointsWriter:
         way = self._way(new) if self._count else 0.0
         if self._count and way < _LEAST:
             raise ValueRangeError("pose: is the one before; move the hand first")
-        values = [self._time + way, *translation(new), *rotation(new)]
+        values = [self._time + way, *algebra.translation(new), *algebra.rotation(new)]
         line = ", ".join(f"{value:.9g}" for value in values) + (f"  # {note}" if note else "")
         heading = "" if self._count else ", ".join(("time", *POSITION, *QUATERNION)) + "\n"
         with writing(self.path), open(self.path, "a" if self._count else "x", encoding="utf-8") as file:
@@ -366,7 +361,7 @@ class PointsWriter:
     def _way(self, pose: Array) -> float:
         """Return the time from the last pose, s."""
         turn = 2.0 * math.acos(min(1.0, abs(float(pose[:4] @ self._last[:4]))))
-        distance = float(np.linalg.norm(translation(pose) - translation(self._last)))
+        distance = float(np.linalg.norm(algebra.translation(pose) - algebra.translation(self._last)))
         return max(distance / self._linear, turn / self._angular)
 
 
@@ -408,7 +403,7 @@ def position_path(reference: Reference) -> Array:
         times = np.unique(np.concatenate([even[::2], reference.corners]))
         middles = 0.5 * (times[:-1] + times[1:])
         poses = reference.samples(np.concatenate([times, middles]))[:, POSE]
-        at, between = np.split(translation(poses), [len(times)])
+        at, between = np.split(algebra.translation(poses), [len(times)])
         if 1.0 - np.abs(poses[:, :4] @ poses[0, :4]).min() > _TURNED:
             raise ValueRangeError("it turns, and bodies that move by themselves keep their orientation")
         off = np.linalg.norm(between - 0.5 * (at[:-1] + at[1:]), axis=1)
@@ -523,7 +518,7 @@ class ViaPoints(Reference):
                 f"poses: must turn by at most {_FARTHEST_TURN:g} degrees between two, got {turn[i]:.6g} between "
                 f"index {i} and {i + 1}: give one in between"
             )
-        cubics = _natural_spline(times, np.concatenate([poses[:, :4], translation(poses)], axis=1))
+        cubics = _natural_spline(times, np.concatenate([poses[:, :4], algebra.translation(poses)], axis=1))
         _check_norms(times, cubics)
         vars(self).update(times=times, poses=poses, duration=float(times[-1]), _cubics=cubics)
         end = np.array([self.duration])

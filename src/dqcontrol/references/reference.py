@@ -5,9 +5,12 @@ from __future__ import annotations
 import dataclasses
 import math
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.algebra import translation
@@ -17,13 +20,60 @@ from dqcontrol.compiled.compile import READ, WRITE, inline, kernel, types
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array
 from dqcontrol.files.long_array import long_array
 from dqcontrol.references.sample import SAMPLE_SIZE, TIME, TWIST, TWIST_RATE, Sample
-from dqcontrol.references.yaml_form import SpecStart
 from dqcontrol.world import World
+
+Positive = Annotated[float, Meta(gt=0)]
+Metres = Annotated[float, Meta(gt=0, description="m")]
+Seconds = Annotated[float, Meta(gt=0, description="s")]
+Vector = tuple[float, float, float]
+FileName = Annotated[str, Meta(min_length=1, description="path, relative to the spec")]
+
+
+class Yaml(NamedTuple):
+    """Annotates a parameter that takes arrays in Python: what a file may hold for it."""
+
+    form: Any
+
+
+@dataclass(frozen=True)
+class SpecStart:
+    """Where a reference of a spec starts; see `Reference.from_spec`.
+
+    Attributes
+    ----------
+    pose
+        Unit dual quaternion, shape (8,), inertial frame, m.
+    folder
+        Where relative file names start.
+    place
+        The reference's field in the spec, for messages.
+    position_keys, orientation_keys
+        Keys of the spec that say where, and how turned, it starts.
+    """
+
+    pose: Array
+    folder: Path
+    place: str
+    position_keys: tuple[str, ...] = ()
+    orientation_keys: tuple[str, ...] = ()
+
+    def refuse_position(self, file: Path) -> None:
+        """Refuse keys for the position, because a file says it."""
+        self._refuse(self.position_keys, f"{file} says itself where it starts")
+
+    def refuse_orientation(self, file: Path) -> None:
+        """Refuse keys for the orientation, because a file says it."""
+        self._refuse(self.orientation_keys, f"{file} says itself how the hand is turned")
+
+    def _refuse(self, keys: tuple[str, ...], why: str) -> None:
+        for key in keys:
+            raise ValueRangeError(f"{self.place}.{key}: {why}: leave it out, or use 'transform'")
+
 
 if TYPE_CHECKING:
     from dqcontrol.constraints.prepared_constraints import PreparedConstraints
-    from dqcontrol.references.gripping import GripperStep
     from dqcontrol.references.sequence import Guards
+    from dqcontrol.references.set_points import GripperStep
     from dqcontrol.robots import Robot
 
 # a twist that jumps by less, compared with the largest, comes of rounded input and is no corner

@@ -14,11 +14,11 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
 from dqcontrol.references.reference import Reference, corners_between
 from dqcontrol.references.sample import POSE, SAMPLE_SIZE, TWIST
-from dqcontrol.references.set_point import SetPoint
+from dqcontrol.references.set_points import SetPoint
 from dqcontrol.references.straight import Straight
 
 if TYPE_CHECKING:
-    from dqcontrol.references.gripping import GripperStep
+    from dqcontrol.references.set_points import GripperStep
 
 _SAME_POSE = 1e-6  # largest difference of the eight coefficients between an end and the next start
 

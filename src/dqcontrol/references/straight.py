@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike
 from dqcontrol.algebra import rotation, translation
 from dqcontrol.arrays import Array
 from dqcontrol.errors import as_array, as_positive
-from dqcontrol.references.reference import NO_CORNERS, Reference
+from dqcontrol.references.reference import NO_CORNERS, Reference, Seconds, Vector, Yaml
 from dqcontrol.references.sample import as_pose, motion_samples
-from dqcontrol.references.yaml_form import Seconds, Vector, Yaml
 
 PEAK_SPEED = 1.875  # times its mean: 15/8, at half of the time
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from dqcontrol.errors import ExistsError
 from dqcontrol.figures.save import for_page
-from dqcontrol.files.whole_file import whole_file
+from dqcontrol.files.output_file import whole_file
 from dqcontrol.tables.tables import Cell, Ratio, Table, VerdictCell
 
 if TYPE_CHECKING:

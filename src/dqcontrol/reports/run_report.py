@@ -19,7 +19,7 @@ from dqcontrol.experiments.run import Run
 from dqcontrol.experiments.run_comparison import unit_of_way
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop import Record, Timing, has_failed
-from dqcontrol.loop.constraint_signals import DISTANCE, ROOM, SLACK
+from dqcontrol.loop.signals import DISTANCE, ROOM, SLACK
 from dqcontrol.measures.held import deadlocks, plans_of_run
 from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.measures.metric_tables import metrics_tables

@@ -8,7 +8,7 @@ from .bases import (
     SteeredTricycle as SteeredTricycle,
 )
 from .chain_robot import Kinematics as Kinematics
-from .files.bundled import robot_names as robot_names
+from .files import robot_names as robot_names
 from .files.description import (
     Description as Description,
     JointRow as JointRow,

@@ -301,8 +301,7 @@ class RollerBase(HolonomicBase):
         With more than three wheels speeds may contradict each other: then some slip, and this is the least squares
         solution.
         """
-        given = as_array("speeds", speeds, (len(self.wheels),))
-        return given @ np.linalg.pinv(self.wheel_matrix).T
+        return as_array("speeds", speeds, (len(self.wheels),)) @ np.linalg.pinv(self.wheel_matrix).T
 
     @staticmethod
     def own_twist(phi: ArrayLike, rates: ArrayLike) -> Array:

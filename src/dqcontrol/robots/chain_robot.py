@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, WRONG_SIZE, Kernel
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
-from dqcontrol.robots.kinematics import kinematics_kernels as chain_kernels
+from dqcontrol.robots.kinematics import kinematics_kernels as chains
 from dqcontrol.robots.poses import positions
 
 _new, _empty, _ndarray = object.__new__, np.empty, np.ndarray
@@ -48,7 +48,7 @@ class ChainRobot:
     """
 
     # `pose_task_kernels` has functions of the same names for trees
-    kernels: ClassVar[ModuleType] = chain_kernels
+    kernels: ClassVar[ModuleType] = chains
     name: str
     chain: Array  # may not be written
     table: Array  # what the kernels read: the chain
@@ -81,7 +81,7 @@ class ChainRobot:
         The axis of each joint is the z axis of its frame; the frame of a base is that of its last coordinate, φ.
         """
         n = self.configuration_size
-        flat = self._map(chain_kernels.forward, q, n, 8 * (n + 1))
+        flat = self._map(chains.forward, q, n, 8 * (n + 1))
         return flat.reshape(*flat.shape[:-1], n + 1, 8)
 
     def kinematics(self, q: Array, out: Kinematics | None = None) -> Kinematics:
@@ -193,7 +193,7 @@ class ChainRobot:
         if type(q) is _ndarray and type(u) is _ndarray and q.ndim == u.ndim == 1:
             out = _empty(8 + 28 * m)
             try:
-                if chain_kernels.jacobian_rates.compiled(self._table, q, u, out) == OK:
+                if chains.jacobian_rates.compiled(self._table, q, u, out) == OK:
                     return out
             except TypeError:  # integers
                 pass
@@ -202,7 +202,7 @@ class ChainRobot:
             raise ShapeError(f"u: expected shape {(*values.shape[:-1], m)} as q has, got {speeds.shape}")
         rows = np.ascontiguousarray(values.reshape(-1, n)), np.ascontiguousarray(speeds.reshape(-1, m))
         out = np.empty((len(rows[0]), 8 + 28 * m))
-        if status := chain_kernels.batch_rates(chain_kernels.jacobian_rates.pointer, self.chain, *rows, out):
+        if status := chains.batch_rates(chains.jacobian_rates.pointer, self.chain, *rows, out):
             self._raise(status, values)
         return out.reshape(*values.shape[:-1], 8 + 28 * m)
 
@@ -228,7 +228,7 @@ class ChainRobot:
         array = as_array("q", values, (columns,))
         rows = np.ascontiguousarray(array.reshape(-1, columns))
         out = np.empty((len(rows), size))
-        status = chain_kernels.batch(function.pointer, table, rows, out)
+        status = chains.batch(function.pointer, table, rows, out)
         if status:
             self._raise(status, array)
         return out.reshape(*array.shape[:-1], size)

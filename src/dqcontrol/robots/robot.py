@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from operator import add
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
@@ -28,6 +29,37 @@ from dqcontrol.robots.kinematics.rigid_bodies import (
 )
 from dqcontrol.robots.limits import Inertia
 from dqcontrol.robots.link_shapes import LinkShapes
+
+CommandMode: TypeAlias = Literal["integrated", "measured"]
+
+
+class Lag(NamedTuple):
+    """How late joints follow targets that commands move.
+
+    Attributes
+    ----------
+    times
+        Time constant of each coordinate, s; empty: none.
+    delays
+        From command to joint, of each coordinate, s.
+    """
+
+    times: tuple[float, ...] = ()
+    delays: tuple[float, ...] = ()
+
+    @property
+    def late(self) -> float:
+        """The longest of time constant and delay together, s."""
+        return max(map(add, self.times, self.delays), default=0.0)
+
+    @property
+    def mean(self) -> tuple[float, float]:
+        """The means of time constants and delays, s."""
+        n = max(len(self.times), 1)
+        return sum(self.times) / n, sum(self.delays) / n
+
+
+AT_ONCE = Lag()
 
 if TYPE_CHECKING:
     from dqcontrol.robots.whole_body import Drive

@@ -121,8 +121,7 @@ class PoseTask:
     def offset(self) -> Array:
         """Pose (7,) of point and axis in the first frame."""
         axis = np.asarray(self.axis, np.float64)
-        turn = z_onto(axis / np.linalg.norm(axis))
-        return np.array([*turn[:4], *self.point])
+        return np.array([*z_onto(axis / np.linalg.norm(axis))[:4], *self.point])
 
 
 class TreeJoints(NamedTuple):
@@ -473,8 +472,7 @@ class TreeRobot(Robot):
         """Return the table of a task in which each coordinate has an input, those of drives too."""
         table = self.table_of(task).copy()
         rows = table[1:]
-        drives = rows[:, 7] > PRISMATIC
-        rows[drives, 7] = PRISMATIC
+        rows[rows[:, 7] > PRISMATIC, 7] = PRISMATIC
         joints = rows[:, 7] != task_kernels.FIXED
         rows[joints, task_kernels.INPUT_COLUMN] = rows[joints, task_kernels.COORDINATE]
         return table

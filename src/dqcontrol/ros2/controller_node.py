@@ -20,32 +20,13 @@ from dqcontrol.loop.control import Control, Phase, warm_up
 from dqcontrol.loop.interrupts import Interrupts
 from dqcontrol.loop.targets import LeaderTarget, PoseTarget, Speeds, Target, TwistTarget
 from dqcontrol.references.sample import POSE
+from dqcontrol.ros2 import interfaces, parameters
 from dqcontrol.ros2.diagnostics import SILENCE, Diagnostics, PeriodMonitor
 from dqcontrol.ros2.haptic_topics import POSE_TIMEOUT, HapticTopics, stiffness_borne
-from dqcontrol.ros2.interfaces import (
-    JOINT_STATES,
-    NEWEST,
-    ODOMETRY,
-    SENT,
-    Commands,
-    base_port,
-    joint_port,
-    several_publish,
-)
 from dqcontrol.ros2.loading import Indices, Loaded, load
 from dqcontrol.ros2.localisation import Localisation
 from dqcontrol.ros2.messages import NANOSECONDS, Stamps, by_name, guarding, nanoseconds, pose_of, twist_of
 from dqcontrol.ros2.middleware import destroyed_on_failure, spin, steady_timer
-from dqcontrol.ros2.parameters import (
-    declare,
-    declare_switch,
-    joint_names_read,
-    number,
-    numbers_said,
-    on_change,
-    read_once,
-    refuse_unknown,
-)
 from dqcontrol.ros2.recorder import Recorder
 from dqcontrol.ros2.servo_topics import ServoTopics
 from dqcontrol.ros2.tracked_hand import TrackedHand
@@ -322,9 +303,8 @@ class Following:
         warm_up(law, supervisor, loaded.case.scene.start, loaded.case.scene.samples[0])
         self._impedance = loaded.impedance(self._interface)
         self._velocities = np.zeros(len(loaded.parts.joints))
-        leads = self._impedance is not None
         self.control: Control = Control(
-            law, self.target, supervisor, loaded.longest_advance, leads_targets=leads
+            law, self.target, supervisor, loaded.longest_advance, leads_targets=self._impedance is not None
         )
         self._periods, self._stamps = PeriodMonitor(loaded.state_period), Stamps("joint states")
         self._latest: tuple[float, float] | None = None  # heard, stamp
@@ -334,18 +314,18 @@ class Following:
         self.longest_period: float = 0.0
         self._enabled = -np.inf
         self._parts, self._measured = loaded.parts, loaded.case.scene.start.copy()
-        self.joint_names: list[str] = joint_names_read(node, self._parts.joint_names)
+        self.joint_names: list[str] = parameters.joint_names_read(node, self._parts.joint_names)
         frames = {"base": "odom" if self._parts.base else "base_link", "tool": "tool0"}
         self._base, self._tool = (
-            read_once(node, f"{name}_frame", default, f"frame of the {name} in poses and twists")
+            parameters.read_once(node, f"{name}_frame", default, f"frame of the {name} in poses and twists")
             for name, default in frames.items()
         )
         footprint = odometry_frame = ""
         if self._parts.base:
             words = "base_link", "frame of the mobile base, in its commands"
-            footprint = read_once(node, "footprint_frame", *words)
+            footprint = parameters.read_once(node, "footprint_frame", *words)
             words = self._base, "frame of odometry; if poses are in another one, the transform is heard"
-            odometry_frame = read_once(node, "odometry_frame", *words)
+            odometry_frame = parameters.read_once(node, "odometry_frame", *words)
         if source == "servo":
             self._servo = ServoTopics(node, self, guarded)
         self.tracked = TrackedHand(node, tracker, self._base, guarded) if tracker else None
@@ -358,32 +338,38 @@ class Following:
             self._wrench_input.pass_on = self._haptics.hear
         self._wrench_input.listen(supervisor, self.control.law)
         own = numbers_of(loaded, source)
-        declare(node, own)
+        parameters.declare(node, own)
         self._numbers = [one.name for one in own]
-        declare_switch(node, OVERRIDE, "whether gains may be such that a loop is expected to be unstable")
-        refuse_unknown(node)
-        self._retune(said := numbers_said(node, self._numbers))
+        parameters.declare_switch(
+            node, OVERRIDE, "whether gains may be such that a loop is expected to be unstable"
+        )
+        parameters.refuse_unknown(node)
+        self._retune(said := parameters.numbers_said(node, self._numbers))
         if self._haptics:
             borne = stiffness_borne(loaded, loaded.law, said)
             diagnostics.tell(f"leader and arm bear {borne:.3g} N/m")
-        on_change(node, self._retune, diagnostics.refuse)
+        parameters.on_change(node, self._retune, diagnostics.refuse)
         ports, self._localisation = [], None
         if self.joint_names:
-            ports.append(joint_port(loaded, self._interface, self.joint_names, self._effort))
+            ports.append(interfaces.joint_port(loaded, self._interface, self.joint_names, self._effort))
         if self._parts.base:
-            ports.append(base_port(self._parts, base_interface, node, footprint))
+            ports.append(interfaces.base_port(self._parts, base_interface, node, footprint))
             self._localisation = Localisation(node, self, self._base, odometry_frame, guarded)
-        self._commands = Commands(node, ports)
+        self._commands = interfaces.Commands(node, ports)
         if self.joint_names:
-            node.create_subscription(JointState, JOINT_STATES, guarded(self._hear_joints), NEWEST)
+            node.create_subscription(
+                JointState, interfaces.JOINT_STATES, guarded(self._hear_joints), interfaces.NEWEST
+            )
         # of what a step is taken for
-        self._topic = node.resolve_topic_name(JOINT_STATES if self.joint_names else ODOMETRY)
+        self._topic = node.resolve_topic_name(
+            interfaces.JOINT_STATES if self.joint_names else interfaces.ODOMETRY
+        )
         if isinstance(self.target, PoseTarget):
             node.create_subscription(PoseStamped, "~/pose", guarded(self.hear_pose), 1)
         if source == "twist":
             node.create_subscription(TwistStamped, "~/twist", guarded(self.hear_twist), 1)
-        node.create_subscription(Bool, "~/enable", self._hear_enable, NEWEST)
-        self._heartbeat = node.create_publisher(Bool, "~/heartbeat", SENT)
+        node.create_subscription(Bool, "~/enable", self._hear_enable, interfaces.NEWEST)
+        self._heartbeat = node.create_publisher(Bool, "~/heartbeat", interfaces.SENT)
         steady_timer(node, _HEARTBEAT, self._beat)
         self._has_own_pace = loaded.state_period != loaded.period
         if self._has_own_pace:
@@ -480,7 +466,7 @@ class Following:
 
     def _check_start(self, measured: Array) -> None:
         away = np.abs(measured - self.loaded.case.scene.start)
-        i, allowed = int(away.argmax()), number(self._node, "start_tolerance")
+        i, allowed = int(away.argmax()), parameters.number(self._node, "start_tolerance")
         if away[i] > allowed:
             raise Error(
                 f"activate: {self.loaded.robot.joint_names[i]} is at {measured[i]:.4g}, {away[i]:.3g} rad or m away "
@@ -611,9 +597,9 @@ class Following:
         if rivals := self._commands.rivals:
             return f"{rivals}; a robot obeys one at a time"
         for topic in {self._topic, *([self._localisation.topic] if self._localisation else [])}:
-            if several := several_publish(self._node, topic):
+            if several := interfaces.several_publish(self._node, topic):
                 return several
-        patience = number(self._node, "enable_timeout")
+        patience = parameters.number(self._node, "enable_timeout")
         if patience and time.monotonic() - self._enabled > patience:
             return "not enabled"
         return ""
@@ -628,7 +614,7 @@ class Following:
     def _retune(self, numbers: dict[str, float]) -> None:
         active = self.control.phase is not Phase.INACTIVE
         allow = self._node.get_parameter(OVERRIDE).value
-        said = {**numbers_said(self._node, self._numbers), **numbers}
+        said = {**parameters.numbers_said(self._node, self._numbers), **numbers}
         leader = said if self._haptics else None
         law, supervisor, unjudged = retune(
             self.loaded, numbers, active=active, allow_unstable=bool(allow), leader=leader

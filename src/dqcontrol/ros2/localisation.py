@@ -12,21 +12,9 @@ from rclpy.node import Node
 
 from dqcontrol.arrays import Array
 from dqcontrol.plants.mobile.odometry import displaced
+from dqcontrol.ros2 import messages
 from dqcontrol.ros2.diagnostics import PeriodMonitor
 from dqcontrol.ros2.interfaces import NEWEST, ODOMETRY
-from dqcontrol.ros2.messages import (
-    BASE_TRANSFORM,
-    NANOSECONDS,
-    TRANSFORMS,
-    Guard,
-    RefusedError,
-    Stamps,
-    deviation_of,
-    nanoseconds,
-    planar_pose,
-    planar_pose_of,
-    transform_topic,
-)
 from dqcontrol.ros2.parameters import Number, number
 
 if TYPE_CHECKING:
@@ -70,12 +58,12 @@ class FrameCorrection:
         x, y (m) and φ (rad) of the child in the parent, shape (3,); NaN before the first.
     """
 
-    def __init__(self, node: Node, parent: str, child: str, guarded: Guard) -> None:
+    def __init__(self, node: Node, parent: str, child: str, guarded: messages.Guard) -> None:
         self._frames, self._heard = (parent, child), -math.inf
         self.pose: Array = np.full(3, np.nan)
-        topic, kind = transform_topic(BASE_TRANSFORM)
+        topic, kind = messages.transform_topic(messages.BASE_TRANSFORM)
         self.topic: str = node.resolve_topic_name(topic)
-        node.create_subscription(kind, self.topic, guarded(self._hear), TRANSFORMS)
+        node.create_subscription(kind, self.topic, guarded(self._hear), messages.TRANSFORMS)
 
     @property
     def age(self) -> float:
@@ -86,7 +74,7 @@ class FrameCorrection:
         for each in getattr(message, "transforms", [message]):
             if (each.header.frame_id, each.child_frame_id) == self._frames:
                 transform = each.transform
-                self.pose = planar_pose("transform", transform.translation, transform.rotation)
+                self.pose = messages.planar_pose("transform", transform.translation, transform.rotation)
                 self._heard = time.monotonic()
 
 
@@ -114,7 +102,7 @@ class Localisation:
     """
 
     def __init__(
-        self, node: Node, following: Following, frame: str, odometry_frame: str, guarded: Guard
+        self, node: Node, following: Following, frame: str, odometry_frame: str, guarded: messages.Guard
     ) -> None:
         self._node, self._frame, self._following = node, odometry_frame, following
         loaded = following.loaded
@@ -124,7 +112,7 @@ class Localisation:
         self._frames = f"{frame} → {odometry_frame}"
         self._heading, self._stamp = float(loaded.case.scene.start[loaded.parts.place[2]]), 0.0
         self._heard = -math.inf
-        self._stamps, self._monitor = Stamps("odometry"), PeriodMonitor(loaded.period)
+        self._stamps, self._monitor = messages.Stamps("odometry"), PeriodMonitor(loaded.period)
         self.pose: Array = np.full(3, np.nan)
         self.topic: str = node.resolve_topic_name(ODOMETRY)
         node.create_subscription(Odometry, ODOMETRY, guarded(self._hear), NEWEST)
@@ -143,21 +131,21 @@ class Localisation:
         return "" if self.age <= number(self._node, "odometry_timeout") else f"no odometry on {self.topic}"
 
     def _hear(self, message: Odometry) -> None:
-        now, at = time.monotonic(), nanoseconds(message.header.stamp)
-        pose, deviation = planar_pose_of(message, self._frame), deviation_of(message)
-        most, stamp = number(self._node, "odometry_deviation"), at / NANOSECONDS
+        now, at = time.monotonic(), messages.nanoseconds(message.header.stamp)
+        pose, deviation = messages.planar_pose_of(message, self._frame), messages.deviation_of(message)
+        most, stamp = number(self._node, "odometry_deviation"), at / messages.NANOSECONDS
         if self._correction:  # what drifts is corrected, however far it has drifted
             pose = displaced(self._correction.pose, pose)
             if np.isnan(pose).any():
-                raise RefusedError(f"odometry: {self.silence}, which corrects it")
+                raise messages.RefusedError(f"odometry: {self.silence}, which corrects it")
         elif deviation > most:
-            raise RefusedError(
+            raise messages.RefusedError(
                 f"odometry: its standard deviation is {deviation:.3g} m; odometry_deviation is {most:g}"
             )
         if self._following.control.is_commanding or not self.silence:
             ahead = stamp - self._stamp - self._monitor.age(now)
             if ahead > _AHEAD:
-                raise RefusedError(f"odometry: its stamp is {ahead:.3g} s ahead of its clock")
+                raise messages.RefusedError(f"odometry: its stamp is {ahead:.3g} s ahead of its clock")
             self._stamps.check(at)
             self._monitor.hear(now, stamp)
         else:  # it may have begun anew, with another clock

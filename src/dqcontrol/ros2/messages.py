@@ -200,8 +200,21 @@ def pose_of(message: Any, frame: str) -> Array:
     """
     if message.header.frame_id != frame:
         raise RefusedError(f"pose: unknown frame '{message.header.frame_id}' (allowed: {frame})")
-    p = numbers("pose.position", parts_of(message.pose.position), 3)
-    r, norm = _rotation("pose.orientation", message.pose.orientation)
+    return pose_from("pose.", message.pose.position, message.pose.orientation)
+
+
+def pose_from(what: str, place: Any, turn: Any) -> Array:
+    """Return a point or vector and a quaternion of ``geometry_msgs`` as unit dual quaternion (8,).
+
+    ``what`` is what messages begin with, before "position" and "orientation".
+
+    Raises
+    ------
+    RefusedError
+        If the orientation is no unit quaternion, or a number is not finite.
+    """
+    p = numbers(f"{what}position", parts_of(place), 3)
+    r, norm = _rotation(f"{what}orientation", turn)
     return algebra.pose(r / norm, p)
 
 

@@ -74,8 +74,7 @@ def read_once(node: Node, name: str, value: Any, description: str) -> Any:
     if not _is_like(given, value):
         kind = "names" if isinstance(value, list) else "a name"
         raise ValueRangeError(f"parameter {name}: expected {kind}, got {given!r}")
-    descriptor = ParameterDescriptor(description=description, read_only=True)
-    _declare(node, name, given, descriptor)
+    _declare(node, name, given, ParameterDescriptor(description=description, read_only=True))
     return given
 
 

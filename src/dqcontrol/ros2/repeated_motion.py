@@ -19,7 +19,7 @@ import yaml
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error
 from dqcontrol.experiments.prepared_experiment import prepare
-from dqcontrol.files.plain_data import yaml_text
+from dqcontrol.files.output_file import yaml_text
 from dqcontrol.logs.servos.excitation import write_joint_motion
 from dqcontrol.loop import Record, Signal, has_failed
 from dqcontrol.loop.clock import allows_real_time

@@ -19,6 +19,7 @@ from dqcontrol.plants.plant import ControllerSettings, Plant, RunningPlant, runn
 from dqcontrol.robots import DifferentialDrive
 from dqcontrol.robots.bases import RollerBase
 from dqcontrol.robots.whole_body import Drive
+from dqcontrol.ros2 import messages
 from dqcontrol.ros2.diagnostics import Diagnostics
 from dqcontrol.ros2.interfaces import (
     BASE_COMMANDS,
@@ -32,19 +33,6 @@ from dqcontrol.ros2.interfaces import (
     several_publish,
 )
 from dqcontrol.ros2.loading import Loaded, RobotParts, silence
-from dqcontrol.ros2.messages import (
-    NANOSECONDS,
-    Guard,
-    OdometryDrift,
-    guarding,
-    humanoid_command,
-    numbers,
-    planar_twist_of,
-    stamp_of,
-    trajectory_point,
-    transform_publisher,
-    write_parts,
-)
 from dqcontrol.ros2.middleware import destroyed_on_failure, steady_timer
 from dqcontrol.ros2.parameters import Number, declare, number, on_change, refuse_unknown
 from dqcontrol.ros2.tracked_hand import pose_publisher
@@ -130,7 +118,7 @@ class RobotNode(Node):
         refuse_unknown(self)
         on_change(self, self._change, self._diagnostics.refuse)
         self._obeyed: dict[str, Obeyed] = {}
-        guarded = guarding(self._diagnostics.refuse)
+        guarded = messages.guarding(self._diagnostics.refuse)
         if self._joints:
             self._obeyed["joints"] = Obeyed(self, *COMMANDS[interface], self._joint_command, guarded)
         if parts.base:
@@ -138,8 +126,9 @@ class RobotNode(Node):
                 check_wheels(parts)
             self._obeyed["base"] = Obeyed(self, *BASE_COMMANDS[base_interface], self._base_command, guarded)
         self._joint_states = self.create_publisher(JointState, JOINT_STATES, SENT) if self._joints else None
-        rng = np.random.default_rng(spec.seed)
-        self._drift = OdometryDrift(self._plant.measured[parts.place], rng)
+        self._drift = messages.OdometryDrift(
+            self._plant.measured[parts.place], np.random.default_rng(spec.seed)
+        )
         self._change({one.name: number(self, one.name) for one in own})
         self._odometry = (
             odometry_publisher(self, parts, loaded.case.plant, self._drift) if parts.base else None
@@ -165,22 +154,22 @@ class RobotNode(Node):
 
     def _joint_command(self, message: Any) -> Array:
         if self._interface == "trajectory":
-            return trajectory_point(message, self._joints)
+            return messages.trajectory_point(message, self._joints)
         if self._interface == "humanoid":
-            position, self._told = humanoid_command(message, self._joints)
+            position, self._told = messages.humanoid_command(message, self._joints)
             return position
-        return numbers(self._interface, message.data, len(self._joints))
+        return messages.numbers(self._interface, message.data, len(self._joints))
 
     def _base_command(self, message: Any) -> Array:
         """Return the velocity of the base that a command asks for: ahead and to the left, m/s, and turning, rad/s."""
         base = self._parts.base
         if isinstance(base, DifferentialDrive) and self._base_interface == "wheels":
-            right, left = base.wheel_radius * numbers("wheels", message.data, 2)
+            right, left = base.wheel_radius * messages.numbers("wheels", message.data, 2)
             return np.array([0.5 * (right + left), 0.0, 0.5 * (right - left) / base.half_track])
         if isinstance(base, RollerBase) and self._base_interface == "wheels":
-            return base.from_wheel_speeds(numbers("wheels", message.data, len(base.wheels)))
+            return base.from_wheel_speeds(messages.numbers("wheels", message.data, len(base.wheels)))
         twist = message.twist if self._base_interface == "twist-stamped" else message
-        return np.array(planar_twist_of(twist, sideways=not isinstance(base, Drive)))
+        return np.array(messages.planar_twist_of(twist, sideways=not isinstance(base, Drive)))
 
     def _tick(self) -> None:
         """Move the plant up to now, and say where it is."""
@@ -191,7 +180,7 @@ class RobotNode(Node):
         self._has_missed |= stood_still
         if late > _MOST_LATE:
             self._begun += late - self._period
-            self._origin += int((late - self._period) * NANOSECONDS)
+            self._origin += int((late - self._period) * messages.NANOSECONDS)
             late = self._period
         due = round(late / self._period)
         try:
@@ -291,7 +280,7 @@ class RobotNode(Node):
         return ahead / self._spread
 
     def _publish(self) -> None:
-        stamp = self._origin + round(self._ticks * self._period * NANOSECONDS)
+        stamp = self._origin + round(self._ticks * self._period * messages.NANOSECONDS)
         if self._odometry:
             self._odometry(stamp, self._plant.measured, (self._plant.q - self._was) / self._period)
         if self._joint_states:
@@ -300,7 +289,7 @@ class RobotNode(Node):
             velocity = (measured - self._before[own]) / self._period
             message = JointState(name=self._joints, position=measured.tolist(), velocity=velocity.tolist())
             message.effort = np.asarray(self._plant.effort, dtype=np.float64).tolist()
-            stamp_of(stamp, message.header.stamp)
+            messages.stamp_of(stamp, message.header.stamp)
             self._joint_states.publish(message)
         if self._wrench:
             self._wrench(stamp)
@@ -326,7 +315,7 @@ class Obeyed:
     """
 
     def __init__(
-        self, node: Node, topic: str, kind: Any, read: Callable[[Any], Array], guarded: Guard
+        self, node: Node, topic: str, kind: Any, read: Callable[[Any], Array], guarded: messages.Guard
     ) -> None:
         self._node, self._read, self._heard = node, read, -np.inf
         self.asked: Array | None = None
@@ -343,7 +332,7 @@ class Obeyed:
 
 
 def odometry_publisher(
-    node: Node, parts: RobotParts, plant: Plant, drift: OdometryDrift
+    node: Node, parts: RobotParts, plant: Plant, drift: messages.OdometryDrift
 ) -> Callable[[int, Array, Array], None]:
     """Return what publishes where a base is, as odometry and as transform.
 
@@ -351,7 +340,7 @@ def odometry_publisher(
     are those of wheels.
     """
     publisher = node.create_publisher(Odometry, ODOMETRY, SENT)
-    say_transform = transform_publisher(node)
+    say_transform = messages.transform_publisher(node)
     position, angle = plant.base_errors()
     of_plant, covariance = np.diag([position**2, position**2, angle**2]), np.zeros((6, 6))
     message = Odometry(child_frame_id="base_link")
@@ -362,7 +351,7 @@ def odometry_publisher(
         covariance[_PLANE] = of_plant + drift.covariance
         message.pose.covariance = covariance.ravel()
         x, y, heading = drift.pose.tolist()
-        stamp_of(stamp, message.header.stamp)
+        messages.stamp_of(stamp, message.header.stamp)
         place, turn, twist = message.pose.pose.position, message.pose.pose.orientation, message.twist.twist
         place.x, place.y, turn.w, turn.z = x, y, math.cos(0.5 * heading), math.sin(0.5 * heading)
         c, s = math.cos(measured[parts.place[2]]), math.sin(measured[parts.place[2]])
@@ -383,9 +372,9 @@ def wrench_publisher(node: Node, plant: RunningPlant) -> Callable[[int], None] |
     def publish(stamp: int) -> None:
         message = WrenchStamped()
         message.header.frame_id = "tool0"
-        stamp_of(stamp, message.header.stamp)
-        write_parts(message.wrench.force, plant.wrench[:3])
-        write_parts(message.wrench.torque, plant.wrench[3:])
+        messages.stamp_of(stamp, message.header.stamp)
+        messages.write_parts(message.wrench.force, plant.wrench[:3])
+        messages.write_parts(message.wrench.torque, plant.wrench[3:])
         publisher.publish(message)
 
     return publish

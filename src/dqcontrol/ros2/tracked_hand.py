@@ -13,7 +13,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error
-from dqcontrol.files.whole_file import whole_file
+from dqcontrol.files.output_file import whole_file
 from dqcontrol.references import POSE, Points
 from dqcontrol.references.points import DUAL_QUATERNION
 from dqcontrol.ros2.interfaces import SENT

@@ -15,15 +15,7 @@ from dqcontrol.errors import Error, ValueRangeError
 from dqcontrol.experiments.check import loop_checks
 from dqcontrol.experiments.contact_check import bears_world
 from dqcontrol.experiments.spec import AnyLaw
-from dqcontrol.measures.stability import (
-    MOST_STATES,
-    LoopGain,
-    loop_gains,
-    spectral_radius,
-    with_integral,
-    with_lag,
-    with_mean,
-)
+from dqcontrol.measures import stability
 from dqcontrol.named_fields import check_fields
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.ros2 import haptic_topics
@@ -58,7 +50,7 @@ def check_stable(
     ValueRangeError
         If a loop is expected to be unstable; or the law's gains are unknown and it moves a robot.
     """
-    gains, model = loop_gains(law, prepared), loaded.linear_model
+    gains, model = stability.loop_gains(law, prepared), loaded.linear_model
     if gains is None:
         if moves:
             raise _refused(
@@ -68,13 +60,13 @@ def check_stable(
     mode, period = command_mode(loaded.case.plant), loaded.period
     if model is not None:
         window = supervisor.prepare(loaded.robot, period, mode).window
-        model = with_mean(model, window, period, from_measured=mode == "measured")
-    if model is None or len(model.transition) > MOST_STATES:
+        model = stability.with_mean(model, window, period, from_measured=mode == "measured")
+    if model is None or len(model.transition) > stability.MOST_STATES:
         return "" if moves else _as_check_says(loaded, law, gains, supervisor)
     for gain in gains:
-        lagged = with_lag(model, gain.lag, period)
-        closed = with_integral(lagged, gain.integral_share * abs(gain.value), period)
-        radius = spectral_radius(closed.poles(gain.value))
+        lagged = stability.with_lag(model, gain.lag, period)
+        closed = stability.with_integral(lagged, gain.integral_share * abs(gain.value), period)
+        radius = stability.spectral_radius(closed.poles(gain.value))
         if radius <= _STABLE:
             continue
         if not moves:
@@ -94,7 +86,7 @@ def check_bears(loaded: Loaded, law: AnyLaw) -> None:
 
 
 def _as_check_says(
-    loaded: Loaded, law: AnyLaw, gains: tuple[LoopGain, ...] | None, supervisor: Supervisor
+    loaded: Loaded, law: AnyLaw, gains: tuple[stability.LoopGain, ...] | None, supervisor: Supervisor
 ) -> str:
     """Return why `dqcontrol check` cannot judge a law; raise a `ValueRangeError` if it expects it to be unstable."""
     case = replace(loaded.case, variant=replace(loaded.case.variant, law=law), gains=gains, prepared=None)

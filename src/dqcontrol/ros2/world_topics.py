@@ -17,20 +17,9 @@ from dqcontrol.arrays import Array
 from dqcontrol.controller import Controller
 from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, Plane, Shape, Sphere
 from dqcontrol.loop.control import Control
+from dqcontrol.ros2 import messages
 from dqcontrol.ros2.interfaces import NEWEST, WRENCH
 from dqcontrol.ros2.loading import RobotParts
-from dqcontrol.ros2.messages import (
-    TRANSFORMS,
-    Guard,
-    RefusedError,
-    by_name,
-    numbers,
-    optional,
-    parts_of,
-    transform_topic,
-    write_parts,
-    write_pose,
-)
 from dqcontrol.ros2.middleware import steady_timer
 from dqcontrol.supervisor import PreparedSupervisor
 from dqcontrol.world import Body, World
@@ -71,7 +60,9 @@ class WrenchInput:
 
     effort: Array
 
-    def __init__(self, node: Node, parts: RobotParts, joints: list[str], frame: str, guarded: Guard) -> None:
+    def __init__(
+        self, node: Node, parts: RobotParts, joints: list[str], frame: str, guarded: messages.Guard
+    ) -> None:
         self._node, self._parts, self._joints = node, parts, joints
         self._frame, self._guarded = frame, guarded
         self.effort = self._wrench = _NOTHING
@@ -108,7 +99,7 @@ class WrenchInput:
         """
         if self._has_effort:
             self.effort = np.zeros(self._parts.robot.input_size)
-            found = by_name("joint states", message.name, message.effort, self._joints, "efforts")
+            found = messages.by_name("joint states", message.name, message.effort, self._joints, "efforts")
             self.effort[self._parts.own_joint_inputs] = found
 
     @property
@@ -128,11 +119,11 @@ class WrenchInput:
 
     def _hear_wrench(self, message: WrenchStamped) -> None:
         if self._has_payload and message.header.frame_id != self._frame:
-            raise RefusedError(
+            raise messages.RefusedError(
                 f"wrench: in frame '{message.header.frame_id}', but the payload is taken off in '{self._frame}'"
             )
-        parts = [*parts_of(message.wrench.force), *parts_of(message.wrench.torque)]
-        self._wrench = numbers("wrench", parts, 6)
+        parts = [*messages.parts_of(message.wrench.force), *messages.parts_of(message.wrench.torque)]
+        self._wrench = messages.numbers("wrench", parts, 6)
         self._heard = time.monotonic()
         if self.pass_on is not None:
             self.pass_on(self._wrench, message.header.stamp)
@@ -169,14 +160,16 @@ class WorldTopics:
         Where watched bodies are by the last transform, poses (8,); of those not heard yet as the world says.
     """
 
-    def __init__(self, node: Node, control: Control, world: World, frame: str, guarded: Guard) -> None:
+    def __init__(
+        self, node: Node, control: Control, world: World, frame: str, guarded: messages.Guard
+    ) -> None:
         self._node, self._control, self._world, self._frame = node, control, world, frame
         watched = {name: body for name, body in world.bodies.items() if body.watch is not None}
         self.seen: dict[str, Array] = {name: body.pose for name, body in watched.items()}
         if watched:
-            topic, kind = transform_topic(BODIES)
-            node.create_subscription(kind, topic, guarded(self.hear), TRANSFORMS)
-        self._messages = optional("visualization_msgs.msg")
+            topic, kind = messages.transform_topic(BODIES)
+            node.create_subscription(kind, topic, guarded(self.hear), messages.TRANSFORMS)
+        self._messages = messages.optional("visualization_msgs.msg")
         if self._messages is not None:
             self._publisher = node.create_publisher(self._messages.MarkerArray, MARKERS, 1)
             steady_timer(node, _EVERY, self._publish)
@@ -194,15 +187,11 @@ class WorldTopics:
             if name not in self.seen:
                 continue
             if each.header.frame_id != self._frame:
-                raise RefusedError(
+                raise messages.RefusedError(
                     f"transform of {name}: is in frame '{each.header.frame_id}', expected '{self._frame}'"
                 )
-            at, turn = each.transform.translation, each.transform.rotation
-            numbers = np.array([turn.w, *parts_of(turn), *parts_of(at)])
-            size = float(np.linalg.norm(numbers[:4]))
-            if not np.isfinite(numbers).all() or abs(size - 1) > 1e-3:
-                raise RefusedError(f"transform of {name}: is no pose, got {numbers.tolist()}")
-            self.seen[name] = algebra.pose(numbers[:4] / size, numbers[4:])
+            place = each.transform
+            self.seen[name] = messages.pose_from(f"transform of {name}: ", place.translation, place.rotation)
             self._control.law.place(name, self.seen[name])
 
     def _publish(self) -> None:
@@ -217,13 +206,13 @@ class WorldTopics:
         self._publisher.publish(self._messages.MarkerArray(markers=markers))
 
 
-def body_markers(messages: Any, name: str, body: Body, pose: Array) -> Iterator[Any]:
+def body_markers(markers: Any, name: str, body: Body, pose: Array) -> Iterator[Any]:
     """Yield the markers of a body at a pose (8,): one a shape, of a capsule three."""
     for shape in body.own_shapes:
-        for kind, scale, place in _forms(messages.Marker, shape.moved(pose)):
-            marker = messages.Marker(ns=name, type=kind, action=messages.Marker.ADD)
-            write_pose(marker.pose, place)
-            write_parts(marker.scale, scale)
+        for kind, scale, place in _forms(markers.Marker, shape.moved(pose)):
+            marker = markers.Marker(ns=name, type=kind, action=markers.Marker.ADD)
+            messages.write_pose(marker.pose, place)
+            messages.write_parts(marker.scale, scale)
             if isinstance(shape, Hull):
                 marker.points = [
                     Point(x=x, y=y, z=z) for x, y, z in shape.points[shape.faces].reshape(-1, 3).tolist()

@@ -11,7 +11,7 @@ from dqcontrol.algebra.dual_quaternion_kernels import translation
 from dqcontrol.algebra.symmetric import smallest_singular_value
 from dqcontrol.compiled.compile import OK, apart, inline
 from dqcontrol.compiled.intrinsics import as_matrix
-from dqcontrol.limits.braking import braked, largest_share
+from dqcontrol.limits.rates import braked, largest_share
 from dqcontrol.robots.kinematics.kinematics_kernels import call_chain, hand_jacobian, joint_frames
 from dqcontrol.robots.kinematics.pose_task_kernels import place_tree
 from dqcontrol.robots.kinematics.singular_bound import exceeds

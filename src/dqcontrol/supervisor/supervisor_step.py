@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 
 from dqcontrol.compiled.compile import OK, STATUS, WRITE, WRONG_SIZE, apart, inline, kernel
-from dqcontrol.limits.braking import braking_share, fastest_stoppable, largest_share, surely_stops
-from dqcontrol.limits.velocity_limit import SpeedLimits, scale_down, scale_down_rollers
-from dqcontrol.robots.kinematics.driving import RIM_LEVER, advance, drive_speeds, rim_load, steer
-from dqcontrol.supervisor import interventions as reason, supervisor_layout as layout
-from dqcontrol.supervisor.supervisor_geometry import (
-    avoid_singularity,
-    is_inside,
-    keep_safe,
-    limit_hand_acceleration,
-    limit_hand_speed,
+from dqcontrol.limits.rates import (
+    SpeedLimits,
+    braking_share,
+    fastest_stoppable,
+    largest_share,
+    scale_down,
+    scale_down_rollers,
+    surely_stops,
 )
+from dqcontrol.robots.kinematics.driving import RIM_LEVER, advance, drive_speeds, rim_load, steer
+from dqcontrol.supervisor import interventions as reason, supervisor_geometry, supervisor_layout as layout
 from dqcontrol.supervisor.supervisor_watch import judge
 
 _BRAKING_STEPS = 20_000  # whoever brakes longer than that goes no faster; see `supervisor_geometry`
@@ -292,7 +292,7 @@ def check_start(memory, state):
     """Return OK if a robot may start as its state says: end effectors and points in their box, its base in no zone."""
     parts = layout.taken_apart(memory, state)
     bounds, kept, scratch = parts.bounds, parts.memory, parts.scratch
-    if not is_inside(parts, kept.good, bounds, 0.0, scratch.frames, scratch.ahead):
+    if not supervisor_geometry.is_inside(parts, kept.good, bounds, 0.0, scratch.frames, scratch.ahead):
         return layout.OUTSIDE_BOX
     room = clearance(bounds.zones, kept.good[0], kept.good[1]) if bounds.zones.shape[0] > 0 else math.inf
     return layout.IN_ZONE if room < bounds.head[layout.FOOTPRINT] else OK
@@ -337,7 +337,7 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
     if numbers[layout.MODE] == layout.RETURNING:
         now |= reason.REJOINING
     if following and head[layout.SLOW] > 0.0:
-        now |= avoid_singularity(
+        now |= supervisor_geometry.avoid_singularity(
             kinematics, said.known, memory, state, parts
         )  # good is measured: nothing was wrong
     for i in range(m):
@@ -353,16 +353,16 @@ def supervise(kinematics, memory, moment, measured, wanted, effort, wrench, stat
         head[layout.HAND_SPEED_LIMIT] < math.inf or head[layout.HAND_ACCELERATION_LIMIT] < math.inf
     )
     if looks_at_hand:
-        now |= limit_hand_speed(memory, state, following or returning)
+        now |= supervisor_geometry.limit_hand_speed(memory, state, following or returning)
     done = _accelerate(bounds, kept, rates)
     if following and head[layout.HAND_ACCELERATION_LIMIT] < math.inf:
-        now |= limit_hand_acceleration(memory, state)
+        now |= supervisor_geometry.limit_hand_acceleration(memory, state)
     inwards = numbers[layout.SCALE] if following else (1.0 if returning else 0.0)
     done |= _keep(bounds, kept, rates, inwards)
     if m < n:
         steer(bounds.drives, rates)
     if head[layout.BOXED] != 0.0 or head[layout.HAND_SPEED_LIMIT] < math.inf:
-        now |= keep_safe(memory, state)
+        now |= supervisor_geometry.keep_safe(memory, state)
     done |= _keep_rims(bounds, kept, rates)
     if following:
         now |= done

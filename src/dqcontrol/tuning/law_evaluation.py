@@ -28,7 +28,7 @@ from dqcontrol.measures.metrics import AT_LIMIT
 from dqcontrol.plants.plant import Plant, command_mode, lagging_mode
 from dqcontrol.references.sample import TIME
 from dqcontrol.robots import TreeRobot
-from dqcontrol.robots.command_mode import CommandMode
+from dqcontrol.robots.robot import CommandMode
 from dqcontrol.tuning.spec_blocks import PlantFamily, Slack, StabilityJudge, TuneProblem
 
 _UNSTABLE, _DIVERGED = 1e3, 1e6  # violations, beside which those of numbers are small

@@ -18,7 +18,7 @@ from msgspec.structs import replace
 from dqcontrol.errors import ShapeError, ValueRangeError, error_prefix, unknown_name
 from dqcontrol.experiments.prepared_experiment import check_program
 from dqcontrol.experiments.results_folder import Row, parquet, read_rows, write_whole
-from dqcontrol.files.plain_data import finite_or_none
+from dqcontrol.files.output_file import finite_or_none
 from dqcontrol.laws import Law
 from dqcontrol.measures.metric_tables import LARGE_IS_GOOD, NUMBERS
 from dqcontrol.named_fields import check_fields

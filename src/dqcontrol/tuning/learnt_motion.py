@@ -19,11 +19,11 @@ from dqcontrol import algebra
 from dqcontrol.arrays import Array
 from dqcontrol.contact import Admittance, AdmittanceStage
 from dqcontrol.errors import ShapeError
-from dqcontrol.files.whole_file import whole_file
+from dqcontrol.files.output_file import whole_file
 from dqcontrol.loop import Record
 from dqcontrol.measures.metrics import low_passed
 from dqcontrol.plants.plant import WRENCH_READINGS
-from dqcontrol.plants.wrist import TOUCH_FORCE
+from dqcontrol.plants.sensors import TOUCH_FORCE
 from dqcontrol.references import POSE, TIME, Points
 from dqcontrol.references.points import DUAL_QUATERNION
 from dqcontrol.robots import Robot

@@ -25,7 +25,7 @@ from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.results_folder import WorkingFolder, check_new, new_folder, told_first
 from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec.spec_files import write_spec
-from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
+from dqcontrol.files.output_file import finite_or_none, write_json, yaml_text
 from dqcontrol.loop import Clock, Record, has_failed, simulate_prepared
 from dqcontrol.measures.metrics import low_passed
 from dqcontrol.measures.stability import GOOD_MARGIN, gain_margin

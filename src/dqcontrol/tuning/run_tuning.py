@@ -28,7 +28,7 @@ from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec import as_spec
 from dqcontrol.experiments.spec.reference_spec import ObjectSpec
 from dqcontrol.experiments.spec.spec_files import write_spec
-from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
+from dqcontrol.files.output_file import finite_or_none, write_json, yaml_text
 from dqcontrol.measures.metric_tables import NUMBER_COLUMNS
 from dqcontrol.measures.metrics import AT_LIMIT
 from dqcontrol.measures.number_texts import percent_text

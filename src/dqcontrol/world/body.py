@@ -17,13 +17,13 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError, as_array, error_prefix
 from dqcontrol.geometry import Box, Capsule, Cylinder, Plane, Shape, Sphere, load_map
 from dqcontrol.geometry.floor_map import map_version
-from dqcontrol.named_fields import NamedFields
+from dqcontrol.named_fields import NamedFields, Three
 from dqcontrol.world.mesh import hulls
 
-Number3 = tuple[float, float, float]
-Place = Annotated[Number3, Meta(description="m")]
-Direction = Annotated[Number3, Meta(description="not zero")]
-Angles = Annotated[Number3, Meta(description="rad")]
+Name = Annotated[str, Meta(min_length=1, max_length=60)]
+Place = Annotated[Three, Meta(description="m")]
+Direction = Annotated[Three, Meta(description="not zero")]
+Angles = Annotated[Three, Meta(description="rad")]
 Size = Annotated[float, Meta(gt=0, description="m")]
 FileName = Annotated[str, Meta(min_length=1, description="path, relative to the file that names it")]
 
@@ -210,7 +210,7 @@ class Motion(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True)
     """
 
     spec_key: ClassVar[str] = "world.moves"
-    velocity: Annotated[Number3, Meta(description="m/s")] | None = None
+    velocity: Annotated[Three, Meta(description="m/s")] | None = None
     path: Annotated[list[tuple[float, float, float, float]], Meta(min_length=2)] | None = None
     speed: Annotated[float, Meta(ge=0, description="m/s")] = 0.0
     announced: bool = True
@@ -295,7 +295,7 @@ class Slide(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
         _check_joint(self.axis, self.range, "slide", "move along")
 
 
-def _check_joint(axis: Number3, limits: tuple[float, float] | None, key: str, does: str) -> None:
+def _check_joint(axis: Three, limits: tuple[float, float] | None, key: str, does: str) -> None:
     if not any(axis):
         raise ValueRangeError(f"{key}.axis: must not be zero, there is nothing to {does}, got {list(axis)}")
     if (limits is not None and not limits[0] <= 0.0 <= limits[1]) or limits == (0.0, 0.0):
@@ -375,7 +375,7 @@ class Held(NamedFields, frozen=True, kw_only=True, forbid_unknown_fields=True):
     until: Annotated[float, Meta(gt=0, description="s")] | None = None
     position: Place = (0.0, 0.0, 0.0)
     rpy: Angles = (0.0, 0.0, 0.0)
-    frame: Annotated[str, Meta(min_length=1, max_length=60)] | None = None
+    frame: Name | None = None
     put: SetDown | None = None
     within: Size = 0.01
 

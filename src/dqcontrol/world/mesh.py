@@ -18,7 +18,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.compiled.kernel_cache import module_folder, root as cache_root
 from dqcontrol.errors import FileFormatError, NoteWarning, from_extra
 from dqcontrol.files.input_file import version
-from dqcontrol.files.whole_file import whole_file
+from dqcontrol.files.output_file import whole_file
 from dqcontrol.geometry import Hull
 
 _MOST_FACES = 500_000  # taking them apart takes minutes beyond

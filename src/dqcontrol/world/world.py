@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from msgspec import Meta
 
 from dqcontrol.errors import FileFormatError, ValueRangeError, error_prefix
 from dqcontrol.files.input_file import read_text
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.geometry import Plane, Shape, distance
 from dqcontrol.named_fields import NamedFields
-from dqcontrol.world.body import Body
+from dqcontrol.world.body import Body, Name
 
-Name = Annotated[str, Meta(min_length=1, max_length=60)]
 Bodies = dict[Name, Body]
 
 FLOOR = "floor"

@@ -29,7 +29,7 @@ from dqcontrol.experiments.run import run
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.experiments.spec.spec import part_of_spec, readable_again
 from dqcontrol.experiments.spec.spec_files import locate_files
-from dqcontrol.files.plain_data import yaml_text
+from dqcontrol.files.output_file import yaml_text
 from dqcontrol.laws import Law
 from dqcontrol.loop.live import Live, Pace
 from dqcontrol.loop.record import Record

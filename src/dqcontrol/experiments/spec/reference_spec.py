@@ -30,8 +30,8 @@ from dqcontrol.planning import PlanTo
 from dqcontrol.planning.drive_and_plan import StepsInTurn
 from dqcontrol.planning.followed_path import followed
 from dqcontrol.references.drive_to import PlannedWay
+from dqcontrol.references.reference import SpecStart, Yaml
 from dqcontrol.references.sample import as_pose
-from dqcontrol.references.yaml_form import SpecStart, Yaml
 from dqcontrol.robots import Robot
 from dqcontrol.world import World
 

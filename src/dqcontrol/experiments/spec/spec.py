@@ -51,14 +51,14 @@ from dqcontrol.experiments.spec.world_file import said_world
 from dqcontrol.extensions.registry import union_of
 from dqcontrol.extensions.user_code import admit, place_of
 from dqcontrol.files.input_file import read_text
-from dqcontrol.files.plain_data import yaml_text
+from dqcontrol.files.output_file import yaml_text
 from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.laws import AnyNullSpace, Law
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop import Stop
 from dqcontrol.plants import Disturbance, GripperEvent, Plant, limits_before
 from dqcontrol.references import Reference
-from dqcontrol.references.gripping import GripperStep, held_by_steps, never_held
+from dqcontrol.references.set_points import GripperStep, held_by_steps, never_held
 from dqcontrol.robots import (
     PoseTask,
     ReachingPosture,

@@ -21,7 +21,7 @@ from dqcontrol.experiments.spec.key_types import (
 )
 from dqcontrol.experiments.spec.reference_spec import AnyReference
 from dqcontrol.files.input_file import read_text
-from dqcontrol.files.plain_data import yaml_text
+from dqcontrol.files.output_file import yaml_text
 from dqcontrol.files.yaml_file import convert
 from dqcontrol.geometry import Box, Capsule, Cylinder, Hull, Plane, Shape, Sphere
 from dqcontrol.plants.mujoco.world_model import add_world

@@ -18,7 +18,7 @@ from dqcontrol.algebra import conjugate, multiply
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError
 from dqcontrol.experiments.results_folder import made_folder
-from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
+from dqcontrol.files.output_file import finite_or_none, write_json, yaml_text
 from dqcontrol.logs.calibration.correctable_chain import BASE, TOOL, CorrectableChain
 from dqcontrol.logs.calibration.measured_poses import MeasuredPoses, read_measured_poses, searched_frames
 from dqcontrol.logs.joint_log import arm_of

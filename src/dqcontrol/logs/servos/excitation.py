@@ -17,7 +17,7 @@ from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each, as_
 from dqcontrol.experiments.parameter_units import suspected_degrees
 from dqcontrol.experiments.results_folder import made_folder
 from dqcontrol.experiments.run_comparison import unit_of_way
-from dqcontrol.files.plain_data import yaml_text
+from dqcontrol.files.output_file import yaml_text
 from dqcontrol.logs.joint_log import arm_of
 from dqcontrol.logs.servos.joint_fit import NORMAL_95, QUANTUM
 from dqcontrol.logs.servos.servo_orders import FIRST_ORDER, MOST_DELAY, held
@@ -83,8 +83,7 @@ def write_joint_motion(
         "plant": plant,
         **(more or {}),
     }
-    text = yaml_text(data)
-    spec.write_text(f"# {note}\n{text}", encoding="utf-8")
+    spec.write_text(f"# {note}\n{yaml_text(data)}", encoding="utf-8")
 
 
 def write_table(path: Path, names: list[str], rows: Array) -> None:

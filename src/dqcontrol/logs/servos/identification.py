@@ -18,7 +18,7 @@ from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, ShapeError, ValueRangeError
 from dqcontrol.experiments.results_folder import made_folder
 from dqcontrol.files.lerobot_dataset import episode_of, episode_paths
-from dqcontrol.files.plain_data import finite_or_none, write_json, yaml_text
+from dqcontrol.files.output_file import finite_or_none, write_json, yaml_text
 from dqcontrol.logs.joint_log import JointLog, read_joint_log
 from dqcontrol.logs.joint_messages import is_recording, read_targets
 from dqcontrol.logs.joint_table import Angles, column_names
@@ -244,8 +244,7 @@ class Identification:
         head = "# Servos identified from logs; in specs: plant: {kind: servo, file: …}. s, rad, N·m/rad.\n"
         if assumed:
             head += "# Joints under 'assumed' could not be identified and have the medians of the others.\n"
-        data = {"plant": {"kind": "servo"} | changed, "identified": identified}
-        return head + yaml_text(data)
+        return head + yaml_text({"plant": {"kind": "servo"} | changed, "identified": identified})
 
 
 def _files(log: Path) -> list[Path]:

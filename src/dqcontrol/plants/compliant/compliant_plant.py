@@ -11,20 +11,13 @@ from msgspec.structs import replace
 from dqcontrol.arrays import Array
 from dqcontrol.contact import Impedance, PreparedImpedance
 from dqcontrol.errors import ValueRangeError, as_each
+from dqcontrol.plants.compliant import loads_and_faults
 from dqcontrol.plants.compliant.controller_file import Stiffness, load_controllers
 from dqcontrol.plants.compliant.elastic_model import TICK
-from dqcontrol.plants.compliant.loads_and_faults import (
-    EncoderLoss,
-    Payload,
-    PayloadCompensation,
-    Push,
-    WristFault,
-)
 from dqcontrol.plants.linear_model import LinearModel
-from dqcontrol.plants.plant import ControllerSettings, EncoderErrors, Plant
+from dqcontrol.plants.plant import ControllerSettings, Plant
 from dqcontrol.plants.servo.servo_plant import encoders_and_mode, load_servo, say_what_is_left_out
-from dqcontrol.robots.command_mode import CommandMode
-from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.robot import CommandMode, Robot
 from dqcontrol.world import World
 
 if TYPE_CHECKING:
@@ -147,18 +140,14 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
     torque: Annotated[_Torque | list[_Torque], Meta(description="N·m")] = 0.0
     impedance: Impedance | None = None
     duty: Annotated[_Duty | list[_Duty], Meta(description="−1 … 1")] = 0.0
-    pushes: Annotated[list[Push], Meta(max_length=1000)] = []
-    payload: Payload | list[Payload] | None = None
-    payload_compensation: PayloadCompensation | None = None
-    encoder_losses: Annotated[list[EncoderLoss], Meta(max_length=1000)] = []
-    wrist_fault: WristFault | None = None
+    pushes: Annotated[list[loads_and_faults.Push], Meta(max_length=1000)] = []
+    payload: loads_and_faults.Payload | list[loads_and_faults.Payload] | None = None
+    payload_compensation: loads_and_faults.PayloadCompensation | None = None
+    encoder_losses: Annotated[list[loads_and_faults.EncoderLoss], Meta(max_length=1000)] = []
+    wrist_fault: loads_and_faults.WristFault | None = None
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.809)
     world: World | None = None
     touches_world: ClassVar[bool] = True
-
-    def in_world(self, world: World) -> Self:
-        """Return it with what its links touch."""
-        return replace(self, world=world)
 
     @classmethod
     def of_servos(cls, path: Path) -> dict[str, Any]:
@@ -211,14 +200,6 @@ class CompliantPlant(Plant, frozen=True, kw_only=True, tag="compliant"):
         from dqcontrol.plants.compliant.running_compliant import RunningCompliant, assemble
 
         return RunningCompliant(self, assemble(self, robot, start, period), seed)
-
-    def target_mode(self) -> CommandMode:
-        """Return its command mode."""
-        return self.command_mode
-
-    def encoder_errors(self) -> EncoderErrors:
-        """Return noise and resolution of its encoders."""
-        return EncoderErrors(self.encoder_noise, self.encoder_resolution or 0.0)
 
     def joint_control(self, joints: int) -> ControllerSettings:
         """Return its mode and stiffness, its slew rate if it has one of its own, and what its mode asks for."""

@@ -22,7 +22,7 @@ from dqcontrol.errors import (
     unknown_name,
 )
 from dqcontrol.files.yaml_file import read_yaml
-from dqcontrol.named_fields import NamedFields
+from dqcontrol.named_fields import NamedFields, Three
 from dqcontrol.plants.compliant import joint_columns as column
 from dqcontrol.plants.compliant.elastic_model import TICK, Actuation, Hand
 from dqcontrol.plants.compliant.joint_columns import butterworth
@@ -37,7 +37,6 @@ _OURS = Path(__file__).parent / "controllers"
 SOFTEST, STIFFEST = 0.01, 1e6  # N·m/rad
 
 Stiffness = Annotated[float, Meta(ge=SOFTEST, le=STIFFEST, description="N·m/rad")]
-Bias = tuple[float, float, float]
 Springs = Annotated[list[Stiffness | None], Meta(min_length=1, max_length=1000)]
 
 
@@ -126,8 +125,8 @@ class WristSensor(_ControllerPart, frozen=True, kw_only=True):
     cutoff: Annotated[float, Meta(gt=0, le=450, description="of its filter, Hz")]
     force_noise: Annotated[float, Meta(ge=0, le=1e3, description="standard deviation, N")]
     torque_noise: Annotated[float, Meta(ge=0, le=1e3, description="standard deviation, N·m")]
-    force_bias: Annotated[Bias, Meta(description="three numbers, N")] = (0.0, 0.0, 0.0)
-    torque_bias: Annotated[Bias, Meta(description="three numbers, N·m")] = (0.0, 0.0, 0.0)
+    force_bias: Annotated[Three, Meta(description="three numbers, N")] = (0.0, 0.0, 0.0)
+    torque_bias: Annotated[Three, Meta(description="three numbers, N·m")] = (0.0, 0.0, 0.0)
 
 
 class Safety(_ControllerPart, frozen=True, kw_only=True):
@@ -205,9 +204,8 @@ class ControllerFile(_ControllerPart, frozen=True, kw_only=True):
             name = next(iter(self.hands))
         if name not in self.hands:
             raise unknown_name("plant.hand", name, self.hands)
-        body, t = self.hands[name], self.hands[name].tensor
-        tensor = np.array([[t.xx, t.xy, t.xz], [t.xy, t.yy, t.yz], [t.xz, t.yz, t.zz]])
-        return Hand(body.mass, as_array(f"hands.{name}.center", body.center, (3,)), tensor)
+        body = self.hands[name]
+        return Hand(body.mass, as_array(f"hands.{name}.center", body.center, (3,)), body.tensor.matrix)
 
 
 def known_controllers() -> tuple[str, ...]:

@@ -11,13 +11,7 @@ from numpy.typing import NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ShapeError, ValueRangeError
-from dqcontrol.plants.mujoco.mujoco_model import (
-    add_inertias,
-    add_motor,
-    compiled,
-    skeleton,
-    weigh,
-)
+from dqcontrol.plants.mujoco import mujoco_model
 from dqcontrol.plants.mujoco.world_model import add_links, add_world
 from dqcontrol.plants.mujoco.wrist_sensor import sense_site
 from dqcontrol.robots.files.mjcf import import_mujoco
@@ -120,8 +114,8 @@ def elastic_model(
         raise ShapeError(
             f"plant: compliant joints turn, and {robot.name} has sliding ones; use mujoco as plant"
         )
-    spec = skeleton(robot)
-    add_inertias(spec, robot)
+    spec = mujoco_model.skeleton(robot)
+    mujoco_model.add_inertias(spec, robot)
     for i, name in enumerate(robot.joint_names):
         joint, driven = spec.joint(name), name
         if not stops:
@@ -131,14 +125,14 @@ def elastic_model(
         if actuation.elastic[i]:
             driven = f"rotor_{i + 1}"
             rotor = spec.worldbody.add_body(name=driven)
-            weigh(rotor, _ROTOR_MASS, np.zeros(3), [actuation.rotor_inertia[i]] * 3)
+            mujoco_model.weigh(rotor, _ROTOR_MASS, np.zeros(3), [actuation.rotor_inertia[i]] * 3)
             rotor.add_joint(name=driven, axis=[0, 0, 1])
             spring = spec.add_tendon(name=f"spring of {name}", springlength=[0, 0])
             spring.wrap_joint(driven, 1.0)
             spring.wrap_joint(name, -1.0)
         else:
             joint.armature = actuation.rotor_inertia[i]
-        add_motor(spec, name, driven)
+        mujoco_model.add_motor(spec, name, driven)
     _add_hand(spec, robot, hand)
     option = spec.option
     option.gravity = gravity
@@ -150,7 +144,7 @@ def elastic_model(
     else:
         add_links(spec, robot, TICK, hand="hand")
         add_world(spec, world.bodies, TICK)
-    model = compiled(spec)
+    model = mujoco_model.compiled(spec)
     n, elastic = len(robot.joint_names), actuation.elastic
     springs = len(actuation.stiffness[elastic])
     rotors = slice(n, n + springs)
@@ -168,13 +162,13 @@ def _add_hand(spec: Any, robot: Robot, hand: Hand | None) -> None:
     tool = robot.chain[-1]
     body = spec.body(f"link_{len(robot.joint_names)}").add_body(name="hand", pos=tool[4:7], quat=tool[:4])
     # its centre is left to MuJoCo: that of what is drawn, by which it scales how soft contacts are
-    weigh(body, 0.0, body.ipos, np.zeros(3))
+    mujoco_model.weigh(body, 0.0, body.ipos, np.zeros(3))
     if hand is not None:
         moments, axes = np.linalg.eigh(hand.tensor)
         axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
-        weigh(body, hand.mass, hand.center, moments, axes)
+        mujoco_model.weigh(body, hand.mass, hand.center, moments, axes)
     # Of no mass before a payload is taken; pushes act on it, at the tool's point.
-    weigh(body.add_body(name="payload"), 0.0, np.zeros(3), np.zeros(3))
+    mujoco_model.weigh(body.add_body(name="payload"), 0.0, np.zeros(3), np.zeros(3))
     body.add_site(name="wrist")
     sense_site(spec, "wrist", {"force": "force", "torque": "torque"})
 

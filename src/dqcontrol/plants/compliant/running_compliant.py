@@ -36,7 +36,7 @@ from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.mujoco.mujoco_model import mass_matrix
 from dqcontrol.plants.mujoco.world_model import WorldContacts
 from dqcontrol.plants.plant import Channel, ControllerSettings, RunningPlant, as_command, start_within_limits
-from dqcontrol.plants.wrist import AXES
+from dqcontrol.plants.sensors import AXES
 from dqcontrol.robots.files.mjcf import import_mujoco
 from dqcontrol.robots.kinematics.gravity import WORK
 from dqcontrol.robots.robot import Robot

@@ -21,8 +21,8 @@ from msgspec import Meta
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, MissingExtraError, ShapeError, ValueRangeError, as_positive
 from dqcontrol.plants.plant import Plant, RunningPlant, as_command, start_within_limits
-from dqcontrol.robots.command_mode import CommandMode
-from dqcontrol.robots.robot import Robot
+from dqcontrol.references.straight import PEAK_SPEED
+from dqcontrol.robots.robot import CommandMode, Robot
 
 Answer = TypeVar("Answer")
 
@@ -33,7 +33,6 @@ _PULL = 2.0  # 1/s: a robot that follows a tenth of a second late is damped well
 _SETTLING = 3.0  # s, then at most
 _FASTEST = 0.002  # s: 500 Hz of UR's e-Series, and two of the milliseconds in which franky answers its robot
 _SLOWEST = 0.05  # s: beyond it servoJ stands between two commands
-_PEAK = 1.875  # of the mean speed: peak of a minimum-jerk motion
 
 
 class Link(ABC):
@@ -249,7 +248,7 @@ class RunningDriver(RunningPlant):
         farthest = float(np.abs(way).max())
         if farthest <= _AT_START or self._driver.approach is None:
             return
-        count = int(np.ceil(_PEAK * farthest / self._driver.approach / self._period))
+        count = int(np.ceil(PEAK_SPEED * farthest / self._driver.approach / self._period))
         for k in range(1, count + int(np.ceil(_SETTLING / self._period))):
             s = min(k / count, 1.0)
             if s == 1.0 and np.abs(start - self.q).max() <= _AT_START / 2:

@@ -70,8 +70,7 @@ class _LeRobot(Link):
     def __init__(self, plant: LeRobotArm, joints: list[str]) -> None:
         kind = _config_class(str(plant.robot["type"]))
         settings = {key: value for key, value in plant.robot.items() if key != "type"}
-        fields = kind.__dataclass_fields__
-        if "disable_torque_on_disconnect" in fields:
+        if "disable_torque_on_disconnect" in kind.__dataclass_fields__:
             settings = {"disable_torque_on_disconnect": False, **settings}
         config = kind(**settings)
         if plant.units == "deg" and not getattr(config, "use_degrees", True):

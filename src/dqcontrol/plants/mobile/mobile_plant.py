@@ -5,35 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from msgspec import Meta
-from msgspec.structs import replace
 from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import DivergedError, FallenError, ShapeError, ValueRangeError, as_each
-from dqcontrol.plants.camera import CAMERA_CHANNELS, Camera
+from dqcontrol.plants.mobile import wheeled_base
 from dqcontrol.plants.mobile.odometry import SEEN, FusedSight, Sight
 from dqcontrol.plants.mobile.standing import check_standing
-from dqcontrol.plants.mobile.wheeled_base import (
-    RunningGear,
-    WheeledBase,
-    add_floor,
-    running_gear,
-    with_assumed_inertia,
-    yaw_of,
-)
+from dqcontrol.plants.mujoco import mujoco_model
 from dqcontrol.plants.mujoco.gripper import GRIPPER_OPENING, Gripper, LiveGripper, add_gripper, fingers
-from dqcontrol.plants.mujoco.mujoco_model import (
-    JointServos,
-    add_arm,
-    add_inertias,
-    compiled,
-    turned,
-    viscous_damping,
-)
 from dqcontrol.plants.mujoco.mujoco_plant import LOST, JointEncoders, check_rate
 from dqcontrol.plants.mujoco.world_model import (
     WorldBodies,
@@ -53,8 +37,8 @@ from dqcontrol.plants.plant import (
     plants_that_drive,
     start_within_limits,
 )
+from dqcontrol.plants.sensors import AXES, CAMERA_CHANNELS, Camera
 from dqcontrol.plants.servo.servo_plant import Each, EachAboveZero
-from dqcontrol.plants.wrist import AXES
 from dqcontrol.robots.bases import DifferentialDrive, RollerBase
 from dqcontrol.robots.files.mjcf import import_mujoco
 from dqcontrol.robots.robot import Robot
@@ -89,7 +73,7 @@ class RunningMobile(RunningPlant):
         self,
         plant: MobilePlant,
         robot: Robot,
-        gear: RunningGear,
+        gear: wheeled_base.RunningGear,
         arm: Robot | None,
         model: Any,
         substeps: int,
@@ -162,10 +146,10 @@ class RunningMobile(RunningPlant):
         self._compensate(start)
         self._advance(self.model, data, settling)
         height, pitch = float(data.qpos[2]), data.qpos[3:7].copy()
-        half = (start[2] - yaw_of(pitch)) / 2
+        half = (start[2] - wheeled_base.yaw_of(pitch)) / 2
         self.place(start)
         data.qpos[2] = height
-        data.qpos[3:7] = turned(np.array([math.cos(half), 0, 0, math.sin(half)]), pitch)
+        data.qpos[3:7] = mujoco_model.turned(np.array([math.cos(half), 0, 0, math.sin(half)]), pitch)
         data.time = 0.0
         mujoco.mj_forward(self.model, data)
         self.q[:] = start
@@ -263,7 +247,7 @@ class RunningMobile(RunningPlant):
         """Read x, y, φ and the joints from MuJoCo's state."""
         q, data = self.q, self.data
         q[:2] = data.qpos[:2]
-        q[2] += math.remainder(yaw_of(data.qpos[3:7]) - q[2], 2 * math.pi)
+        q[2] += math.remainder(wheeled_base.yaw_of(data.qpos[3:7]) - q[2], 2 * math.pi)
         q[3:] = data.qpos[self._joints]
 
     def _measure(self) -> None:
@@ -365,7 +349,7 @@ _CONTACT_STEPS = 5  # time constant of contacts, in time steps
 _SETTLING = 0.5  # s; until the robot stands still on its contacts
 
 
-class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
+class MobilePlant(mujoco_model.JointServos, frozen=True, kw_only=True, tag="mobile"):
     """A base with one arm or two on a floor: wheels that roll and slip, casters or rollers, a gripper, things to grip.
 
     The base, a differential drive or one on mecanum or omni wheels, is a free body; its wheels touch the floor with
@@ -415,7 +399,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
 
     location: Literal["true", "odometry", "camera", "fused"] = "true"
     camera: Camera = Camera()
-    base: WheeledBase = WheeledBase()
+    base: wheeled_base.WheeledBase = wheeled_base.WheeledBase()
     link_mass: Annotated[EachAboveZero, Meta(description="kg")] = 0.15
     link_radius: Annotated[float, Meta(gt=0, le=1, description="m")] = 0.025
     gravity_compensation: Annotated[float, Meta(ge=0, le=1, description="share of the gravity torque")] = 0.0
@@ -423,10 +407,6 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
     gripper: Gripper | None = None
     world: World | None = None
     touches_world: ClassVar[bool] = True
-
-    def in_world(self, world: World) -> Self:
-        """Return it with what its chassis, links and fingers touch."""
-        return replace(self, world=world)
 
     @property
     def bodies(self) -> dict[str, Body]:
@@ -488,7 +468,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         coordinates = partial(recorded_coordinates, robot, gear.joints, self.gripper, seen)
         return PhysicsPicture(self._spec(robot, gear, arm, seen), places, coordinates)
 
-    def _parts_of(self, robot: Robot) -> tuple[RunningGear, Robot | None]:
+    def _parts_of(self, robot: Robot) -> tuple[wheeled_base.RunningGear, Robot | None]:
         """Return what the robot drives on and what that carries, one arm or two on a torso, with inertias."""
         body = robot.base if isinstance(robot, TwoArms) else robot
         parts = body.parts if isinstance(body, WholeBody) else ()
@@ -504,7 +484,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
                 f"plant: mobile moves a body that starts with its only base, a DifferentialDrive, MecanumBase or "
                 f"OmniBase, got {robot.name}: {found or type(robot).__name__}; {plants_that_drive(robot)}"
             )
-        gear = running_gear(self.base.under(drive, robot.name), drive)
+        gear = wheeled_base.running_gear(self.base.under(drive, robot.name), drive)
         has_torso = any(isinstance(part, SerialArm) for part in carried)
         torso = [SerialArm.join(carried, robot.name)] if has_torso else []
         if not isinstance(robot, TwoArms):
@@ -531,19 +511,20 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         ends = np.cumsum([arm.configuration_size for arm in arms])
         masses = np.split(as_each("plant.link_mass", self.link_mass, int(ends[-1])), ends[:-1])
         given = zip(arms, masses, strict=True)
-        return [with_assumed_inertia(arm, mass, self.link_radius) for arm, mass in given]
+        return [wheeled_base.with_assumed_inertia(arm, mass, self.link_radius) for arm, mass in given]
 
-    def _spec(self, robot: Robot, gear: RunningGear, arm: Robot | None, bodies: dict[str, Body]) -> Any:
+    def _spec(
+        self, robot: Robot, gear: wheeled_base.RunningGear, arm: Robot | None, bodies: dict[str, Body]
+    ) -> Any:
         """Return robot, gripper and what stands around without motors."""
-        mujoco = import_mujoco()
-        spec = mujoco.MjSpec()
+        spec = import_mujoco().MjSpec()
         spec.modelname = robot.name
         spec.compiler.degree, spec.compiler.autolimits = False, True
-        add_floor(spec)
+        wheeled_base.add_floor(spec)
         body = gear.add_to(spec, robot.chain[3, 4:7])
         if arm is not None:
-            add_arm(body, arm)
-            add_inertias(spec, arm)
+            mujoco_model.add_arm(body, arm)
+            mujoco_model.add_inertias(spec, arm)
             self.add_servos(spec, arm)
             body = spec.body(f"link_{arm.configuration_size}")
         else:
@@ -555,7 +536,7 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         add_world(spec, bodies, self.timestep)
         return spec
 
-    def _mobile_model(self, robot: Robot, gear: RunningGear, arm: Robot | None) -> Any:
+    def _mobile_model(self, robot: Robot, gear: wheeled_base.RunningGear, arm: Robot | None) -> Any:
         """Return the model, with contacts that grip: friction is nearly rigid below its limit."""
         mujoco = import_mujoco()
         spec = self._spec(robot, gear, arm, self.bodies)
@@ -567,9 +548,9 @@ class MobilePlant(JointServos, frozen=True, kw_only=True, tag="mobile"):
         option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, _STIFF_FRICTION
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        model = compiled(spec)
+        model = mujoco_model.compiled(spec)
         model.geom_solref[:] = (_CONTACT_STEPS * self.timestep, 1)
         names = robot.joint_names[3:]
         friction = as_each("plant.viscous_friction", self.viscous_friction, len(names))
-        viscous_damping(model)[dofs_of(model, names)] = friction
+        mujoco_model.viscous_damping(model)[dofs_of(model, names)] = friction
         return model

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import as_array, as_positive
-from dqcontrol.plants.camera import Camera
+from dqcontrol.plants.sensors import Camera
 from dqcontrol.robots.bases import DifferentialDrive, RollerBase
 from dqcontrol.robots.kinematics import driving
 from dqcontrol.robots.whole_body import WholeBody

@@ -13,20 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import ValueRangeError, as_each, as_positive
-from dqcontrol.plants.plant import EncoderErrors, Plant
-from dqcontrol.plants.servo.servo_plant import (
-    Each,
-    EachAboveZero,
-    encoders_and_mode,
-    fitting_lags,
-    load_servo,
-    say_what_is_left_out,
-)
-from dqcontrol.robots.command_mode import CommandMode
+from dqcontrol.plants.plant import Plant
+from dqcontrol.plants.servo import servo_plant
 from dqcontrol.robots.files.description import drawn_reach, foot_below, joint_range, rod_radii
 from dqcontrol.robots.files.mjcf import import_mujoco
 from dqcontrol.robots.kinematics.kinematics_kernels import PRISMATIC
-from dqcontrol.robots.robot import Robot
+from dqcontrol.robots.robot import CommandMode, Robot
 
 _LEAST = 1e-15  # kg, kg m²; MuJoCo refuses moving bodies below it
 _ROUNDING = 1e-6  # relative; tensors written with few digits may miss the triangle inequality by it
@@ -270,19 +262,19 @@ class JointServos(Plant, frozen=True, kw_only=True):
 
     has_velocity_limits: ClassVar[bool] = True
     command_mode: CommandMode = "integrated"
-    bandwidth: Annotated[EachAboveZero, Meta(description="Hz")] = 10.0
-    damping_ratio: Annotated[Each, Meta(description="ζ")] = 1.0
-    stiffness: Annotated[EachAboveZero | None, Meta(description="k_p, N·m/rad or N/m")] = None
-    damping: Annotated[Each | None, Meta(description="k_d, N·m·s/rad or N·s/m")] = None
+    bandwidth: Annotated[servo_plant.EachAboveZero, Meta(description="Hz")] = 10.0
+    damping_ratio: Annotated[servo_plant.Each, Meta(description="ζ")] = 1.0
+    stiffness: Annotated[servo_plant.EachAboveZero | None, Meta(description="k_p, N·m/rad or N/m")] = None
+    damping: Annotated[servo_plant.Each | None, Meta(description="k_d, N·m·s/rad or N·s/m")] = None
     timestep: Annotated[float, Meta(gt=0, description="s")] = 1e-3
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     gravity_compensation: Annotated[float, Meta(ge=0, le=1, description="share of the gravity torque")] = 1.0
-    armature: Annotated[Each, Meta(description="kg m² or kg")] = 0.1
-    viscous_friction: Annotated[Each, Meta(description="N·m·s/rad or N·s/m")] = 0.0
-    dry_friction: Annotated[Each, Meta(description="N·m or N")] = 0.0
+    armature: Annotated[servo_plant.Each, Meta(description="kg m² or kg")] = 0.1
+    viscous_friction: Annotated[servo_plant.Each, Meta(description="N·m·s/rad or N·s/m")] = 0.0
+    dry_friction: Annotated[servo_plant.Each, Meta(description="N·m or N")] = 0.0
     position_limit: bool = True
-    encoder_resolution: Annotated[Each, Meta(description="rad or m")] = 0.0
-    encoder_noise: Annotated[Each, Meta(description="rad or m")] = 0.0
+    encoder_resolution: Annotated[servo_plant.Each, Meta(description="rad or m")] = 0.0
+    encoder_noise: Annotated[servo_plant.Each, Meta(description="rad or m")] = 0.0
 
     @classmethod
     def of_servos(cls, path: Path) -> dict[str, Any]:
@@ -291,22 +283,14 @@ class JointServos(Plant, frozen=True, kw_only=True):
         Those of second order keep ω and ζ at the inertia of the start; those of first order become critically damped
         ones that are as late for slow motions, ω = 2/τ.
         """
-        servo = load_servo(path)
-        lags = fitting_lags(servo)
-        say_what_is_left_out(path, servo, "physics", ("gain", "delay", "friction", "sag"))
+        servo = servo_plant.load_servo(path)
+        lags = servo_plant.fitting_lags(servo)
+        servo_plant.say_what_is_left_out(path, servo, "physics", ("gain", "delay", "friction", "sag"))
         return {
             "bandwidth": [round(bandwidth / (2 * math.pi), 9) for bandwidth, _ in lags],
             "damping_ratio": [ratio for _, ratio in lags],
-            **encoders_and_mode(servo),
+            **servo_plant.encoders_and_mode(servo),
         }
-
-    def target_mode(self) -> CommandMode:
-        """Return its command mode."""
-        return self.command_mode
-
-    def encoder_errors(self) -> EncoderErrors:
-        """Return noise and resolution of its encoders."""
-        return EncoderErrors(self.encoder_noise, self.encoder_resolution)
 
     def substeps(self, period: float) -> int:
         """Return how many time steps a control period has."""

@@ -25,7 +25,7 @@ from dqcontrol.plants.mujoco.mujoco_model import (
 from dqcontrol.plants.mujoco.world_model import WorldContacts, add_links, add_world
 from dqcontrol.plants.mujoco.wrist_sensor import TOOL, MujocoWrist, add_wrist
 from dqcontrol.plants.plant import Channel, RunningPlant, as_command, plants_that_drive, start_within_limits
-from dqcontrol.plants.wrist import Wrist
+from dqcontrol.plants.sensors import Wrist
 from dqcontrol.robots.files.mjcf import import_mujoco
 from dqcontrol.robots.robot import Robot, base_coordinates
 from dqcontrol.world import World
@@ -359,10 +359,6 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
     world: World | None = None
     touches_world: ClassVar[bool] = True
 
-    def in_world(self, world: World) -> Self:
-        """Return it with what its links touch."""
-        return replace(self, world=world)
-
     def start(self, robot: Robot, start: Array, period: float, steps: int, seed: int) -> RunningMujoco:
         """Return the arm at rest at start.
 
@@ -452,8 +448,7 @@ class MujocoPlant(JointServos, frozen=True, kw_only=True, tag="mujoco"):
         """Return its impedance for a robot, with what MuJoCo leaves of the weight."""
         if self.impedance is None:
             return None
-        left = 1.0 - self.gravity_compensation
-        return self.impedance.prepare(robot, self.gravity, left, self.armature)
+        return self.impedance.prepare(robot, self.gravity, 1.0 - self.gravity_compensation, self.armature)
 
     def compliance(self, robot: Robot, start: Array) -> Array:
         """Return 1/k_p of each joint at start; 0 of an impedance, which is on the safe side."""

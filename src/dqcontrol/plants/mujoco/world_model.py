@@ -19,7 +19,7 @@ from dqcontrol.plants.mujoco.gripper import BODIES, GRIP_FORCE, PADS, Gripper, f
 from dqcontrol.plants.mujoco.mujoco_model import add_geom
 from dqcontrol.plants.mujoco.wrist_sensor import TOOL
 from dqcontrol.plants.plant import Channel, begun_periods
-from dqcontrol.plants.wrist import AXES
+from dqcontrol.plants.sensors import AXES
 from dqcontrol.robots.files.mjcf import import_mujoco
 from dqcontrol.robots.link_shapes import LinkShape
 from dqcontrol.robots.robot import Robot

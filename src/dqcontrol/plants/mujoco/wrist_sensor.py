@@ -11,7 +11,7 @@ from dqcontrol.errors import ValueRangeError
 from dqcontrol.plants.mujoco.gripper import BODIES
 from dqcontrol.plants.mujoco.mujoco_model import add_geom, weigh
 from dqcontrol.plants.plant import Channel
-from dqcontrol.plants.wrist import CHANNELS, Wrist
+from dqcontrol.plants.sensors import CHANNELS, Wrist
 from dqcontrol.robots.files.mjcf import import_mujoco
 from dqcontrol.robots.robot import Robot
 
@@ -92,8 +92,7 @@ class MujocoWrist:
     """
 
     def __init__(self, wrist: Wrist, model: Any, data: Any, seed: int) -> None:
-        mujoco = import_mujoco()
-        self._step = mujoco.mj_step
+        self._step = import_mujoco().mj_step
         force, torque = (int(model.sensor(name).adr[0]) for name in (_FORCE, _TORQUE))
         self._shown = data.sensordata[force : force + 3], data.sensordata[torque : torque + 3]
         self._external: Array = data.cfrc_ext[model.body(TOOL).id, 3:]  # which the sensors let MuJoCo compute

@@ -34,28 +34,25 @@ from dqcontrol.files.input_file import read_text
 from dqcontrol.files.long_array import long_array
 from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.limits.compensation import lag_weights
-from dqcontrol.limits.velocity_limit import scale_down, scale_down_rollers, speed_limits
-from dqcontrol.plants.camera import CAMERA_CHANNELS, Camera
+from dqcontrol.limits.rates import scale_down, scale_down_rollers, speed_limits
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import (
     PLANT,
     Channel,
     CompiledPlant,
-    EncoderErrors,
     Plant,
     begun_periods,
     start_configuration,
 )
+from dqcontrol.plants.sensors import CAMERA_CHANNELS, Camera, Wrist
 from dqcontrol.plants.servo import servo_step as layout
 from dqcontrol.plants.servo.servo_step import free_response, servo, servo_kernel_inline
 from dqcontrol.plants.servo.touching import touching
-from dqcontrol.plants.wrist import Wrist
 from dqcontrol.robots.bases import DifferentialDrive, SteeredTricycle
-from dqcontrol.robots.command_mode import CommandMode, Lag
 from dqcontrol.robots.kinematics.driving import DRIVE_COLUMNS, ROLLER_COLUMNS, advance, to_inputs
 from dqcontrol.robots.kinematics.gravity import WORK, gravity_forces
 from dqcontrol.robots.limits import Limits
-from dqcontrol.robots.robot import Robot, base_coordinates
+from dqcontrol.robots.robot import CommandMode, Lag, Robot, base_coordinates
 from dqcontrol.robots.serial_arm import SerialArm
 from dqcontrol.world import World
 
@@ -225,10 +222,6 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
             return plant
         return touching(plant, self.wrist, self.world, robot, self.gravity, period, seed)
 
-    def target_mode(self) -> CommandMode:
-        """Return its command mode."""
-        return self.command_mode
-
     def lag(self, robot: Robot) -> Lag:
         """Return time constants and delays of its coordinates; of second order 2ζ/ω."""
         n = robot.configuration_size
@@ -237,10 +230,6 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
             times[second] = 2 * self._each("damping_ratio", n)[second] / bandwidth[second]
         times[base_coordinates(robot)] = self.base_time_constant
         return Lag(tuple(times.tolist()), tuple(self._each("delay", n).tolist()))
-
-    def encoder_errors(self) -> EncoderErrors:
-        """Return noise and resolution of its encoders."""
-        return EncoderErrors(self.encoder_noise, self.encoder_resolution)
 
     def linear_model(self, robot: Robot, start: Array, period: float) -> LinearModel | None:
         """Return the joints without sag, play, encoder and rate limit: positions, then their targets, newest first.
@@ -254,8 +243,7 @@ class Servo(Plant, frozen=True, kw_only=True, tag="servo"):
         if base_coordinates(robot).any():
             return None
         n = robot.configuration_size
-        gain = self._each("gain", n)
-        answers = list(zip(self._answers(n, period), gain.tolist(), strict=True))
+        answers = list(zip(self._answers(n, period), self._each("gain", n).tolist(), strict=True))
         if all(each == answers[0] for each in answers):
             return self._joint_model(*answers[0], period)
         from scipy.linalg import block_diag

@@ -18,8 +18,8 @@ from dqcontrol.compiled.compile import OK, inline, kernel
 from dqcontrol.compiled.memory_layout import MemoryLayout
 from dqcontrol.errors import ValueRangeError, error_prefix
 from dqcontrol.plants.plant import PLANT, Channel, CompiledPlant
+from dqcontrol.plants.sensors import CHANNELS, Three, Wrist
 from dqcontrol.plants.servo.servo_step import servo_kernel_inline
-from dqcontrol.plants.wrist import CHANNELS, Three, Wrist
 from dqcontrol.robots.kinematics.kinematics_kernels import joint_frames
 from dqcontrol.robots.robot import Robot
 from dqcontrol.world import World

@@ -59,6 +59,23 @@ class LinkBody(NamedTuple):
     center: Array
     tensor: Array
 
+    def moved(self, pose: Array) -> LinkBody:
+        """Return it as seen from the frame in which its own has a pose (7,)."""
+        turn = rotation_matrix(pose)
+        return LinkBody(self.mass, turn @ self.center + pose[4:], turn @ self.tensor @ turn.T)
+
+
+def one_body(parts: Sequence[LinkBody]) -> LinkBody:
+    """Return what bodies are together, all in one frame; zeros without any mass."""
+    mass, tensor = sum(part.mass for part in parts), np.zeros((3, 3))
+    if not mass > 0:
+        return LinkBody(mass, np.zeros(3), tensor)
+    center = sum((part.mass * part.center for part in parts), np.zeros(3)) / mass
+    for part in parts:
+        off = part.center - center
+        tensor += part.tensor + part.mass * (off @ off * np.eye(3) - np.outer(off, off))
+    return LinkBody(mass, center, tensor)
+
 
 @dataclass(frozen=True, eq=False)
 class LinkJoint:
@@ -323,9 +340,7 @@ class LinkTree:
         root: str,
         *,
         offsets_after: bool = False,
-    ) -> tuple[
-        list[tuple[int, Array]], dict[str, tuple[int, Array]], dict[int, list[tuple[Array, LinkBody]]]
-    ]:
+    ) -> tuple[list[tuple[int, Array]], dict[str, tuple[int, Array]], dict[int, list[LinkBody]]]:
         """Return where moving joints and links stand, and the bodies that each moving joint carries.
 
         All as index of the moving joint before (−1: none) and pose (7,) in its frame; other joints are at zero. The
@@ -334,7 +349,7 @@ class LinkTree:
         rows = {joint.name: i for i, joint in enumerate(moving)}
         stands = [(-1, shift())] * len(moving)
         at: dict[str, tuple[int, Array]] = {root: (-1, shift())}
-        parts: dict[int, list[tuple[Array, LinkBody]]] = {}
+        parts: dict[int, list[LinkBody]] = {}
         for joint in joints:
             row, pose = at[joint.parent]
             pose = compose(pose, joint.fixed)
@@ -346,7 +361,7 @@ class LinkTree:
             pose = compose(pose, joint.link)
             at[joint.child] = row, pose
             if row >= 0 and joint.child in self.bodies:
-                parts.setdefault(row, []).append((pose, self.bodies[joint.child]))
+                parts.setdefault(row, []).append(self.bodies[joint.child].moved(pose))
         return stands, at, parts
 
 
@@ -393,21 +408,11 @@ def _ancestors(joints: Sequence[LinkJoint], tips: Sequence[str]) -> set[str]:
     return found
 
 
-def _lumped(parts: Mapping[int, Sequence[tuple[Array, LinkBody]]], count: int) -> Inertia | None:
+def _lumped(parts: Mapping[int, Sequence[LinkBody]], count: int) -> Inertia | None:
     """Return one body a joint of all that hangs on it; None without any mass."""
     mass, center, tensor = np.zeros(count), np.zeros((count, 3)), np.zeros((count, 3, 3))
     for row, bodies in parts.items():
-        total = mass[row] = sum(body.mass for _, body in bodies)
-        if not total > 0:
-            continue
-        centers = [rotation_matrix(pose) @ body.center + pose[4:] for pose, body in bodies]
-        middle = sum(body.mass * c for (_, body), c in zip(bodies, centers, strict=True)) / total
-        center[row] = middle
-        for (pose, body), c in zip(bodies, centers, strict=True):
-            turn, off = rotation_matrix(pose), c - middle
-            tensor[row] += turn @ body.tensor @ turn.T + body.mass * (
-                off @ off * np.eye(3) - np.outer(off, off)
-            )
+        mass[row], center[row], tensor[row] = one_body(bodies)
     return Inertia(mass, center, tensor) if mass.any() else None
 
 

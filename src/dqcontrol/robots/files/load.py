@@ -20,7 +20,7 @@ from dqcontrol.errors import (
 )
 from dqcontrol.files.input_file import read_text
 from dqcontrol.files.yaml_file import parse_yaml
-from dqcontrol.robots.files.bundled import MODELS, robot_names
+from dqcontrol.robots.files import MODELS, robot_names
 from dqcontrol.robots.files.robot_file import arm_from, with_tool
 from dqcontrol.robots.files.urdf_xml import MJCF, URDF, XACRO
 from dqcontrol.robots.robot import Robot

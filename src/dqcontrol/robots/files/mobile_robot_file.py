@@ -12,14 +12,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import FileFormatError, UnknownNameError, as_positive, unknown_name
-from dqcontrol.robots.bases import (
-    CarLikeBase,
-    DifferentialDrive,
-    DriveKind,
-    MecanumBase,
-    OmniBase,
-    SteeredTricycle,
-)
+from dqcontrol.robots import bases
 from dqcontrol.robots.files.link_tree import (
     LinkJoint,
     LinkTree,
@@ -55,7 +48,7 @@ class DriveHints:
         m, m and rad.
     """
 
-    drive: DriveKind | None = None
+    drive: bases.DriveKind | None = None
     wheel_radius: float | None = None
     track: float | None = None
     steering_limit: float | None = None
@@ -218,8 +211,8 @@ class FoundBase:
 
 def _found_base(tree: LinkTree, shapes: Mapping[str, RoundLink], hints: DriveHints) -> FoundBase:
     drive = hints.drive
-    if drive is not None and drive not in get_args(DriveKind):
-        raise unknown_name("drive", str(drive), get_args(DriveKind))
+    if drive is not None and drive not in get_args(bases.DriveKind):
+        raise unknown_name("drive", str(drive), get_args(bases.DriveKind))
     found = _wheels(tree, shapes)
     wheels = tuple(wheel for wheel in found if not wheel.is_caster)
     casters = tuple(wheel for wheel in found if wheel.is_caster)
@@ -339,7 +332,7 @@ class _Made:
     def _unclear(self, text: str) -> FileFormatError:
         return _cannot_tell(self._tree, text)
 
-    def kind(self) -> DriveKind:
+    def kind(self) -> bases.DriveKind:
         """Return how the base drives, or say why that cannot be told."""
         fixed, steered = len(self._fixed), len(self._steered)
         names = ", ".join(wheel.joint for wheel in self._wheels)
@@ -359,17 +352,17 @@ class _Made:
             )
         raise self._unclear(
             f"{fixed} wheels that are not steered and {steered} that are ({names}) are no drive that is known; "
-            f"give drive: one of {', '.join(get_args(DriveKind))}, or write a robot file with parts",
+            f"give drive: one of {', '.join(get_args(bases.DriveKind))}, or write a robot file with parts",
         )
 
-    def base(self, kind: DriveKind) -> Base:
+    def base(self, kind: bases.DriveKind) -> Base:
         """Return the base of a kind."""
         speeds = [wheel.speed for wheel in self._wheels if not wheel.steering]
         rim = self._radius * min(speeds, default=math.inf)
         if kind == "differential":
-            return DifferentialDrive(self._radius, self._half_track(), rim_speed=rim)
+            return bases.DifferentialDrive(self._radius, self._half_track(), rim_speed=rim)
         if kind == "mecanum":
-            return MecanumBase(
+            return bases.MecanumBase(
                 wheel_radius=self._radius,
                 half_track=self._half_track(),
                 half_wheelbase=self._half_wheelbase(),
@@ -384,7 +377,7 @@ class _Made:
         wheelbase = float(self._forward @ ahead)
         if wheelbase <= 0:  # steered behind: its heading is the other way round
             self.place = compose(self.place, np.array([0.0, 0, 0, 1, 0, 0, 0]))
-        made = CarLikeBase if kind == "car-like" else SteeredTricycle
+        made = bases.CarLikeBase if kind == "car-like" else bases.SteeredTricycle
         return made(
             self._radius, self._half_track(), abs(wheelbase), limit, rim_speed=rim, steering_rate=math.inf
         )
@@ -442,7 +435,7 @@ class _Made:
             raise self._unclear("its wheels are on one axle; drive: mecanum needs two")
         return 0.5 * length
 
-    def _omni(self, rim: float) -> OmniBase:
+    def _omni(self, rim: float) -> bases.OmniBase:
         out = np.array([wheel.middle[:2] for wheel in self._fixed]) - self._middle[:2]
         distance, count = np.linalg.norm(out, axis=1), len(out)
         angles = np.sort(np.arctan2(out[:, 1], out[:, 0]) - self._heading)
@@ -451,7 +444,7 @@ class _Made:
             raise self._unclear(
                 "its omni wheels are not spread evenly on a circle; write a robot file with parts"
             )
-        return OmniBase(
+        return bases.OmniBase(
             wheel_radius=self._radius,
             wheel_distance=float(distance.mean()),
             wheel_count=count,

@@ -17,20 +17,10 @@ from dqcontrol.errors import Error, FileFormatError, error_prefix, unknown_name
 from dqcontrol.files.input_file import read_text
 from dqcontrol.files.yaml_file import convert, parse_yaml
 from dqcontrol.geometry import Box, Capsule, Sphere
-from dqcontrol.robots.dh import chain_from_denso, chain_from_dh
+from dqcontrol.robots import poses
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.link_shapes import LinkShape, LinkShapes
-from dqcontrol.robots.poses import (
-    chain_from_axes,
-    compose,
-    pose7,
-    rotation_matrix,
-    rotation_x,
-    rotation_y,
-    rotation_z,
-    shift,
-)
-from dqcontrol.robots.serial_arm import SerialArm
+from dqcontrol.robots.serial_arm import SerialArm, chain_from_denso, chain_from_dh
 
 Length = Annotated[float, Meta(ge=-1e3, le=1e3, description="m")]
 Angle = Annotated[float, Meta(ge=-1e4, le=1e4, description="in the file's unit of angles")]
@@ -282,7 +272,7 @@ def plain_shapes(arm: SerialArm) -> dict[str, Any]:
             ends = {"start": shape.start.tolist(), "end": shape.end.tolist()}
             plain["capsule"] = ends | {"radius": shape.radius}
         else:
-            rotation, position = pose7("pose", shape.pose)[:4], shape.row[4:7]
+            rotation, position = poses.pose7("pose", shape.pose)[:4], shape.row[4:7]
             places = {"position": position.tolist(), "quaternion": rotation.tolist()}
             plain["box"] = {"size": shape.size.tolist()} | places
         shapes.append(plain)
@@ -336,9 +326,9 @@ def _chain(data: RobotFile, unit: float) -> tuple[list[Array], list[Array] | Non
     """Return the fixed poses, and for joints with an axis the turns of their frames."""
     base, tool = fixed_pose("base", data.base, unit), fixed_pose("tool", data.tool, unit)
     if data.convention is None:
-        poses = _joint_poses(data, unit)
-        poses[0] = compose(base, poses[0])
-        return chain_from_axes(poses, [joint.axis or (0.0, 0.0, 1.0) for joint in data.joints], tool)
+        placed = _joint_poses(data, unit)
+        placed[0] = poses.compose(base, placed[0])
+        return poses.chain_from_axes(placed, [joint.axis or (0.0, 0.0, 1.0) for joint in data.joints], tool)
     types = [joint.type for joint in data.joints]
     if data.convention == "denso":
         rows = [(r.a, r.b, r.d, r.alpha * unit, r.beta * unit, r.gamma * unit) for r in _rows(data, "denso")]
@@ -348,7 +338,7 @@ def _chain(data: RobotFile, unit: float) -> tuple[list[Array], list[Array] | Non
         rows = [(r.theta * unit, r.d, r.a, r.alpha * unit) for r in _rows(data, "dh")]
         theta, d, a, alpha = np.array(rows).T
         fixed, _ = chain_from_dh(theta, d, a, alpha, types, data.convention)
-    fixed[0], fixed[-1] = compose(base, fixed[0]), compose(fixed[-1], tool)
+    fixed[0], fixed[-1] = poses.compose(base, fixed[0]), poses.compose(fixed[-1], tool)
     return fixed, None
 
 
@@ -382,18 +372,18 @@ def _rows(data: RobotFile, key: str) -> list[Any]:
 def fixed_pose(field: str, pose: FixedPose | None, unit: float) -> Array:
     """Return a pose (7,) of a file; ``field`` is for the messages, ``unit`` that of its angles."""
     if pose is None:
-        return shift()
+        return poses.shift()
     if pose.rpy is not None and pose.quaternion is not None:
         raise FileFormatError(f"{field}: has both 'rpy' and 'quaternion'; leave out one of them")
-    at = shift(*pose.position)
+    at = poses.shift(*pose.position)
     if pose.quaternion is not None:
         try:
             turn = as_unit_quaternion(f"{field}.quaternion", pose.quaternion)
         except Error as error:
             raise FileFormatError(str(error)) from None
-        return compose(at, np.array([*turn, 0, 0, 0]))
+        return poses.compose(at, np.array([*turn, 0, 0, 0]))
     roll, pitch, yaw = (angle * unit for angle in pose.rpy or (0.0, 0.0, 0.0))
-    return compose(at, rotation_z(yaw), rotation_y(pitch), rotation_x(roll))
+    return poses.compose(at, poses.rotation_z(yaw), poses.rotation_y(pitch), poses.rotation_x(roll))
 
 
 def _names(data: RobotFile) -> list[str]:
@@ -459,6 +449,6 @@ def _inertia(data: RobotFile, turns: list[Array] | None) -> Inertia | None:
             raise FileFormatError(
                 f"joints[{i}].inertia.tensor: must not be negative in any direction, got {matrix}"
             )
-        turn = rotation_matrix(turns[i]) if turns is not None else np.eye(3)
+        turn = poses.rotation_matrix(turns[i]) if turns is not None else np.eye(3)
         mass[i], center[i], tensor[i] = body.mass, turn.T @ body.center, turn.T @ matrix @ turn
     return Inertia(mass, center, tensor)

@@ -12,19 +12,8 @@ from msgspec import Meta
 
 from dqcontrol.errors import Error, FileFormatError, ValueRangeError, error_prefix, unknown_name
 from dqcontrol.files.yaml_file import convert
+from dqcontrol.robots.files import robot_file
 from dqcontrol.robots.files.link_tree import LinkBody, LinkJoint, LinkTree, Mimic
-from dqcontrol.robots.files.robot_file import (
-    FilePart,
-    FixedPose,
-    JointInertia,
-    JointLimits,
-    NamedFile,
-    Position,
-    fixed_pose,
-    plain_inertia,
-    plain_limits,
-    plain_pose,
-)
 from dqcontrol.robots.poses import pose8, shift
 from dqcontrol.robots.robot import Robot
 from dqcontrol.robots.serial_arm import SerialArm
@@ -35,7 +24,7 @@ from dqcontrol.robots.whole_body import WholeBody
 LoadRobot = Callable[[str | Path, str | None, str | None], Robot]
 
 
-class ArmOfTwo(FilePart):
+class ArmOfTwo(robot_file.FilePart):
     """An arm, as `load_robot` takes it; files relative to this one.
 
     ``base`` is the pose of its base frame where both arms stand, ``tool`` that of its end effector at its end.
@@ -45,12 +34,12 @@ class ArmOfTwo(FilePart):
     robot: Annotated[str, Meta(min_length=1)]
     base_link: str | None = None
     tip_link: str | None = None
-    base: FixedPose = msgspec.field(default_factory=FixedPose)
-    tool: FixedPose = msgspec.field(default_factory=FixedPose)
+    base: robot_file.FixedPose = msgspec.field(default_factory=robot_file.FixedPose)
+    tool: robot_file.FixedPose = msgspec.field(default_factory=robot_file.FixedPose)
     mirrored: bool = False
 
 
-class TwoArmsFile(NamedFile):
+class TwoArmsFile(robot_file.NamedFile):
     """A file of two arms. ``angles`` is the unit of every angle in it; ``base`` carries both arms."""
 
     left: ArmOfTwo
@@ -96,12 +85,12 @@ def _arm(part: ArmOfTwo, folder: Path, unit: float, load: LoadRobot) -> Robot:
     robot = load(near if near.is_file() else part.robot, part.base_link, part.tip_link)
     if isinstance(robot, TreeRobot):
         raise ValueRangeError(f"robot: '{part.robot}' is a tree; an arm is a chain of it: give 'tip_link'")
-    base, tool = (pose8(fixed_pose(key, getattr(part, key), unit)) for key in ("base", "tool"))
+    base, tool = (pose8(robot_file.fixed_pose(key, getattr(part, key), unit)) for key in ("base", "tool"))
     if isinstance(robot, WholeBody):
         if part.mirrored:
             raise ValueRangeError(f"mirrored: '{part.robot}' is a whole body; only arms have mirror images")
         # a drive that comes first is one that physics knows
-        stands = [] if part.base == FixedPose() else [base]
+        stands = [] if part.base == robot_file.FixedPose() else [base]
         return WholeBody([*stands, robot, tool], robot.name, robot.form)
     if not isinstance(robot, SerialArm):
         raise ValueRangeError(f"robot: '{part.robot}' is no arm")
@@ -112,36 +101,36 @@ def _arm(part: ArmOfTwo, folder: Path, unit: float, load: LoadRobot) -> Robot:
 _BASE = "base"
 
 
-class MimicPart(FilePart):
+class MimicPart(robot_file.FilePart):
     """What a joint follows: multiplier · q + offset."""
 
     joint: Annotated[str, Meta(min_length=1)]
     multiplier: float = 1.0
-    offset: Position = 0.0
+    offset: robot_file.Position = 0.0
 
 
-class TreeJoint(FilePart):
+class TreeJoint(robot_file.FilePart):
     """One joint: the pose of its frame in that of the joint that carries it (the base if omitted); about or along z."""
 
     name: Annotated[str, Meta(min_length=1)]
     type: Literal["revolute", "prismatic"] = "revolute"
     carrier: str | None = None
-    pose: FixedPose = msgspec.field(default_factory=FixedPose)
-    limits: JointLimits = msgspec.field(default_factory=JointLimits)
+    pose: robot_file.FixedPose = msgspec.field(default_factory=robot_file.FixedPose)
+    limits: robot_file.JointLimits = msgspec.field(default_factory=robot_file.JointLimits)
     mimic: MimicPart | None = None
-    offset: Position = 0.0
-    inertia: JointInertia | None = None
+    offset: robot_file.Position = 0.0
+    inertia: robot_file.JointInertia | None = None
 
 
-class TreeFrame(FilePart):
+class TreeFrame(robot_file.FilePart):
     """A named frame: its pose in the frame of a joint after its motion (of the base if omitted)."""
 
     name: Annotated[str, Meta(min_length=1)]
     joint: str | None = None
-    pose: FixedPose = msgspec.field(default_factory=FixedPose)
+    pose: robot_file.FixedPose = msgspec.field(default_factory=robot_file.FixedPose)
 
 
-class TreeFile(NamedFile):
+class TreeFile(robot_file.NamedFile):
     """A file of a tree. ``angles`` is the unit of every angle in it; joints come after what carries them."""
 
     joints: Annotated[list[TreeJoint], Meta(min_length=1, max_length=1000)]
@@ -161,8 +150,7 @@ def tree_from(path: str | Path, data: Any) -> TreeRobot:
     """
     file = convert(path, data, TreeFile)
     try:
-        robot = _links(path, file).tree()
-        return robot.with_task(file.task or file.frames[0].name)
+        return _links(path, file).tree().with_task(file.task or file.frames[0].name)
     except Error as error:
         text = str(error)
         raise FileFormatError(text if text.startswith(f"{path}:") else f"{path}: {text}") from None
@@ -177,22 +165,22 @@ def plain_tree(robot: TreeRobot) -> dict[str, Any]:
         joint: dict[str, Any] = {"name": name, "type": "prismatic" if table.kind[i] else "revolute"}
         if table.parent[i] >= 0:
             joint["carrier"] = names[int(table.parent[i])]
-        joint["pose"] = plain_pose(table.fixed[i])
+        joint["pose"] = robot_file.plain_pose(table.fixed[i])
         if leader == name:
-            joint["limits"] = plain_limits(robot.limits, at)
+            joint["limits"] = robot_file.plain_limits(robot.limits, at)
             if offset:
                 joint["offset"] = offset
         else:
             joint["mimic"] = {"joint": leader, "multiplier": multiplier, "offset": offset}
         if robot.inertia is not None and robot.inertia.mass[i] > 0:
-            joint["inertia"] = plain_inertia(robot.inertia, i)
+            joint["inertia"] = robot_file.plain_inertia(robot.inertia, i)
         joints.append(joint)
     frames = []
     for name, frame in robot.named_frames.items():
         if name == _BASE and frame.joint < 0:
             continue
         carried = {"joint": names[frame.joint]} if frame.joint >= 0 else {}
-        frames.append({"name": name, **carried, "pose": plain_pose(frame.pose)})
+        frames.append({"name": name, **carried, "pose": robot_file.plain_pose(frame.pose)})
     return {
         "name": robot.name,
         "angles": "radians",
@@ -221,7 +209,7 @@ def _links(path: str | Path, file: TreeFile) -> LinkTree:
                 joint.type,
                 f"{carrier} link",
                 f"{joint.name} link",
-                fixed_pose(f"{where}.pose", joint.pose, unit),
+                robot_file.fixed_pose(f"{where}.pose", joint.pose, unit),
                 shift(),
                 *joint.limits.bounds(scale),
                 mimic and Mimic(mimic.joint, mimic.multiplier, mimic.offset * scale),
@@ -238,7 +226,7 @@ def _links(path: str | Path, file: TreeFile) -> LinkTree:
         with error_prefix(f"frames[{i}]"):
             if (carrier := frame.joint or _BASE) not in known:
                 raise unknown_name("joint", carrier, known)
-            place = fixed_pose("pose", frame.pose, unit)
+            place = robot_file.fixed_pose("pose", frame.pose, unit)
         links.append(LinkJoint(f"{frame.name} fixed", "fixed", f"{carrier} link", frame.name, place))
 
     def error(name: str, text: str) -> Error:

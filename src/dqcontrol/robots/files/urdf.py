@@ -12,16 +12,7 @@ import numpy as np
 
 from dqcontrol.arrays import Array
 from dqcontrol.errors import Error, FileFormatError, UnknownNameError, suggest
-from dqcontrol.robots.files.link_tree import (
-    LinkBody,
-    LinkJoint,
-    LinkTree,
-    Mimic,
-    default_tip,
-    known_link,
-    way_between,
-    ways_down,
-)
+from dqcontrol.robots.files import link_tree
 from dqcontrol.robots.files.urdf_xml import CheckedXml
 from dqcontrol.robots.limits import Inertia, Limits
 from dqcontrol.robots.poses import chain_from_axes, compose, inverse_turn, rotation_matrix, z_onto
@@ -76,13 +67,15 @@ def load_urdf(
     SerialArm('lever', 1 joints)
     """
     tree = UrdfTree(CheckedXml(path))
-    base = known_link("base_link", tree.root if base_link is None else base_link, tree.links, str(path))
+    base = link_tree.known_link(
+        "base_link", tree.root if base_link is None else base_link, tree.links, str(path)
+    )
     tip = (
-        known_link("tip_link", tip_link, tree.links, str(path))
+        link_tree.known_link("tip_link", tip_link, tree.links, str(path))
         if tip_link is not None
         else tree.default_tip(base)
     )
-    joints = way_between(tree.parent, base, tip, str(path))
+    joints = link_tree.way_between(tree.parent, base, tip, str(path))
 
     poses, axes, moving, before = [], [], [], np.eye(4)
     for joint in joints:
@@ -141,29 +134,23 @@ def _lumped(tree: UrdfTree, chain: Sequence[Any], turns: Sequence[Array]) -> Ine
                 if i + 1 == n or below is not chain[i + 1]
             ]
         turn = rotation_matrix(turns[i])
-        mass[i] = sum(part.mass for part in parts)
+        mass[i], middle, about = link_tree.one_body(parts)
         if mass[i] > 0:
-            middle = sum(part.mass * part.center for part in parts) / mass[i]
-            offsets = [(part, part.center - middle) for part in parts]
-            about = sum(
-                part.tensor + part.mass * ((off @ off) * np.eye(3) - np.outer(off, off))
-                for part, off in offsets
-            )
             center[i], tensor[i] = turn.T @ middle, turn.T @ about @ turn
     return Inertia(mass, center, tensor) if mass.any() else None
 
 
-def _body(link: Any, pose: Array) -> LinkBody | None:
+def _body(link: Any, pose: Array) -> link_tree.LinkBody | None:
     """Return mass, centre and tensor of one link, in the frame in which its pose is given."""
     inertial = link.inertial
     if inertial is None or not inertial.mass:
         return None
     frame = pose if inertial.origin is None else pose @ inertial.origin
     own = np.zeros((3, 3)) if inertial.inertia is None else inertial.inertia
-    return LinkBody(inertial.mass, frame[:3, 3], frame[:3, :3] @ own @ frame[:3, :3].T)
+    return link_tree.LinkBody(inertial.mass, frame[:3, 3], frame[:3, :3] @ own @ frame[:3, :3].T)
 
 
-def urdf_tree(path: str | Path) -> LinkTree:
+def urdf_tree(path: str | Path) -> link_tree.LinkTree:
     """Read all links and joints of a URDF or xacro file.
 
     Raises
@@ -178,23 +165,25 @@ def urdf_tree(path: str | Path) -> LinkTree:
     def error(joint: str, text: str) -> Error:
         return tree.xml.error("joint", joint, text)
 
-    return LinkTree(tree.name, str(path), tree.root, tuple(joints), bodies, error)
+    return link_tree.LinkTree(tree.name, str(path), tree.root, tuple(joints), bodies, error)
 
 
-def _link_joint(tree: UrdfTree, joint: Any) -> LinkJoint:
+def _link_joint(tree: UrdfTree, joint: Any) -> link_tree.LinkJoint:
     """Return a joint of a file, turned so that its axis is z."""
     place = _pose7(origin_matrix(joint))
     if joint.type == "fixed" or joint.type in _FREE:
         kind = "fixed" if joint.type == "fixed" else "floating"
-        return LinkJoint(joint.name, kind, joint.parent, joint.child, place)
+        return link_tree.LinkJoint(joint.name, kind, joint.parent, joint.child, place)
     turn = z_onto(_axis(tree, joint))
     mimic, follows = joint.mimic, None
     if mimic is not None:
         multiplier = 1.0 if mimic.multiplier is None else float(mimic.multiplier)
-        follows = Mimic(mimic.joint, multiplier, float(mimic.offset or 0.0))
+        follows = link_tree.Mimic(mimic.joint, multiplier, float(mimic.offset or 0.0))
     kind = "prismatic" if joint.type == "prismatic" else "revolute"
     frames = compose(place, turn), inverse_turn(turn)
-    return LinkJoint(joint.name, kind, joint.parent, joint.child, *frames, *_bounds(tree, joint), follows)
+    return link_tree.LinkJoint(
+        joint.name, kind, joint.parent, joint.child, *frames, *_bounds(tree, joint), follows
+    )
 
 
 class UrdfTree:
@@ -260,8 +249,8 @@ class UrdfTree:
     def default_tip(self, base: str) -> str:
         """Return the end of the chain with most joints, without its gripper."""
         joints = (self.parent[link] for link in self.below(base) if link != base)
-        ways = ways_down(joints, base)
-        return default_tip(str(self.xml.path), self.name, base, ways, _is_movable, _follows)
+        ways = link_tree.ways_down(joints, base)
+        return link_tree.default_tip(str(self.xml.path), self.name, base, ways, _is_movable, _follows)
 
     def check_movable(self, joint: Any) -> None:
         """Raise if a serial arm cannot have this joint."""

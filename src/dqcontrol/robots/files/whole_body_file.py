@@ -11,16 +11,7 @@ from msgspec.structs import asdict
 
 from dqcontrol.errors import Error, FileFormatError, error_prefix
 from dqcontrol.files.yaml_file import convert
-from dqcontrol.robots.bases import (
-    CarLikeBase,
-    Chassis,
-    DifferentialDrive,
-    DriveKind,
-    HolonomicBase,
-    MecanumBase,
-    OmniBase,
-    SteeredTricycle,
-)
+from dqcontrol.robots import bases
 from dqcontrol.robots.files.robot_file import FilePart, FixedPose, Length, NamedFile, Positive, fixed_pose
 from dqcontrol.robots.poses import pose8
 from dqcontrol.robots.serial_arm import SerialArm
@@ -140,7 +131,7 @@ class MobileRobotPart(_WholeBodyPart, tag="mobile-robot"):
 
     robot: Annotated[str, Meta(min_length=1)]
     tip_link: str | None = None
-    drive: DriveKind | None = None
+    drive: bases.DriveKind | None = None
     wheel_radius: _Metres | None = None
     track: _Metres | None = None
     steering_limit: _Angle | None = None
@@ -207,12 +198,12 @@ def whole_body_from(path: str | Path, data: Any, load_arm: LoadArm, load_mobile:
 
 
 _BASES: dict[type, Callable[..., Any]] = {
-    DrivePart: DifferentialDrive,
-    CarPart: CarLikeBase,
-    TricyclePart: SteeredTricycle,
-    HolonomicPart: HolonomicBase,
-    MecanumPart: MecanumBase,
-    OmniPart: OmniBase,
+    DrivePart: bases.DifferentialDrive,
+    CarPart: bases.CarLikeBase,
+    TricyclePart: bases.SteeredTricycle,
+    HolonomicPart: bases.HolonomicBase,
+    MecanumPart: bases.MecanumBase,
+    OmniPart: bases.OmniBase,
 }
 
 
@@ -221,7 +212,7 @@ def _part(field: str, part: Any, folder: Path, unit: float, load_arm: LoadArm) -
         given = _given(part)
         given |= {name: unit * given[name] for name in _SCALED if name in given}
         if "chassis" in given:
-            given["chassis"] = Chassis(**_given(given["chassis"]))
+            given["chassis"] = bases.Chassis(**_given(given["chassis"]))
         return _BASES[type(part)](**given)
     if isinstance(part, PosePart):
         return pose8(fixed_pose(field, part, unit))

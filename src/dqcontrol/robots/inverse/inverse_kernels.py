@@ -12,20 +12,13 @@ from __future__ import annotations
 import math
 from typing import Annotated, NamedTuple
 
-from dqcontrol.algebra.dual_quaternion_kernels import half_angle, position, quaternion_product, translation
+from dqcontrol.algebra.dual_quaternion_kernels import half_turn, position, translation
 from dqcontrol.algebra.symmetric import cholesky, cholesky_solve
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.compile import OK, READ, READ2, STATUS, WRITE, WRITE2, inline, kernel
 from dqcontrol.compiled.intrinsics import as_matrix
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.robots.kinematics.kinematics_kernels import (
-    REVOLUTE,
-    compose_fixed,
-    half_sine_cosine,
-    hand_jacobian,
-    move_joint,
-    z_axis,
-)
+from dqcontrol.robots.kinematics import kinematics_kernels as chains
 from dqcontrol.robots.kinematics.pose_task_kernels import task_twist_kinematics
 
 # Iterations in a row that hardly reduce the error, after which a start is given up: of random starts of an iiwa 7 that
@@ -49,18 +42,18 @@ def _residual(chain, q, target, position, turns, moves, jacobian, out, turn):
     n = chain.shape[0] - 1
     w, x, y, z, px, py, pz = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(n):
-        w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, chain[i])
-        zx, zy, zz = z_axis(w, x, y, z)
+        w, x, y, z, px, py, pz = chains.compose_fixed(w, x, y, z, px, py, pz, chain[i])
+        zx, zy, zz = chains.z_axis(w, x, y, z)
         jacobian[i, 0], jacobian[i, 1], jacobian[i, 2] = zx, zy, zz
         jacobian[i, 3], jacobian[i, 4], jacobian[i, 5] = px, py, pz
-        sine, cosine = half_sine_cosine(q[i])
-        w, x, y, z, px, py, pz = move_joint(
+        sine, cosine = chains.half_sine_cosine(q[i])
+        w, x, y, z, px, py, pz = chains.move_joint(
             w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], q[i], sine, cosine
         )
-    w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, chain[n])
+    w, x, y, z, px, py, pz = chains.compose_fixed(w, x, y, z, px, py, pz, chain[n])
     for i in range(n):
         zx, zy, zz = jacobian[i, 0], jacobian[i, 1], jacobian[i, 2]
-        if chain[i, 7] != REVOLUTE:
+        if chain[i, 7] != chains.REVOLUTE:
             jacobian[i, 0], jacobian[i, 1], jacobian[i, 2] = 0.0, 0.0, 0.0
             jacobian[i, 3], jacobian[i, 4], jacobian[i, 5] = moves * zx, moves * zy, moves * zz
         else:
@@ -69,10 +62,7 @@ def _residual(chain, q, target, position, turns, moves, jacobian, out, turn):
             jacobian[i, 3] = moves * (zy * az - zz * ay)
             jacobian[i, 4] = moves * (zz * ax - zx * az)
             jacobian[i, 5] = moves * (zx * ay - zy * ax)
-    quaternion_product(target, (w, -x, -y, -z), turn)
-    if turn[0] < 0.0:  # the short way round
-        turn[0], turn[1], turn[2], turn[3] = -turn[0], -turn[1], -turn[2], -turn[3]
-    half_angle(turn, out)
+    half_turn((w, x, y, z), target, turn, out)
     out[0], out[1], out[2] = turns * 2.0 * out[0], turns * 2.0 * out[1], turns * 2.0 * out[2]
     out[3], out[4], out[5] = (
         moves * (position[0] - px),
@@ -289,16 +279,12 @@ def _task_residual(tables, begins, q, target, options, weighted, own, jacobian, 
         )
         px, py, pz = position(own.pose)
         rows, error = jacobian[6 * k : 6 * k + 6], out[6 * k : 6 * k + 6]
-        hand_jacobian((px, py, pz), own.twist, rows)
+        chains.hand_jacobian((px, py, pz), own.twist, rows)
         for j in range(q.shape[0]):
             for i in range(3):
                 rows[i, j] *= turns
                 rows[3 + i, j] *= moves
-        pose, turn = own.pose, own.turn
-        quaternion_product(wanted, (pose[0], -pose[1], -pose[2], -pose[3]), turn)
-        if turn[0] < 0.0:  # the short way round
-            turn[0], turn[1], turn[2], turn[3] = -turn[0], -turn[1], -turn[2], -turn[3]
-        half_angle(turn, error)
+        half_turn(own.pose, wanted, own.turn, error)
         translation(wanted, own.at)
         error[0], error[1], error[2] = turns * 2.0 * error[0], turns * 2.0 * error[1], turns * 2.0 * error[2]
         error[3], error[4], error[5] = (

@@ -20,14 +20,7 @@ from dqcontrol.compiled.compile import (
     shared,
 )
 from dqcontrol.compiled.intrinsics import as_matrix
-from dqcontrol.robots.kinematics.kinematics_kernels import (
-    REVOLUTE,
-    compose_fixed,
-    halves,
-    move_joint,
-    moved,
-    z_axis,
-)
+from dqcontrol.robots.kinematics import kinematics_kernels as chains
 from dqcontrol.robots.kinematics.pose_task_kernels import COLUMNS, COORDINATE, MULTIPLIER, OFFSET, PARENT
 
 GRAVITY_FORCES = STATUS(READ2, READ2, READ, READ, WRITE, WRITE)
@@ -47,16 +40,16 @@ def gravity_torque(chain, bodies, q, gravity, out, work):
     if q.shape[0] != n or bodies.shape[0] != n or out.shape[0] != n:
         return WRONG_SIZE
     gx, gy, gz = gravity[0], gravity[1], gravity[2]
-    cosines, check = halves(q, work)
+    cosines, check = chains.halves(q, work)
     levers = as_matrix(work[3 * n + 9 : 6 * n + 9], n, 3)  # z × g
     mass, sx, sy, sz = 0.0, 0.0, 0.0, 0.0
     for i in range(n):
         mass += bodies[i, 0]
     w, x, y, z, px, py, pz = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(n):
-        w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, chain[i])
-        zx, zy, zz = z_axis(w, x, y, z)
-        if chain[i, 7] != REVOLUTE:
+        w, x, y, z, px, py, pz = chains.compose_fixed(w, x, y, z, px, py, pz, chain[i])
+        zx, zy, zz = chains.z_axis(w, x, y, z)
+        if chain[i, 7] != chains.REVOLUTE:
             lx, ly, lz = 0.0, 0.0, 0.0
             out[i] = -mass * (gx * zx + gy * zy + gz * zz)
         else:
@@ -64,7 +57,7 @@ def gravity_torque(chain, bodies, q, gravity, out, work):
             out[i] = -(lx * (sx + mass * px) + ly * (sy + mass * py) + lz * (sz + mass * pz))
         levers[i, 0], levers[i, 1], levers[i, 2] = lx, ly, lz
         sine, cosine = work[i], cosines[i]
-        w, x, y, z, px, py, pz = move_joint(
+        w, x, y, z, px, py, pz = chains.move_joint(
             w, x, y, z, px, py, pz, zx, zy, zz, chain[i, 7], q[i], sine, cosine
         )
         m, cx, cy, cz = bodies[i, 0], bodies[i, 1], bodies[i, 2], bodies[i, 3]
@@ -100,8 +93,8 @@ def tree_gravity_torque(tree, bodies, q, gravity, out, work):
             w, x, y, z, px, py, pz = at[0], at[1], at[2], at[3], at[4], at[5], at[6]
         angle = row[MULTIPLIER] * q[int(row[COORDINATE])] + row[OFFSET]
         check += 0.0 * angle
-        w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, row)
-        w, x, y, z, px, py, pz = moved(w, x, y, z, px, py, pz, row[7], angle)
+        w, x, y, z, px, py, pz = chains.compose_fixed(w, x, y, z, px, py, pz, row)
+        w, x, y, z, px, py, pz = chains.moved(w, x, y, z, px, py, pz, row[7], angle)
         at = placed[i]
         at[0], at[1], at[2], at[3], at[4], at[5], at[6] = w, x, y, z, px, py, pz
         m, cx, cy, cz = bodies[i, 0], bodies[i, 1], bodies[i, 2], bodies[i, 3]
@@ -115,9 +108,9 @@ def tree_gravity_torque(tree, bodies, q, gravity, out, work):
     for i in range(joints - 1, -1, -1):
         row, parent, at = tree[i + 1], int(tree[i + 1, PARENT]), placed[i]
         m, sx, sy, sz = carried[i, 0], carried[i, 1], carried[i, 2], carried[i, 3]
-        zx, zy, zz = z_axis(at[0], at[1], at[2], at[3])
+        zx, zy, zz = chains.z_axis(at[0], at[1], at[2], at[3])
         lift = m * (gx * zx + gy * zy + gz * zz)
-        if row[7] == REVOLUTE:
+        if row[7] == chains.REVOLUTE:
             lx, ly, lz = sx - m * at[4], sy - m * at[5], sz - m * at[6]
             lift = gx * (zy * lz - zz * ly) + gy * (zz * lx - zx * lz) + gz * (zx * ly - zy * lx)
         out[int(row[COORDINATE])] -= row[MULTIPLIER] * lift

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.algebra.dual_quaternion_kernels import position, rotated, set_pose
+from dqcontrol.algebra.dual_quaternion_kernels import position, product, rotated, set_pose
 from dqcontrol.compiled.compile import (
     INPUT,
     NOT_FINITE,
@@ -41,20 +41,7 @@ from dqcontrol.compiled.compile import (
     shared,
 )
 from dqcontrol.compiled.intrinsics import as_matrix
-from dqcontrol.robots.kinematics.kinematics_kernels import (
-    CHAIN,
-    HEADING,
-    REVOLUTE,
-    compose_fixed,
-    fill_pose_jacobian,
-    half_sine_cosine,
-    hand_jacobian,
-    heading_axis,
-    move_joint,
-    moved,
-    split,
-    z_axis,
-)
+from dqcontrol.robots.kinematics import kinematics_kernels as chains
 from dqcontrol.robots.kinematics.sin_cos import FARTHEST, sines_cosines
 
 FRAME, RELATIVE, MIDPOINT, SCREW, CENTER_OF_MASS = range(5)
@@ -104,11 +91,11 @@ def _path(rows, q, jacobian, workspace):
     last = rows.shape[0] - 1
     for i in range(last):
         row = rows[i]
-        w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, row)
-        zx, zy, zz = z_axis(w, x, y, z)
+        w, x, y, z, px, py, pz = chains.compose_fixed(w, x, y, z, px, py, pz, row)
+        zx, zy, zz = chains.z_axis(w, x, y, z)
         kind, j, scale, angle = row[7], int(row[INPUT_COLUMN]), row[MULTIPLIER], _angle(row, q)
         check += 0.0 * angle
-        if kind == REVOLUTE:
+        if kind == chains.REVOLUTE:
             a, b, c = scale * zx, scale * zy, scale * zz
             jacobian[0, j] += a
             jacobian[1, j] += b
@@ -118,17 +105,19 @@ def _path(rows, q, jacobian, workspace):
             jacobian[5, j] += px * b - py * a
         elif j >= 0:
             a, b, c = zx, zy, zz
-            if kind == HEADING:
-                a, b, c = heading_axis(w, x, y, z, zx, zy, zz, q[int(row[COORDINATE]) + 2])
+            if kind == chains.HEADING:
+                a, b, c = chains.heading_axis(w, x, y, z, zx, zy, zz, q[int(row[COORDINATE]) + 2])
             jacobian[3, j] += scale * a
             jacobian[4, j] += scale * b
             jacobian[5, j] += scale * c
         if cosines < 0:
-            sine, cosine = half_sine_cosine(angle)
+            sine, cosine = chains.half_sine_cosine(angle)
         else:
             sine, cosine = workspace[i], workspace[cosines + i]
-        w, x, y, z, px, py, pz = move_joint(w, x, y, z, px, py, pz, zx, zy, zz, kind, angle, sine, cosine)
-    w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, rows[last])
+        w, x, y, z, px, py, pz = chains.move_joint(
+            w, x, y, z, px, py, pz, zx, zy, zz, kind, angle, sine, cosine
+        )
+    w, x, y, z, px, py, pz = chains.compose_fixed(w, x, y, z, px, py, pz, rows[last])
     return (w, x, y, z), (px, py, pz), check
 
 
@@ -141,9 +130,9 @@ def _path_end(rows, q):
     for i in range(last):
         row, angle = rows[i], _angle(rows[i], q)
         check += 0.0 * angle
-        w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, row)
-        w, x, y, z, px, py, pz = moved(w, x, y, z, px, py, pz, row[7], angle)
-    w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, rows[last])
+        w, x, y, z, px, py, pz = chains.compose_fixed(w, x, y, z, px, py, pz, row)
+        w, x, y, z, px, py, pz = chains.moved(w, x, y, z, px, py, pz, row[7], angle)
+    w, x, y, z, px, py, pz = chains.compose_fixed(w, x, y, z, px, py, pz, rows[last])
     return (w, x, y, z), (px, py, pz), check
 
 
@@ -159,20 +148,9 @@ def _crossed(a, b):
 
 
 @inline
-def _product(a, b):
-    """Return the quaternion product ab."""
-    return (
-        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
-    )
-
-
-@inline
 def _relative(r1, p1, r2, p2):
     """Return r and p of x₂*x₁."""
-    r = _product((r2[0], -r2[1], -r2[2], -r2[3]), r1)
+    r = product((r2[0], -r2[1], -r2[2], -r2[3]), r1)
     return r, _turned_back(r2, (p1[0] - p2[0], p1[1] - p2[1], p1[2] - p2[2]))
 
 
@@ -191,12 +169,12 @@ def _common_pose(kind, sign, r1, p1, r2, p2, pose):
     norm = 1.0 / math.sqrt(2.0 * half)
     root = half * norm, r[1] * norm, r[2] * norm, r[3] * norm
     k = rotated(r2, (r[1] * scale, r[2] * scale, r[3] * scale))
-    ra = _product(r2, root)
+    ra = product(r2, root)
     if kind == MIDPOINT:
         set_pose(ra, (0.5 * (p1[0] + p2[0]), 0.5 * (p1[1] + p2[1]), 0.5 * (p1[2] + p2[2])), pose)
         return half, k, (0.0, 0.0, 0.0)
     # x_r = r + ε d, d = ½ p r; its half s = (1 + x_r)/|1 + x_r|, |1 + x_r| = √(2(1 + w)) + ε w'/√(2(1 + w))
-    d = _product((0.0, 0.5 * p[0], 0.5 * p[1], 0.5 * p[2]), r)
+    d = product((0.0, 0.5 * p[0], 0.5 * p[1], 0.5 * p[2]), r)
     less = d[0] * norm * norm * norm
     dual = (
         d[0] * norm - half * less,
@@ -204,7 +182,7 @@ def _common_pose(kind, sign, r1, p1, r2, p2, pose):
         d[2] * norm - r[2] * less,
         d[3] * norm - r[3] * less,
     )
-    step = _product(dual, (root[0], -root[1], -root[2], -root[3]))  # half the translation of s
+    step = product(dual, (root[0], -root[1], -root[2], -root[3]))  # half the translation of s
     a, b, c = rotated(r2, (2.0 * step[1], 2.0 * step[2], 2.0 * step[3]))
     set_pose(ra, (p2[0] + a, p2[1] + b, p2[2] + c), pose)
     less = d[0] * scale * scale
@@ -363,27 +341,27 @@ def _task_kinematics(task, q, pose, pose_jacobian, twist_jacobian):
         return WRONG_SIZE
     workspace = as_matrix(pose_jacobian, 1, 8 * m)[0]
     status = task_twist_kinematics(task, q, pose, twist_jacobian, workspace)
-    fill_pose_jacobian(pose, twist_jacobian, pose_jacobian)
+    chains.fill_pose_jacobian(pose, twist_jacobian, pose_jacobian)
     return status
 
 
-@kernel(CHAIN)
+@kernel(chains.CHAIN)
 def forward(task, q, out):
     """Write the pose (8)."""
     return task_pose(task, q, out)
 
 
-@kernel(CHAIN)
+@kernel(chains.CHAIN)
 def kinematics(task, q, out):
     """Write the pose (8), the pose Jacobian (8 × m) and the twist Jacobian (6 × m), one after the other."""
-    pose, pose_jacobian, twist_jacobian = split(out)
+    pose, pose_jacobian, twist_jacobian = chains.split(out)
     return _task_kinematics(task, q, pose, pose_jacobian, twist_jacobian)
 
 
-@kernel(CHAIN)
+@kernel(chains.CHAIN)
 def twist_kinematics(task, q, out):
     """Write what `kinematics` does; the block of the pose Jacobian is scratch and undefined afterwards."""
-    pose, pose_jacobian, twist_jacobian = split(out)
+    pose, pose_jacobian, twist_jacobian = chains.split(out)
     workspace = as_matrix(pose_jacobian, 1, 8 * pose_jacobian.shape[1])[0]
     return task_twist_kinematics(task, q, pose, twist_jacobian, workspace)
 
@@ -394,12 +372,12 @@ def kinematics_apart(task, q, pose, pose_jacobian, twist_jacobian):
     return _task_kinematics(task, q, pose, pose_jacobian, twist_jacobian)
 
 
-@kernel(CHAIN)
+@kernel(chains.CHAIN)
 def hand_kinematics(task, q, out):
     """Write the pose (8), the pose Jacobian (8 × m) and the Jacobian (6 × m) of the frame's [ω ; ṗ]."""
-    pose, pose_jacobian, jacobian = split(out)
+    pose, pose_jacobian, jacobian = chains.split(out)
     status = _task_kinematics(task, q, pose, pose_jacobian, jacobian)
-    hand_jacobian(position(pose), jacobian, jacobian)
+    chains.hand_jacobian(position(pose), jacobian, jacobian)
     return status
 
 
@@ -417,16 +395,16 @@ def place_tree(tree, q, out):
             carrier = out[8 * parent : 8 * parent + 8]
             w, x, y, z = carrier[0], carrier[1], carrier[2], carrier[3]
             px, py, pz = position(carrier)
-        w, x, y, z, px, py, pz = compose_fixed(w, x, y, z, px, py, pz, row)
+        w, x, y, z, px, py, pz = chains.compose_fixed(w, x, y, z, px, py, pz, row)
         if row[7] != FIXED:
             angle = _angle(row, q)
             check += 0.0 * angle
-            w, x, y, z, px, py, pz = moved(w, x, y, z, px, py, pz, row[7], angle)
+            w, x, y, z, px, py, pz = chains.moved(w, x, y, z, px, py, pz, row[7], angle)
         set_pose((w, x, y, z), (px, py, pz), out[8 * i : 8 * i + 8])
     return OK if check == 0.0 else NOT_FINITE
 
 
-@kernel(CHAIN)
+@kernel(chains.CHAIN)
 def tree_frames(tree, q, out):
     """Write what `place_tree` does."""
     return place_tree(tree, q, out)

@@ -83,7 +83,6 @@ def rigid_bodies(robot: Robot) -> Array:
     else:
         joints, index = table[:count], np.arange(count, dtype=np.float64)
         columns = [index, np.ones(count), np.zeros(count), index - 1.0]
-    tensor = bodies.tensor
     return _body.pack(
         pose=joints[:, :7],
         kind=joints[:, 7],
@@ -91,7 +90,7 @@ def rigid_bodies(robot: Robot) -> Array:
         mass=bodies.mass,
         center=bodies.center,
         tensor=np.stack(
-            [tensor[:, i, k] for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], axis=-1
+            [bodies.tensor[:, i, k] for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], axis=-1
         ),
     )
 
