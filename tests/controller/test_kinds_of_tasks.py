@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from test_task_levels import solved
 
 import dqcontrol as dqc
 from dqcontrol.controller import FurtherTask, PreparedTasks
@@ -156,5 +157,19 @@ def test_a_posture_moves_the_arm_of_a_mobile_robot_and_not_its_base():
     sample = dqc.Sample(robot.fkm(q)).numbers
     given = sample, 0, tasks.parameters, np.zeros(tasks.work_size), out
     assert tasks.kernel(q, found.pose, found.twist_jacobian, *given) == 0
-    base = robot.input_size - 5
-    np.testing.assert_allclose(out[base:], 2.0 * (wanted - q)[3:], atol=1e-9)
+    arm, m = robot.input_size - 5, robot.input_size
+    own = np.repeat([0.3, 1.0], 3)[:, None] * robot.hand_jacobian(q)
+    expected, _ = solved(
+        [(np.eye(m)[arm:], 2.0 * (wanted - q)[3:], 0.0), (own, np.zeros(6), 0.0)], np.zeros(m)
+    )
+    np.testing.assert_allclose(out, expected, rtol=1e-5, atol=1e-7)
+
+
+def test_how_far_a_posture_is_is_said_of_slides_and_turns_apart():
+    lift = dqc.SerialArm.from_dh(
+        [0, 0, 0], [0.4, 0, 0], [0, 0.3, 0.3], [0, 0, 0], joint_types=["prismatic", "revolute", "revolute"]
+    )
+    wanted, q = np.array([0.1, 0.2, 0.3]), np.array([[0.1, 0.2, 0.3], [0.4, 0.1, 0.8], [-0.3, 1.2, 0.3]])
+    tasks = PreparedTasks(lift, [FurtherTask("posture", 0.0, posture=wanted)], wanted, np.zeros(1))
+    (found,) = tasks.errors(q).values()
+    np.testing.assert_allclose(found, [[0, 0], [0.3, 0.5], [0.4, 1.0]])

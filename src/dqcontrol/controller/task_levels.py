@@ -267,8 +267,6 @@ def _curvature(pose, twist_jacobian, desired, turns, moves, growth, given):
     if growth == 0.0:
         return 0.0
     a, b, c, d, e, f = counted(pose_error(pose, desired), given.share)
-    if turns == 0.0:
-        a, b, c = 0.0, 0.0, 0.0
     square = moves * moves
     px, py, pz = position(pose)
     return growth * curvature(
