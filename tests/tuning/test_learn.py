@@ -314,6 +314,19 @@ def test_growth_is_recognised_and_the_best_is_kept(monkeypatch):
     assert found.gain > 20  # without learning less the next repeat grows as much, and all ends
 
 
+def test_where_nothing_is_gained_the_reference_stays_that_of_the_spec(tmp_path, monkeypatch):
+    """Points that sample it are not quite the same motion."""
+    from dqcontrol.tuning import learnt_motion
+
+    usual = learnt_motion.increment
+    monkeypatch.setattr(learnt_motion, "increment", lambda *given: 20 * usual(*given))
+    found = learn_to(spec("proportional-feedforward"), tmp_path / "out", repeats=2)
+    assert found.best == 0
+    assert found.remarks()[-1] == "gained: nothing; the reference stays that of the spec"
+    assert np.array_equal(dqc.run(tmp_path / "out" / "learnt.yaml").q, found.first.q)
+    assert not (tmp_path / "out" / "learnt.csv").exists()
+
+
 def test_a_loop_near_its_limit_is_told_before_anything_moves(monkeypatch):
     """The margin is that of `check`; a shift of the reference may make such a loop swing."""
     data = spec(law={"kind": "proportional", "gain": 30})
