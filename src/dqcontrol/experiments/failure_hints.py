@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,6 +15,7 @@ from dqcontrol.experiments.prepared_experiment import Combination
 from dqcontrol.laws.null_space import BestHeading
 from dqcontrol.measures.metrics import AT_LIMIT, UNSEEN
 from dqcontrol.measures.number_texts import percent_text
+from dqcontrol.references.sample import TIME
 
 Trials = Sequence[Mapping[str, Any]]  # metrics of the repeats of one case
 
@@ -21,6 +23,7 @@ _MISSED = re.compile("not (reached|followed|kept)")
 _ROUNDING = 1e-9  # as a share of a velocity limit
 _OFTEN = 0.1  # of the samples at a velocity limit
 _THROUGH = ("crossed", "contact")
+_SETTLED = 4.0  # time constants of a loop, until 2 % of an error are left: the usual criterion
 
 
 def warn_of_failures(cases: Sequence[tuple[Combination, Trials]], *, stacklevel: int) -> None:
@@ -125,7 +128,16 @@ def _remedies(case: Combination, trial: Mapping[str, Any]) -> Iterator[str]:
     elif "not followed" in task and _feeds_nothing_forward(law):
         yield "a law without feed-forward lags; take proportional-feedforward, more gain or a slower reference"
     elif "still moves" in task:
-        yield "it takes more time (duration), or a loop that settles (dqcontrol check)"
+        yield f"it takes more time (duration{_longer(case)}), or a loop that settles (dqcontrol check)"
+
+
+def _longer(case: Combination) -> str:
+    """Say how long a run should last that ends with its reference, before its joints have come to rest."""
+    ends = case.scene.reference.duration
+    rates = [abs(gain.value) for gain in case.gains or () if gain.loop != "null space" and gain.value]
+    if not rates or case.scene.samples[-2, TIME] >= ends or math.isinf(ends):
+        return ""
+    return f": {ends + _SETTLED / min(rates):.3g}"
 
 
 def _count(some: Trials, trials: Trials, before: str) -> str:
