@@ -15,11 +15,13 @@ from dqcontrol.experiments.prepared_experiment import Combination
 from dqcontrol.laws.null_space import BestHeading
 from dqcontrol.measures.metrics import AT_LIMIT, UNSEEN
 from dqcontrol.measures.number_texts import percent_text
+from dqcontrol.references.drive_to import PlannedWay
 from dqcontrol.references.sample import TIME
 
 Trials = Sequence[Mapping[str, Any]]  # metrics of the repeats of one case
 
 _MISSED = re.compile("not (reached|followed|kept)")
+_BLOCKED = re.compile("(held by (?!the supervisor)|hit )(?!.*(out of reach|singularity)).*not reached: rests")
 _ROUNDING = 1e-9  # as a share of a velocity limit
 _OFTEN = 0.1  # of the samples at a velocity limit
 _THROUGH = ("crossed", "contact")
@@ -113,6 +115,9 @@ def _remedies(case: Combination, trial: Mapping[str, Any]) -> Iterator[str]:
             "a base with wheels cannot go sideways; plan its way with reference drive-to, or turn it with null_space "
             "best-heading"
         )
+    if _BLOCKED.search(task) and not isinstance(case.scene.reference, PlannedWay):
+        yield "reference plan-to goes around what is in the way"
+        return  # joints that press, or try to get past, come to their limits
     margin = trial["limit_margin"]
     if margin is not None and margin < AT_LIMIT:
         yield f"{trial['limit_joint']} came to its position limit; start elsewhere, or turn the goal"
