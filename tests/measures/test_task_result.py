@@ -1,5 +1,6 @@
 """Whether runs did what was asked: what counts as reached and followed, and what is said where they did not."""
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -106,15 +107,40 @@ def test_a_run_that_falls_short_says_by_how_much_and_what_helps():
     spec["reference"] = {"kind": "set-point", "duration": 1, "offset": {"translation": [0, 0.2, 0]}}
     with pytest.warns(
         TaskWarning,
-        match=r"^proportional · servo: too late: .*; not reached: still moves .* mm, .*° off: .*duration",
+        match=r"^proportional · servo: too late: .*; not reached: still moves .* mm, .*° off: .*\(duration: 5\)",
     ):
         run = dqc.run(spec)
+    assert dqc.run(spec | {"duration": 5}).task.words == "reached"
     rows: dict[Any, Any] = {row[0]: row for row in run_verdicts(run, None).rows}
     assert rows["End"][1:2] == ["fell short"]
     assert rows["Task"][1].good is False
     assert "counts as reached up to 4 mm, 0.57°" in rows["Task"][2]
     table = summary({"K": run})
     assert table.texts()[0][[column.title for column in table.columns].index("verdict")] == run.verdict.words
+
+
+@pytest.mark.parametrize(
+    ("given", "why"),
+    [
+        ({"constraints": {"clear_of": "all", "acceleration": 10}}, "held by wall since"),
+        ({"plant": {"kind": "mujoco"}}, "saturated: .*"),
+    ],
+    ids=["constraints", "physics"],
+)
+@pytest.mark.filterwarnings("ignore::dqcontrol.errors.CollisionWarning")
+def test_where_something_is_in_the_way_neither_time_nor_another_start_is_advised(given, why):
+    """Joints that press against a wall come to their limits, of positions or of velocities, but not because of them."""
+    if "plant" in given:
+        pytest.importorskip("mujoco")
+    panda = {"robot": "panda", "start": [0, -0.3, 0, -2.0, 0, 1.8, 0.7], "plant": {"kind": "integrator"}}
+    spec = IIWA | (given if "plant" in given else panda | given)
+    spec["law"] = {"kind": "proportional", "gain": 3}
+    spec["world"] = {"wall": {"box": [1, 0.02, 1], "position": [0.5, 0.25, 0.5]}}
+    spec["reference"] = {"kind": "set-point", "duration": 6, "offset": {"translation": [0, 0.5, 0]}}
+    help_ = "off: reference plan-to goes around what is in the way$"
+    with pytest.warns(TaskWarning, match=f"not reached: rests .* {help_}"):
+        run = dqc.run(spec)
+    assert re.search(why, run.verdict.words)
 
 
 def test_an_arm_with_five_joints_is_told_before_and_after():

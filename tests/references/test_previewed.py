@@ -5,7 +5,7 @@ import pytest
 
 import dqcontrol as dqc
 from dqcontrol.errors import Error
-from dqcontrol.references import Circle, Previewed, Square
+from dqcontrol.references import Circle, Points, Previewed, Square
 from dqcontrol.references.previewed import lead
 
 START = [0, 0.6, 0, 1.6, 0, 0.6, 0]
@@ -85,6 +85,23 @@ def test_a_jump_is_led_by_as_much_for_the_lag_not_by_a_pulse():
     assert np.abs(given - plain)[late & (times < 7.9)].max() < 1e-12
     made_up = 0.01 * (given - plain)[:150].sum(axis=0)  # of the first side, from a start at speed
     assert np.allclose(made_up, 0.05 * plain[50] * 3 / 5)  # all but the delay that cannot be made up for
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.05])
+@pytest.mark.parametrize("periods", [0.5, 1.0, 2.2, 2.5, 3.0])
+def test_samples_are_led_as_the_motion_that_they_are_of_whatever_the_delay(lag, periods):
+    """A piece's twist is that of its middle: read at its start it would come half a period early."""
+    circle = Circle([1, 0, 0, 0, 0, 0.3, 0, 0.2], radius=0.1, duration=4.0)
+    times, period = 0.01 * np.arange(401), 0.01
+    points = Points(times, circle.samples(times)[:, :8])
+    given, wanted = (
+        Previewed(each, periods * period, lag, period).samples(times[20:380])[:, 11:14]
+        for each in (points, circle)
+    )
+    early = 0.1 * (np.pi / 2) ** 2 * period / 2  # m/s, by which the velocity changes in half a period
+    assert np.abs(given - wanted).max() < early / 20
+    if lag == 0 and periods == 0.5:
+        assert np.array_equal(given, points.samples(times[20:380] + 0.005)[:, 11:14])
 
 
 def test_a_time_below_zero_is_refused():

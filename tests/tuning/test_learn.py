@@ -56,6 +56,14 @@ def test_errors_shrink_and_never_come_back(kind, factor):
     assert again.metrics.position.rms == pytest.approx(first.position, rel=0.05)
 
 
+def test_a_delay_of_half_a_period_more_is_learnt_as_well():
+    """A learnt motion is points, and their twists were read half a period early."""
+    stops = {"kind": "circle", "radius": 0.05, "duration": 2.5, "corner_stops": 0.5}
+    late = {"kind": "servo", "time_constant": 0.05, "delay": 0.025}
+    found = dqc.learn(spec("proportional-feedforward", reference=stops, plant=late), repeats=2)
+    assert found.gain > 100
+
+
 def test_without_noise_it_goes_below_a_hundredth_of_a_millimetre():
     found = dqc.learn(spec("proportional-feedforward"), repeats=4)
     assert found.repeats[-1].position < 0.01
@@ -116,11 +124,20 @@ def test_a_shift_and_its_error_are_opposites():
     assert np.abs(dqc.algebra.translation(moved[:, :8]) - dqc.algebra.translation(poses)).max() < 1e-12
 
 
-@pytest.mark.parametrize("kind", ["proportional", "proportional-feedforward", "h-infinity-tracking"])
-def test_the_loop_answers_a_shift_as_its_model_says(kind):
+@pytest.mark.parametrize(
+    ("kind", "delay"),
+    [
+        ("proportional", 0.02),
+        ("proportional-feedforward", 0.02),
+        ("proportional-feedforward", 0.025),
+        ("proportional-feedforward", 0.022),
+        ("h-infinity-tracking", 0.02),
+    ],
+)
+def test_the_loop_answers_a_shift_as_its_model_says(kind, delay):
     """The hand of a simulated servo arm, shaken by a small sine, beside the linear model's response."""
     gains = {"orientation_gain": 10, "translation_gain": 5} if kind.startswith("h") else {"gain": 5}
-    data = spec(kind, law={"kind": kind, **gains}, plant=SPEC["plant"] | {"sag": 0})
+    data = spec(kind, law={"kind": kind, **gains}, plant=SPEC["plant"] | {"sag": 0, "delay": delay})
     setting = prepare(data)
     (case,) = setting.cases
     law = case.prepare_law(setting.spec)
@@ -295,6 +312,19 @@ def test_growth_is_recognised_and_the_best_is_kept(monkeypatch):
     assert "grown" in [each.outcome for each in found.repeats]
     assert found.repeats[found.best].learnable == min(errors)
     assert found.gain > 20  # without learning less the next repeat grows as much, and all ends
+
+
+def test_where_nothing_is_gained_the_reference_stays_that_of_the_spec(tmp_path, monkeypatch):
+    """Points that sample it are not quite the same motion."""
+    from dqcontrol.tuning import learnt_motion
+
+    usual = learnt_motion.increment
+    monkeypatch.setattr(learnt_motion, "increment", lambda *given: 20 * usual(*given))
+    found = learn_to(spec("proportional-feedforward"), tmp_path / "out", repeats=2)
+    assert found.best == 0
+    assert found.remarks()[-1] == "gained: nothing; the reference stays that of the spec"
+    assert np.array_equal(dqc.run(tmp_path / "out" / "learnt.yaml").q, found.first.q)
+    assert not (tmp_path / "out" / "learnt.csv").exists()
 
 
 def test_a_loop_near_its_limit_is_told_before_anything_moves(monkeypatch):

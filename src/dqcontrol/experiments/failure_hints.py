@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,13 +15,17 @@ from dqcontrol.experiments.prepared_experiment import Combination
 from dqcontrol.laws.null_space import BestHeading
 from dqcontrol.measures.metrics import AT_LIMIT, UNSEEN
 from dqcontrol.measures.number_texts import percent_text
+from dqcontrol.references.drive_to import PlannedWay
+from dqcontrol.references.sample import TIME
 
 Trials = Sequence[Mapping[str, Any]]  # metrics of the repeats of one case
 
 _MISSED = re.compile("not (reached|followed|kept)")
+_BLOCKED = re.compile("(held by (?!the supervisor)|hit )(?!.*(out of reach|singularity)).*not reached: rests")
 _ROUNDING = 1e-9  # as a share of a velocity limit
 _OFTEN = 0.1  # of the samples at a velocity limit
 _THROUGH = ("crossed", "contact")
+_SETTLED = 4.0  # time constants of a loop, until 2 % of an error are left: the usual criterion
 
 
 def warn_of_failures(cases: Sequence[tuple[Combination, Trials]], *, stacklevel: int) -> None:
@@ -110,6 +115,9 @@ def _remedies(case: Combination, trial: Mapping[str, Any]) -> Iterator[str]:
             "a base with wheels cannot go sideways; plan its way with reference drive-to, or turn it with null_space "
             "best-heading"
         )
+    if _BLOCKED.search(task) and not isinstance(case.scene.reference, PlannedWay):
+        yield "reference plan-to goes around what is in the way"
+        return  # joints that press, or try to get past, come to their limits
     margin = trial["limit_margin"]
     if margin is not None and margin < AT_LIMIT:
         yield f"{trial['limit_joint']} came to its position limit; start elsewhere, or turn the goal"
@@ -125,7 +133,16 @@ def _remedies(case: Combination, trial: Mapping[str, Any]) -> Iterator[str]:
     elif "not followed" in task and _feeds_nothing_forward(law):
         yield "a law without feed-forward lags; take proportional-feedforward, more gain or a slower reference"
     elif "still moves" in task:
-        yield "it takes more time (duration), or a loop that settles (dqcontrol check)"
+        yield f"it takes more time (duration{_longer(case)}), or a loop that settles (dqcontrol check)"
+
+
+def _longer(case: Combination) -> str:
+    """Say how long a run should last that ends with its reference, before its joints have come to rest."""
+    ends = case.scene.reference.duration
+    rates = [abs(gain.value) for gain in case.gains or () if gain.loop != "null space" and gain.value]
+    if not rates or case.scene.samples[-2, TIME] >= ends or math.isinf(ends):
+        return ""
+    return f": {ends + _SETTLED / min(rates):.3g}"
 
 
 def _count(some: Trials, trials: Trials, before: str) -> str:

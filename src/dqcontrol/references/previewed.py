@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -32,8 +32,9 @@ class Previewed(Reference):
     ξ(t + D) + τ ξ̇(t + D), as twist of the pose at t. Where a twist jumps by Δ, at corners and at a start at speed, that
     would be a pulse of about Δ τ/h for h: no joint follows it. Jumps are led by Δ for τ instead, which makes up for the
     same way that the lag costs; points that follow one another within the lag are samples of a smooth motion, and
-    led exactly. Errors are corrected as before, so no loop's stability changes. What cannot be done in
-    advance is not: the first D seconds.
+    led exactly. Where these are evenly spaced, the twist from one to the next is that of their middle, and goes
+    straight from middle to middle: read as constant it would come up to half a period early. Errors are corrected as
+    before, so no loop's stability changes. What cannot be done in advance is not: the first D seconds.
 
     Parameters
     ----------
@@ -43,6 +44,11 @@ class Previewed(Reference):
         D and τ of the joints, s, as ``dqcontrol identify`` finds them: those of the slowest, or the mean.
     step
         h, s; the control period is best. Default: a fifth of the lag.
+
+    Attributes
+    ----------
+    smoothed
+        Points that follow one another evenly and sooner than that, s, are samples of a smooth motion.
 
     Raises
     ------
@@ -62,13 +68,17 @@ class Previewed(Reference):
     delay: float = 0.0
     lag: float = 0.0
     step: float | None = None
+    smoothed: float = field(init=False)
 
     def __post_init__(self) -> None:
         delay = as_positive("delay", self.delay, zero_allowed=True)
         lag = as_positive("lag", self.lag, zero_allowed=True)
         step = max(_STEP * lag, _LEAST_STEP) if self.step is None else as_positive("step", self.step)
         starts, jumps = _starts(_Same(self.reference))
-        close = np.diff(starts) < lag
+        gaps, smoothed = np.diff(starts), max(lag, step + SNAP)
+        close = gaps < lag
+        even = 1 + np.flatnonzero((gaps[1:] < smoothed) & (np.abs(np.diff(gaps)) < SNAP))
+        sampled = starts[even], gaps[even - 1], jumps[even]
         if close.any():
             jumps = jumps.copy()  # of samples of a smooth motion
             jumps[np.append(False, close) | np.append(close, False)] = 0.0
@@ -81,6 +91,7 @@ class Previewed(Reference):
         share = math.exp(-step / lag) if lag else 0.0
         vars(self).update(duration=self.reference.duration, corners=moved)
         vars(self).update(_share=share, _ahead=delay, _behind=step, _starts=starts - SNAP, _jumped=jumped)
+        vars(self).update(smoothed=smoothed, _sampled=sampled)
 
     @property
     def guards(self) -> Guards:
@@ -93,9 +104,25 @@ class Previewed(Reference):
         seen = _seen_early(_Same(self.reference), self._ahead, step if share else 0.0, times.tobytes())  # type: ignore[attr-defined]
         numbers = np.array([share, self._ahead, self.lag, step])  # type: ignore[attr-defined]
         out = seen.samples.copy()
+        moving = self._smooth(times + self._ahead, seen.moving)  # type: ignore[attr-defined]
+        before = self._smooth(times + self._ahead - step, seen.before)  # type: ignore[attr-defined]
         lead.worth_compiling(len(times), _FEW)(
-            numbers, times, self._starts, self._jumped, seen.position, seen.present, seen.moving, seen.before, out  # type: ignore[attr-defined]
+            numbers, times, self._starts, self._jumped, seen.position, seen.present, moving, before, out  # type: ignore[attr-defined]
         )  # fmt: skip
+        return out
+
+    def _smooth(self, times: Array, moving: Array) -> Array:
+        """Return [ω; ṗ] and its rate (N, 12) at some times with that of evenly spaced points from middle to middle."""
+        corners, gaps, jumps = self._sampled  # type: ignore[attr-defined]
+        if not len(corners):
+            return moving
+        k = np.minimum(np.searchsorted(corners + gaps / 2, times), len(corners) - 1)
+        away = times - corners[k]
+        found = np.flatnonzero(
+            np.abs(away) < gaps[k] / 2 - SNAP
+        )  # in the middle it is what it is, to the last bit
+        k, away, out = k[found], away[found], moving.copy()
+        out[found, :6] += (away / gaps[k] + np.where(away < -SNAP, 0.5, -0.5))[:, None] * jumps[k]
         return out
 
 

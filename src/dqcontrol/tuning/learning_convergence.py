@@ -36,14 +36,16 @@ class LoopShape:
         κ: 1 for laws with feed-forward of the desired twist, 0 for others.
     period
         T, s.
-    ahead, share
-        Steps n by which twists come early, and a, of F(z) = zⁿ (1 − a/z)/(1 − a), see `Previewed`; 0 without preview.
+    ahead, part, share
+        Steps n by which twists come early, p of one more, and a, of F(z) = zⁿ (1 − p + p z) (1 − a/z)/(1 − a), see
+        `Previewed`; 0 without preview.
     """
 
     gain: LoopGain
     feedforward: float
     period: float
     ahead: int = 0
+    part: float = 0.0
     share: float = 0.0
 
     def response(self, model: LinearModel, frequencies: Array) -> NDArray[np.complex128]:
@@ -59,7 +61,7 @@ class LoopShape:
         if self.gain.lag:
             share = min(self.gain.lag * self.period, 1.0)
             control = control * share * z / (z - 1 + share)
-        led = z**self.ahead * (1 - self.share / z) / (1 - self.share)
+        led = z**self.ahead * (1 + self.part * (z - 1)) * (1 - self.share / z) / (1 - self.share)
         shifted = plant @ (unit * (control + self.feedforward * led * (z - 1) / self.period))
         return np.asarray(np.linalg.solve(unit + control * plant, shifted), dtype=np.complex128)
 
@@ -124,9 +126,15 @@ def loop_shape(
     shape = LoopShape(slowest, _feedforward(robot, prepared, start), prepared.period)
     if not isinstance(reference, Previewed):
         return shape
-    ahead = math.floor(reference.delay / prepared.period + 1e-9)  # twists of points are constant in between
-    share = math.exp(-prepared.period / reference.lag) if reference.lag else 0.0
-    return replace(shape, ahead=ahead, share=share)
+    period = prepared.period
+    smoothed = (
+        period < reference.smoothed
+    )  # twists of points go from middle to middle, else they are constant
+    steps = reference.delay / period - 0.5 * smoothed
+    ahead = math.floor(steps + 1e-9)
+    part = smoothed * round(steps - ahead, 9)
+    share = math.exp(-period / reference.lag) if reference.lag else 0.0
+    return replace(shape, ahead=ahead, part=part, share=share)
 
 
 def _feedforward(robot: Robot, prepared: Controller, start: Array) -> float:
@@ -203,7 +211,7 @@ class Convergence:
     @property
     def _power(self) -> float:
         """Mean of |T̄|² over all frequencies up to half a sample rate, without preview."""
-        shape = replace(self.shape, ahead=0, share=0.0)
+        shape = replace(self.shape, ahead=0, part=0.0, share=0.0)
         return self._once("power", lambda: float(np.mean(np.abs(self._mean(self._even, shape)) ** 2)))
 
     @property

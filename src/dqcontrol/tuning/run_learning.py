@@ -125,7 +125,7 @@ class Learning(Tabled):
         Number of the best one, whose motion is returned: the last that was averaged, as errors at the noise do not tell
         which is best.
     motion
-        The learnt motion.
+        The learnt motion; of the first run, its samples.
     stopped
         Why there are no more repeats.
     margin
@@ -190,11 +190,12 @@ class Learning(Tabled):
             "motion",
             *self.notes,
             f"ended: {self.stopped}",
+            *(["gained: nothing; the reference stays that of the spec"] if not self.best else []),
         ]
 
     def spec(self, file: str | Path = LEARNT) -> dict[str, Any]:
-        """Return the spec of a run of the learnt motion, as plain data."""
-        return self.problem.data | {"reference": self.problem.points(file)}
+        """Return the spec of a run of the learnt motion, as plain data; the one given where nothing was gained."""
+        return self.problem.data | ({"reference": self.problem.points(file)} if self.best else {})
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
         """Write the learnt motion, a spec that runs it, the table, figures and a report into a new folder.
@@ -219,7 +220,8 @@ class Learning(Tabled):
             f"law: {law}",
             f"plant: {plant}",
         )
-        learnt_motion.write_motion(folder / LEARNT, self.motion, notes)
+        if self.best:
+            learnt_motion.write_motion(folder / LEARNT, self.motion, notes)
         (folder / LEARNT_SPEC).write_text(yaml_text(self.spec()), encoding="utf-8")
         history = {
             "repeats": [asdict(each) for each in self.repeats],
