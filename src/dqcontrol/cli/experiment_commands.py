@@ -199,6 +199,8 @@ def sweep(
 ) -> None:
     """Run a parameter study and list its best points; rerun it to resume after an interruption.
 
+    The last line says how many runs failed, and why most of them; exit status as of dqcontrol run.
+
     Parameters
     ----------
     spec
@@ -221,7 +223,9 @@ def sweep(
         ranking = run_sweep_to(
             spec, folder, force=force, jobs=jobs, scheduler=scheduler, by=by, progress=progress
         )
-    print_found(ranking.table(), folder=folder)
+    print_found(ranking.table(), folder=folder, words=[ranking.failures] * bool(ranking.failures))
+    if ranking.failures:
+        sys.exit(FAILED)
 
 
 def gains(
