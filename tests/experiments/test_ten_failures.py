@@ -178,6 +178,16 @@ GOOD = {
         IIWA | IDEAL | {"reference": {"kind": "circle", "radius": 0.06, "duration": 4}, "law": FEED_FORWARD},
         "followed",
     ),
+    "cut short": (
+        IIWA
+        | IDEAL
+        | {
+            "reference": {"kind": "circle", "radius": 0.06, "duration": 4},
+            "law": FEED_FORWARD,
+            "duration": 0.5,
+        },
+        "followed (only the first 0.5 s of 4 s)",
+    ),
 }
 
 
