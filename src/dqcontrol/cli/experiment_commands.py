@@ -91,9 +91,10 @@ def _resumable(folder: Path, kept: str) -> Iterator[None]:
 
     try:
         yield
-    except KeyboardInterrupt:
-        words = f"; {kept}: rerun the same command to resume"
-        raise KeyboardInterrupt(words * working_folder(folder).exists()) from None
+    except KeyboardInterrupt as interrupt:
+        if working_folder(folder).exists():
+            interrupt.add_note(f"{kept}: rerun the same command to resume")
+        raise
 
 
 def run(

@@ -146,7 +146,9 @@ def _save(runs: Mapping[str, Run], path: Path, in_progress: object) -> None:
     from dqcontrol.errors import ExistsError, ValueRangeError, writing
 
     if in_progress:
-        raise ValueRangeError("save: takes runs that are over; one in progress is shown without it")
+        raise ValueRangeError(
+            "save: takes folders of runs that are over; one in progress, or a recording, is shown without it"
+        )
     if path.suffix != ".html":
         raise ValueRangeError(f"save: expected the name of a page, .html, got '{path}'")
     if path.exists():
