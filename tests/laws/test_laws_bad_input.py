@@ -19,7 +19,7 @@ LAWS = [Proportional, ProportionalFeedforward]
         (-2, ValueRangeError, r"^gain: must be > 0, got -2$"),
         (float("nan"), ValueRangeError, r"^gain: must be finite, got nan$"),
         (float("inf"), ValueRangeError, r"^gain: must be finite, got inf$"),
-        ([1.0] * 7, ShapeError, r"^gain: expected shape \(…, 8\), got shape \(7,\)$"),
+        ([1.0] * 7, ShapeError, r"^gain: expected one number or 8, got shape \(7,\)$"),
         ([1.0] * 7 + [0.0], ValueRangeError, r"^gain\[7\]: must be > 0, got 0$"),
         ([1.0] * 7 + [np.nan], ValueRangeError, r"^gain\[7\]: must be finite, got nan$"),
         (np.ones((2, 8)), ShapeError, r"^gain\[0\]: expected a number, got a list"),
