@@ -112,6 +112,8 @@ def test_lists_integers_and_foreign_layouts_are_configurations(make_arm):
         assert np.array_equal(Proportional(gain=1.0).command(arm, same, sample, period=0.01), wanted)
     out = np.empty(6)
     assert law.command(q, sample, law.initial_state(q), out) is out
+    with pytest.raises(ShapeError, match=r"^sample: expected references.Sample, got array"):
+        law.command(q, sample.pose, law.initial_state(q))
     assert np.array_equal(out, wanted)
 
 
