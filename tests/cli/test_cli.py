@@ -373,6 +373,12 @@ for command in ("", *COMMANDS, "reproduce"):
     assert found == [f"loaded by '{command}':" for command in ("", *cli.COMMANDS, "reproduce")]
 
 
+@pytest.mark.parametrize("command", ["robots solve", "robots list", "compare", "figures", "learn"])
+def test_help_lists_no_options_that_undo_others(capsys, command):
+    cli.whole_app()([*command.split(), "--help"], result_action="return_value")
+    assert not re.search("--(no|empty)-", capsys.readouterr().out)
+
+
 def test_a_matrix_that_cannot_be_computed_with_is_told_in_a_line(here, monkeypatch, capsys):
     def fail(*_):
         raise np.linalg.LinAlgError("Singular matrix")

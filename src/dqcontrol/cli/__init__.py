@@ -12,7 +12,7 @@ from functools import cache
 from typing import NoReturn
 
 import lazy_loader
-from cyclopts import App, CycloptsError, Group
+from cyclopts import App, CycloptsError, Group, Parameter
 from cyclopts.exceptions import CommandCollisionError, UnknownCommandError, UnusedCliTokensError
 
 import dqcontrol
@@ -76,6 +76,7 @@ app: App = App(
     help_format="plaintext",
     group_commands=Group("Options", sort_key=len(GROUPS) + 1),
     suppress_keyboard_interrupt=False,
+    default_parameter=Parameter(negative_iterable=()),  # no --empty-position beside --position
 )
 _TOGETHER = {  # in one file; others have one of their own
     "start_commands": ("new", "list"),

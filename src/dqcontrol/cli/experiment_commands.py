@@ -313,7 +313,7 @@ def learn(
     repeats: int | None = None,
     out: options.Out = None,
     force: options.ReplaceResults = False,
-    real_time: bool = False,
+    real_time: options.Switch = False,
     ros2: Literal["velocity", "position", "trajectory"] | None = None,
     network: options.Switch = False,
 ) -> None:

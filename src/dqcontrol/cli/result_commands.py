@@ -24,7 +24,7 @@ def compare(
     out: Out = None,
     force: ReplaceResults = False,
     by: str | None = None,
-    where: Annotated[tuple[str, ...], Parameter(negative=())] = (),
+    where: tuple[str, ...] = (),
     best_per: str | None = None,
 ) -> None:
     """Compare saved runs: one table; with --out plots and a report. Of studies with repeats, a table of means.
@@ -229,9 +229,7 @@ def report(*folders: Path, jobs: int | None = None) -> None:
 
 def figures(
     *folders: Path,
-    formats: Annotated[tuple[Literal["pdf", "png", "svg"], ...], Parameter(name="--format", negative=())] = (
-        "pdf",
-    ),
+    formats: Annotated[tuple[Literal["pdf", "png", "svg"], ...], Parameter(name="--format")] = ("pdf",),
     width: Literal["single", "double"] = "double",
     out: Out = None,
     force: Force = False,
