@@ -93,11 +93,10 @@ def reproduce(
                 print_table(table)
             sys.stdout.flush()
             done.save(folder, force=force)  # draws, which takes longer
-        except KeyboardInterrupt:
-            is_kept = unfinished.exists() or len(names) > 1
-            raise KeyboardInterrupt(
-                "; what was finished is kept: rerun the same command to resume" * is_kept
-            ) from None
+        except KeyboardInterrupt as interrupt:
+            if unfinished.exists() or len(names) > 1:
+                interrupt.add_note("what was finished is kept: rerun the same command to resume")
+            raise
         rmtree(unfinished, ignore_errors=True)
         print(f"results: {folder}")
 

@@ -11,7 +11,7 @@ from dqcontrol.browser import GrowingRecording, LiveRun, Page, Track, growing_re
 from dqcontrol.browser.served_page import HOST, import_viser
 from dqcontrol.cli import main
 from dqcontrol.errors import FileFormatError, MissingExtraError, ShapeError
-from dqcontrol.recording import RecordStream, load_record
+from dqcontrol.recording import RecordStream, load_metadata, load_record
 
 SPEC = {
     "name": "live",
@@ -66,6 +66,16 @@ def test_the_folder_of_a_run_is_followed_until_it_has_results(tmp_path):
     recording.touch()
     assert growing_recording(tmp_path) == recording
     (tmp_path / "metrics.json").touch()
+    assert growing_recording(tmp_path) is None
+
+
+def test_a_run_that_was_broken_off_is_over(tmp_path):
+    recording = tmp_path / "record.mcap"
+    stream, told = RecordStream(recording, dqc.load_robot("iiwa7")), KeyboardInterrupt()
+    assert growing_recording(tmp_path) == recording
+    stream.__exit__(type(told), told, None)
+    assert told.__notes__ == [f"recorded until then: {recording}"]
+    assert load_metadata(recording)["stopped"] == "broken off: KeyboardInterrupt"
     assert growing_recording(tmp_path) is None
 
 

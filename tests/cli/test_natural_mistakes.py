@@ -27,7 +27,7 @@ CIRCLE = {"kind": "circle", "radius": 0.06, "duration": 4}
             {"law": {**K, "gain": "five"}},
             "law.gain: expected a number or a mapping or a list, got text 'five'",
         ),
-        ({"law": {**K, "gain": [1, 2, 3]}}, "gain: expected shape (…, 8), got shape (3,)"),
+        ({"law": {**K, "gain": [1, 2, 3]}}, "gain: expected one number or 8, got shape (3,)"),
         ({"law": {"kind": "Proportional", "gain": 5}}, "did you mean 'proportional'?"),
         ({"law": {**K, "kp": 3}}, "unknown key 'kp'; did you mean 'gain'?"),
         ({"law": {"kind": "pid", "gain": 5}}, "law.kind: unknown name 'pid' (allowed: "),
@@ -45,6 +45,8 @@ CIRCLE = {"kind": "circle", "radius": 0.06, "duration": 4}
         ),
         ({"period": 8}, "period: 8 s is long for a period; write 8 ms or 8 s"),
         ({"period": "8"}, "period: expected a number, got text '8'"),
+        ({"period": "10 milliseconds"}, "got text '10 milliseconds'; units: rad, mrad, deg, "),
+        ({"world": "none.yaml"}, "spec.yaml: world: "),
         ({"frequency": 100}, "unknown key 'frequency'; did you mean 'period', 1/frequency?"),
         ({"duration": -1}, "duration: expected a number > 0.0, got -1"),
         (

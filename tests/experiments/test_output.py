@@ -166,6 +166,10 @@ def test_where_nothing_can_be_written(tmp_path):
     with pytest.raises(Error, match=r"run: cannot be written: .*file is not writable$"):
         check_new(tmp_path / "file" / "run", force=False)
     check_new(tmp_path / "new", force=False)
+    assert files(tmp_path) == ["file"]
+    if sys.platform == "linux":  # there root may write, by its rights
+        with pytest.raises(Error, match=r"x: cannot be written: /proc is not writable$"):
+            check_new("/proc/x", force=False)
 
 
 def killed(code, *arguments):

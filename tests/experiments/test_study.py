@@ -3,6 +3,7 @@
 import json
 import re
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -156,15 +157,18 @@ def test_limits_are_warned_of_once_a_law_with_a_count():
         dqc.run_study(
             spec(start=start, laws=laws, plant=creeping, reference={"kind": "set-point"}, duration=1), jobs=1
         )
-    beyond = 2.09 + 0.05 - np.radians(120)  # no feedback: the bias goes on for a second; K rests 1 mrad off
+    beyond = np.degrees(2.09 + 0.05) - 120  # no feedback: the bias goes on for a second; K rests 1 mrad off
     assert [str(warning.message) for warning in caught if warning.category is LimitWarning] == [
-        f"open · integrator: joint_4 went {beyond:.3g} rad or m beyond its limits, in 3 of 3 repeats"
+        f"open · integrator: joint_4 went {beyond:.2g}° beyond its limits, in 3 of 3 repeats"
     ]
     trials = [
         {"limit_margin": margin, "limit_joint": f"joint_{i}"}
         for i, margin in enumerate([-0.1, None, 0.1, -0.2])
     ]
-    assert beyond_limits("K", trials) == "K: joint_3 went 0.2 rad or m beyond its limits, in 2 of 4 repeats"
+    case = SimpleNamespace(
+        names=SimpleNamespace(label="K"), scene=SimpleNamespace(robot=dqc.load_robot("iiwa7"))
+    )
+    assert beyond_limits(case, trials) == "K: joint_3 went 11° beyond its limits, in 2 of 4 repeats"
 
 
 def test_progress_counts_trials_to_the_end():

@@ -9,7 +9,14 @@ from study_specs import AT_ONCE, FAR, spec
 
 import dqcontrol as dqc
 from dqcontrol import cli
-from dqcontrol.errors import Error, ExistsError, FileFormatError, UnknownNameError, ValueRangeError
+from dqcontrol.errors import (
+    Error,
+    ExistsError,
+    FileFormatError,
+    ShapeError,
+    UnknownNameError,
+    ValueRangeError,
+)
 from dqcontrol.experiments import load_study, rank, run_sweep_to, sweep
 from dqcontrol.experiments.results_folder import working_folder
 from dqcontrol.experiments.spec import as_spec
@@ -35,6 +42,14 @@ def study(**changes):
 def small_parts(monkeypatch):
     """Let parts hold three runs."""
     monkeypatch.setattr(sweep, "_MOST_IN_PART", 6)
+
+
+def test_what_does_not_fit_at_the_first_point_names_file_and_point():
+    short = read_sweep(study(sweep={"over": OVER | {"start": [[0, 1]]}}))
+    with pytest.raises(
+        ShapeError, match=r"^spec: start: .*, got shape \(2,\) \(at the point .*, start = \[0, 1\]\)$"
+    ):
+        _ = short.first
 
 
 @pytest.mark.slow

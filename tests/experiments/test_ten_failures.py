@@ -178,6 +178,16 @@ GOOD = {
         IIWA | IDEAL | {"reference": {"kind": "circle", "radius": 0.06, "duration": 4}, "law": FEED_FORWARD},
         "followed",
     ),
+    "cut short": (
+        IIWA
+        | IDEAL
+        | {
+            "reference": {"kind": "circle", "radius": 0.06, "duration": 4},
+            "law": FEED_FORWARD,
+            "duration": 0.5,
+        },
+        "followed (only the first 0.5 s of 4 s)",
+    ),
 }
 
 
@@ -231,7 +241,7 @@ def test_a_good_run_says_so_and_ends_with_0(name, said):
     assert said(spec) == (words, 0)
 
 
-@pytest.mark.parametrize(("comes", "words"), [(True, "too late: "), (False, "not reached: still moves ")])
+@pytest.mark.parametrize(("comes", "words"), [(True, "too late: "), (False, "not reached: still moves, ")])
 def test_a_hand_that_sways_below_its_goal_is_not_late(comes, words):
     """It hangs 20 mm low and goes to and fro by a millimetre at 3 Hz; or it still comes nearer at the end."""
     robot, time = dqc.load_robot("iiwa7"), np.linspace(0, 2, 401)
@@ -260,7 +270,7 @@ FURTHER = {
     "reached": ([{"task": "right", "gain": 5, "reference": AWAY}], r"followed; right: reached$", 0),
     "short": (
         [{"task": "right", "gain": 0.5, "level": 1, "reference": AWAY}],
-        r"right: not reached: still moves 4\d\.\d mm off; followed",
+        r"right: not reached: still moves, 4\d\.\d mm off; followed",
         1,
     ),
     "in the way": (

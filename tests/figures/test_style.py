@@ -1,7 +1,11 @@
 """What figures share: one spike flattens no panel, legends lie beside curves."""
 
+from dataclasses import replace
+
 import numpy as np
 
+import dqcontrol as dqc
+from dqcontrol.figures.robots import shapes_picture
 from dqcontrol.figures.style import beyond_spikes, legend_above, new_figure
 
 
@@ -31,3 +35,10 @@ def test_a_legend_of_a_panel_lies_above_it():
     legend = axes.get_legend()
     assert legend is not None
     assert legend.get_window_extent().y0 >= axes.get_window_extent().y1
+
+
+def test_more_shapes_than_colours_differ():
+    arm = dqc.load_robot("iiwa7")
+    shapes = [replace(arm.shapes.shapes[0], name=f"shape {i}") for i in range(12)]
+    picture = shapes_picture(arm, shapes, np.zeros(7))
+    assert len({patch.get_facecolor() for patch in picture.legends[0].get_patches()}) == 12

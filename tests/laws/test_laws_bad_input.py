@@ -19,7 +19,7 @@ LAWS = [Proportional, ProportionalFeedforward]
         (-2, ValueRangeError, r"^gain: must be > 0, got -2$"),
         (float("nan"), ValueRangeError, r"^gain: must be finite, got nan$"),
         (float("inf"), ValueRangeError, r"^gain: must be finite, got inf$"),
-        ([1.0] * 7, ShapeError, r"^gain: expected shape \(…, 8\), got shape \(7,\)$"),
+        ([1.0] * 7, ShapeError, r"^gain: expected one number or 8, got shape \(7,\)$"),
         ([1.0] * 7 + [0.0], ValueRangeError, r"^gain\[7\]: must be > 0, got 0$"),
         ([1.0] * 7 + [np.nan], ValueRangeError, r"^gain\[7\]: must be finite, got nan$"),
         (np.ones((2, 8)), ShapeError, r"^gain\[0\]: expected a number, got a list"),
@@ -112,6 +112,8 @@ def test_lists_integers_and_foreign_layouts_are_configurations(make_arm):
         assert np.array_equal(Proportional(gain=1.0).command(arm, same, sample, period=0.01), wanted)
     out = np.empty(6)
     assert law.command(q, sample, law.initial_state(q), out) is out
+    with pytest.raises(ShapeError, match=r"^sample: expected references.Sample, got array"):
+        law.command(q, sample.pose, law.initial_state(q))
     assert np.array_equal(out, wanted)
 
 

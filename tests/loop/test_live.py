@@ -190,6 +190,7 @@ def test_what_is_no_pose_changes_nothing_and_says_why(arm):
         (2 * goal, ValueRangeError),
         (goal[:7], ShapeError),
         (np.tile(goal, (2, 1)), ShapeError),
+        ("x", ShapeError),
     ):
         with pytest.raises(error, match="target"):
             live.target = wrong

@@ -182,6 +182,7 @@ def test_summary_leaves_out_what_does_not_exist():
     rows = {row[0]: row[1:] for row in summary_table(metrics()).rows}
     assert rows["Position error mean"] == ["100", "mm"]
     assert rows["Samples"] == ["3", ""]
+    assert "Verdict" not in rows, "is printed for itself, and takes the width of a window"
     assert "Limit margin" not in rows
     assert "Nearest to limit" not in rows
 

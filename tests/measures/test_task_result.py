@@ -107,7 +107,7 @@ def test_a_run_that_falls_short_says_by_how_much_and_what_helps():
     spec["reference"] = {"kind": "set-point", "duration": 1, "offset": {"translation": [0, 0.2, 0]}}
     with pytest.warns(
         TaskWarning,
-        match=r"^proportional · servo: too late: .*; not reached: still moves .* mm, .*° off: .*\(duration: 5\)",
+        match=r"^proportional · servo: too late: .*; not reached: still moves, .* mm, .*° off: .*\(duration: 5\)",
     ):
         run = dqc.run(spec)
     assert dqc.run(spec | {"duration": 5}).task.words == "reached"

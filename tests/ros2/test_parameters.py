@@ -76,7 +76,7 @@ def robot(path):
         (controller, "supervisor.velocity:=0.0", "supervisor.velocity: must be > 0, got 0"),
         (controller, "joint_names:=[a, b]", "joint_names: expected 7 names, got 2"),
         (controller, "joint_names:=3", "parameter joint_names: expected names, got 3"),
-        (controller, "law.gain:=100000.0", "position unstable: k = 1e+05 1/s, limit 2.01e+03 1/s"),
+        (controller, "law.gain:=100000.0", "position unstable: k = 100000 1/s, limit 2007 1/s"),
         (controller, "allow_unstable:=3", "parameter allow_unstable: expected true or false, got 3"),
         (controller, "base_frame:=3", "parameter base_frame: expected a name, got 3"),
         (robot, "command_timeout:=9.0", "parameter command_timeout: expected a number 0.002 … 1, got 9.0"),

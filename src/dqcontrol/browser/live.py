@@ -16,7 +16,7 @@ from dqcontrol.constraints import Constraints
 from dqcontrol.errors import Error, FileFormatError, ShapeError
 from dqcontrol.experiments import execute, prepare
 from dqcontrol.loop import Clock, Record
-from dqcontrol.recording import RecordStream
+from dqcontrol.recording import RecordStream, load_metadata
 from dqcontrol.recording.mcap_writer import COMMAND, MEASURED, SAMPLE, STATES
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
@@ -34,7 +34,12 @@ def growing_recording(path: Path) -> Path | None:
     if path.suffix == ".mcap":
         return path
     inner = path / "record.mcap"
-    return inner if inner.is_file() and not (path / "metrics.json").exists() else None
+    if not inner.is_file() or (path / "metrics.json").exists():
+        return None
+    try:
+        return None if "stopped" in load_metadata(inner) else inner  # its end says why it ended
+    except FileFormatError:  # nothing is there yet
+        return inner
 
 
 class GrowingRecording:

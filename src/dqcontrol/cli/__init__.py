@@ -12,7 +12,7 @@ from functools import cache
 from typing import NoReturn
 
 import lazy_loader
-from cyclopts import App, CycloptsError, Group
+from cyclopts import App, CycloptsError, Group, Parameter
 from cyclopts.exceptions import CommandCollisionError, UnknownCommandError, UnusedCliTokensError
 
 import dqcontrol
@@ -76,6 +76,7 @@ app: App = App(
     help_format="plaintext",
     group_commands=Group("Options", sort_key=len(GROUPS) + 1),
     suppress_keyboard_interrupt=False,
+    default_parameter=Parameter(negative_iterable=()),  # no --empty-position beside --position
 )
 _TOGETHER = {  # in one file; others have one of their own
     "start_commands": ("new", "list"),
@@ -143,9 +144,9 @@ def main() -> None:
         mistake = _mistake(error)
         _fail(USER_ERROR, f"{mistake}{' See' if mistake.endswith('?') else '; see'} {command}")
     except dqcontrol.Error as error:  # looked up only now: it loads NumPy
-        _fail(USER_ERROR, str(error))
+        _fail(USER_ERROR, str(error), error)
     except KeyboardInterrupt as interrupt:
-        _fail(INTERRUPTED, f"interrupted{interrupt}")
+        _fail(INTERRUPTED, "interrupted", interrupt)
     except BrokenPipeError:
         _drop_output()
         sys.exit(0)
@@ -218,7 +219,9 @@ def _drop_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _fail(code: int, text: str) -> NoReturn:
+def _fail(code: int, text: str, error: BaseException | None = None) -> NoReturn:
+    """End with a line, and what an error notes beside what it says."""
+    text = "; ".join([text, *getattr(error, "__notes__", ())])
     print(f"dqcontrol: {' '.join(text.split())}", file=sys.stderr)
     sys.exit(code)
 

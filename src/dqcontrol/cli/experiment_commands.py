@@ -91,9 +91,10 @@ def _resumable(folder: Path, kept: str) -> Iterator[None]:
 
     try:
         yield
-    except KeyboardInterrupt:
-        words = f"; {kept}: rerun the same command to resume"
-        raise KeyboardInterrupt(words * working_folder(folder).exists()) from None
+    except KeyboardInterrupt as interrupt:
+        if working_folder(folder).exists():
+            interrupt.add_note(f"{kept}: rerun the same command to resume")
+        raise
 
 
 def run(
@@ -199,6 +200,8 @@ def sweep(
 ) -> None:
     """Run a parameter study and list its best points; rerun it to resume after an interruption.
 
+    The last line says how many runs failed, and why most of them; exit status as of dqcontrol run.
+
     Parameters
     ----------
     spec
@@ -221,7 +224,9 @@ def sweep(
         ranking = run_sweep_to(
             spec, folder, force=force, jobs=jobs, scheduler=scheduler, by=by, progress=progress
         )
-    print_found(ranking.table(), folder=folder)
+    print_found(ranking.table(), folder=folder, words=[ranking.failures] * bool(ranking.failures))
+    if ranking.failures:
+        sys.exit(FAILED)
 
 
 def gains(
@@ -308,7 +313,7 @@ def learn(
     repeats: int | None = None,
     out: options.Out = None,
     force: options.ReplaceResults = False,
-    real_time: bool = False,
+    real_time: options.Switch = False,
     ros2: Literal["velocity", "position", "trajectory"] | None = None,
     network: options.Switch = False,
 ) -> None:

@@ -24,7 +24,7 @@ def compare(
     out: Out = None,
     force: ReplaceResults = False,
     by: str | None = None,
-    where: Annotated[tuple[str, ...], Parameter(negative=())] = (),
+    where: tuple[str, ...] = (),
     best_per: str | None = None,
 ) -> None:
     """Compare saved runs: one table; with --out plots and a report. Of studies with repeats, a table of means.
@@ -146,7 +146,9 @@ def _save(runs: Mapping[str, Run], path: Path, in_progress: object) -> None:
     from dqcontrol.errors import ExistsError, ValueRangeError, writing
 
     if in_progress:
-        raise ValueRangeError("save: takes runs that are over; one in progress is shown without it")
+        raise ValueRangeError(
+            "save: takes folders of runs that are over; one in progress, or a recording, is shown without it"
+        )
     if path.suffix != ".html":
         raise ValueRangeError(f"save: expected the name of a page, .html, got '{path}'")
     if path.exists():
@@ -227,9 +229,7 @@ def report(*folders: Path, jobs: int | None = None) -> None:
 
 def figures(
     *folders: Path,
-    formats: Annotated[tuple[Literal["pdf", "png", "svg"], ...], Parameter(name="--format", negative=())] = (
-        "pdf",
-    ),
+    formats: Annotated[tuple[Literal["pdf", "png", "svg"], ...], Parameter(name="--format")] = ("pdf",),
     width: Literal["single", "double"] = "double",
     out: Out = None,
     force: Force = False,

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter, validators
 
-from dqcontrol.cli.options import ANGLES, BaseLink, Port, TipLink
+from dqcontrol.cli.options import ANGLES, BaseLink, Port, Switch, TipLink
 from dqcontrol.cli.screen import joint_columns, joint_values, print_table
 
 robots: App = App(
@@ -18,7 +18,7 @@ robots: App = App(
 
 
 @robots.command(name="list")
-def list_all(*, installed: bool = False) -> None:
+def list_all(*, installed: Switch = False) -> None:
     """List the bundled robots, or those whose files other installed packages bring.
 
     Parameters
@@ -177,7 +177,7 @@ def shapes(
     tip_link: TipLink = None,
     write: Path | None = None,
     picture: Path | None = None,
-    pairs: bool = False,
+    pairs: Switch = False,
 ) -> None:
     """Show, check and draw the shapes of a robot's links and the pairs kept apart; of a URDF or MJCF file find both.
 

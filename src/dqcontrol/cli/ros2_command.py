@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from cyclopts import App, Parameter, validators
 
 from dqcontrol.cli import add_offered
-from dqcontrol.cli.options import Out, ReplaceResults, RosArguments
+from dqcontrol.cli.options import Out, ReplaceResults, RosArguments, Switch
 
 ros2: App = App(name="ros2", help="Controllers and simulated robots as ROS 2 nodes.", help_format="plaintext")
 
@@ -46,7 +46,7 @@ def controller(
     name: str = "dqcontrol",
     follow: Literal["spec", "pose", "twist", "servo", "haptics"] = "spec",
     options: NodeOptions = _DEFAULTS,
-    autostart: bool = False,
+    autostart: Switch = False,
     out: Out = None,
     force: ReplaceResults = False,
     tracker: str | None = None,

@@ -348,7 +348,9 @@ class Controller:
             out = np.empty(self.robot.input_size)
         try:  # what `step` does: one call less
             status = self._step(self.plan, self.memory, q, sample.numbers, -1, self.period, state, out)
-        except TypeError:  # a list, integers
+        except (AttributeError, TypeError):  # a list, integers
+            if not isinstance(sample, Sample):
+                raise ShapeError(f"sample: expected references.Sample, got {sample!r:.80}") from None
             self._check(state, out)
             values = as_array("q", q)
             if values.ndim != 1:

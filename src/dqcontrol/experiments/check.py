@@ -23,7 +23,7 @@ from dqcontrol.experiments.spec import AnyPlant, Spec
 from dqcontrol.geometry import Hull, distance_kernels as kernels
 from dqcontrol.limits import CommandLimits, Compensation
 from dqcontrol.measures import stability
-from dqcontrol.measures.number_texts import percent_text
+from dqcontrol.measures.number_texts import number_text, percent_text
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.robots import Robot
@@ -227,12 +227,14 @@ class LoopCheck:
         if verdict == "good":
             return self._small_only
         if loop.gain.lag * self.period >= 2:
-            return f"{self.names.label}: unstable: k_v = {loop.gain.lag:.3g} 1/s, limit {2 / self.period:.3g} 1/s"
+            limit = number_text(2 / self.period)
+            return f"{self.names.label}: unstable: k_v = {number_text(loop.gain.lag)} 1/s, limit {limit} 1/s"
         if limits.stable == 0:
             cure = "; give limits.compensation a longer observer, or a truer lag and delay"
             what = ("the plant with its observer", cure) if self.observed else ("the plant", "")
             return f"{self.names.label}: {loop.gain.loop} unstable: so is {what[0]}, with any gain{what[1]}"
-        facts = f"k = {abs(loop.gain.value):.3g} 1/s{when}, limit {limits.stable / self.period:.3g} 1/s"
+        gain, limit = number_text(abs(loop.gain.value)), number_text(limits.stable / self.period)
+        facts = f"k = {gain} 1/s{when}, limit {limit} 1/s"
         if verdict == "oscillatory":
             facts += f", overshoot {percent_text(loop.overshoot)}"
         if verdict == "unstable for large errors":

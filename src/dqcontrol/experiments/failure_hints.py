@@ -14,7 +14,7 @@ from dqcontrol.experiments.feasibility import too_few_joints, way_out
 from dqcontrol.experiments.prepared_experiment import Combination
 from dqcontrol.laws.null_space import BestHeading
 from dqcontrol.measures.metrics import AT_LIMIT, UNSEEN
-from dqcontrol.measures.number_texts import percent_text
+from dqcontrol.measures.number_texts import angle_text, length_text, percent_text
 from dqcontrol.references.drive_to import PlannedWay
 from dqcontrol.references.sample import TIME
 
@@ -39,7 +39,7 @@ def warn_of_failures(cases: Sequence[tuple[Combination, Trials]], *, stacklevel:
         As for `warnings.warn`.
     """
     found = (
-        (LimitWarning, (beyond_limits(case.names.label, trials) for case, trials in cases)),
+        (LimitWarning, (beyond_limits(case, trials) for case, trials in cases)),
         (LimitWarning, (beyond_velocities(case.names.label, trials) for case, trials in cases)),
         (CollisionWarning, (collided(case, trials) for case, trials in cases)),
         (TaskWarning, (not_done(case, trials) for case, trials in cases)),
@@ -50,16 +50,16 @@ def warn_of_failures(cases: Sequence[tuple[Combination, Trials]], *, stacklevel:
             warnings.warn(lines[0] + more, kind, stacklevel=stacklevel + 1)
 
 
-def beyond_limits(label: str, trials: Trials) -> str:
+def beyond_limits(case: Combination, trials: Trials) -> str:
     """Say how far repeats of one case went beyond the joint limits; nothing if none did."""
     crossed = [trial for trial in trials if (trial["limit_margin"] or 0.0) < -UNSEEN]
     if not crossed:
         return ""
     worst = min(crossed, key=lambda trial: trial["limit_margin"])
-    return (
-        f"{label}: {worst['limit_joint']} went {-worst['limit_margin']:.3g} rad or m beyond its limits"
-        f"{_count(crossed, trials, ', ')}"
-    )
+    robot, name, beyond = case.scene.robot, worst["limit_joint"], -worst["limit_margin"]
+    turns = robot.joint_types[robot.joint_names.index(name)] == "revolute"
+    by = angle_text(beyond) if turns else length_text(beyond)
+    return f"{case.names.label}: {name} went {by} beyond its limits{_count(crossed, trials, ', ')}"
 
 
 def beyond_velocities(label: str, trials: Trials) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +17,7 @@ from dqcontrol.errors import FileFormatError, ValueRangeError, unknown_name
 from dqcontrol.experiments.parameter_units import parameter_unit
 from dqcontrol.experiments.results_folder import import_pyarrow
 from dqcontrol.experiments.study import ROWS
+from dqcontrol.experiments.verdict import verdict_of
 from dqcontrol.measures.metric_tables import LARGE_IS_GOOD, number_column
 from dqcontrol.measures.repeats import LABELS
 from dqcontrol.tables.tables import Cell, Column, PlusMinus, Table, Tabled
@@ -26,6 +29,7 @@ BEST_BY = "error.integral"
 TOP = 10
 _BESIDE = ("position.settled_rms", "orientation.settled_rms", "effort")  # shown too
 _PARAMETER = "parameter."
+_VERDICT = ["verdict", "failure", "stopped"]
 
 
 @dataclass(frozen=True)
@@ -44,12 +48,15 @@ class Ranking(Tabled):
     each
         The label or parameter for each value of which this is the best, in the order of its values; empty if all are
         there, the best first.
+    failures
+        How many runs failed, and of the commonest cause how many and the words of one; empty if none did.
     """
 
     by: str
     groups: pyarrow.Table
     placed: int
     each: str = ""
+    failures: str = ""
 
     def __repr__(self) -> str:
         return f"Ranking(by {self.by}, {self.placed:,} of {len(self.groups):,} points have a place)"
@@ -159,6 +166,10 @@ def rank(
     rows = arrow.concat_tables(parts, promote_options="permissive")
     for key, value in (where or {}).items():
         rows = _chosen(arrow, rows, key, value)
+    failures = _failures(arrow, rows)
+    # How near a run came to its task is what most numbers say; one that hit something is no better for being near.
+    fair = arrow.compute.is_in(rows["failure"], value_set=arrow.array(["", "task"]))
+    rows = rows.drop_columns(_VERDICT).append_column("failed", arrow.compute.invert(fair))
     keys = [name for name in rows.column_names if name not in (*numbers, "failed")]
     spread = arrow.compute.VarianceOptions(ddof=1)
     sums = [(name, *kind) for name in numbers for kind in (("mean",), ("stddev", spread), ("count",))]
@@ -167,7 +178,24 @@ def rank(
     whole = np.array(groups[f"{by}_count"]) == np.array(groups["count_all"])
     placed = whole & ~np.array(groups["failed_any"], dtype=bool)
     order = np.argsort(np.where(placed, -means if by in LARGE_IS_GOOD else means, np.inf), kind="stable")
-    return Ranking(by, groups.take(arrow.array(order)), int(placed.sum()))
+    return Ranking(by, groups.take(arrow.array(order)), int(placed.sum()), failures=failures)
+
+
+def _failures(arrow: Any, rows: pyarrow.Table) -> str:
+    """Return what `Ranking.failures` says of rows; causes are alike in what stands before their numbers."""
+    failed = rows.filter(arrow.compute.fill_null(arrow.compute.not_equal(rows["failure"], ""), True))
+    words = [verdict_of(row).words for row in failed.select(_VERDICT).to_pylist()]
+    if not words:
+        return ""
+    causes = [re.split(":| at ", each)[0] for each in words]
+    ((cause, count),) = Counter(causes).most_common(1)
+    first = failed.slice(causes.index(cause), 1).to_pylist()[0]
+    place = [f"point {first['point']}"] if "point" in first else []
+    place += [first[label] for label in LABELS if first.get(label)]
+    return (
+        f"{len(words):,} of {len(rows):,} runs failed, {count:,} of them like {', '.join(place)}: "
+        f"{words[causes.index(cause)]}"
+    )
 
 
 def _read(arrow: Any, folder: Path, numbers: Sequence[str], *, several: bool) -> pyarrow.Table:
@@ -177,12 +205,9 @@ def _read(arrow: Any, folder: Path, numbers: Sequence[str], *, several: bool) ->
     try:
         names = arrow.parquet.read_schema(path).names
         labels = [n for n in names if n in LABELS or n == "point" or n.startswith(_PARAMETER)]
-        rows = arrow.parquet.read_table(path, columns=[*labels, "failure", *numbers])
+        rows = arrow.parquet.read_table(path, columns=[*labels, *_VERDICT, *numbers])
     except (OSError, arrow.ArrowException) as error:
         raise FileFormatError(f"{path}: cannot be read: {' '.join(str(error).split())[:200]}") from None
-    # How near a run came to its task is what most numbers say; one that hit something is no better for being near.
-    fair = arrow.compute.is_in(rows["failure"], value_set=arrow.array(["", "task"]))
-    rows = rows.drop_columns(["failure"]).append_column("failed", arrow.compute.invert(fair))
     return rows.add_column(0, "study", arrow.repeat(folder.name, len(rows))) if several else rows
 
 

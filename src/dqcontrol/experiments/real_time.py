@@ -18,7 +18,7 @@ from dqcontrol.loop import Clock, Record
 from dqcontrol.loop.supervision import BlackBox, Watch
 from dqcontrol.recording import RecordStream
 from dqcontrol.recording.mcap import FOLDER, save_last_seconds
-from dqcontrol.recording.stream import prepare_to_record
+from dqcontrol.recording.stream import broken_off, prepare_to_record
 from dqcontrol.robots import Robot
 
 RECORD = "record.mcap"
@@ -168,7 +168,7 @@ def run_in_real_time(
         try:
             record = execute(setting, case, clock=clock, watch=watch, recording=begin, black_box=black_box)
         except BaseException as error:
-            _keep(black_box, streamed, f"broken off: {error or type(error).__name__}")
+            _keep(black_box, streamed, broken_off(error))
             raise
         begun[0].close(record.stopped)
     if record.stopped.startswith(("halted", "faulted", "diverged")):

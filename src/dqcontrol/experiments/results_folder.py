@@ -60,10 +60,14 @@ def check_new(folder: str | Path, *, force: bool) -> None:
     """
     target = Path(folder)
     _clear_up(target)
-    if not target.exists() and not target.is_symlink():
+    is_new = not target.exists() and not target.is_symlink()
+    if is_new or force:
         near = next((parent for parent in target.absolute().parents if parent.exists()), Path("/"))
-        if not near.is_dir() or not os.access(near, os.W_OK | os.X_OK):
-            raise Error(f"{target}: cannot be written: {near} is not writable")
+        try:  # what a system says of rights is not all that keeps one from writing
+            Path(tempfile.mkdtemp(prefix=".dqcontrol-", dir=near)).rmdir()
+        except OSError:
+            raise Error(f"{target}: cannot be written: {near} is not writable") from None
+    if is_new:
         return
     if not force:
         raise ExistsError(f"{target}: exists; choose another folder, or replace it with --force (force=True)")

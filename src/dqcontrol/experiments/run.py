@@ -24,7 +24,7 @@ from dqcontrol.experiments.results_folder import PARENT, new_folder
 from dqcontrol.experiments.run_comparison import summary
 from dqcontrol.experiments.spec import AnyLaw, AnyPlant, MetricsFrom, Spec, read_spec
 from dqcontrol.experiments.spec.spec_files import write_spec
-from dqcontrol.experiments.verdict import Judge, Verdict, verdict_of
+from dqcontrol.experiments.verdict import Judge, Verdict, verdict_of, whole_duration
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop import Record, Timing, simulate_prepared
@@ -168,8 +168,10 @@ class Run:
         if spec is None:
             return Judge(self.robot)
         times = spec.period * np.arange(len(self.record), dtype=np.float64)
-        tasks = spec.prepared_tasks(self.robot, self.record.q[0], Path(), times)
-        return Judge(self.robot, spec.variants[0].law, self.plant, spec, tasks)
+        start, folder = self.record.q[0], Path()  # as file names in the text are absolute
+        tasks = spec.prepared_tasks(self.robot, start, folder, times)
+        whole = whole_duration(spec, self.robot, start, folder)
+        return Judge(self.robot, spec.variants[0].law, self.plant, spec, tasks, whole=whole)
 
     @cached_property
     def task(self) -> TaskResult:

@@ -271,7 +271,9 @@ class Sweep:
     @cached_property
     def first(self) -> PreparedExperiment:
         """The first point."""
-        return self.setting(next(self.sampling.points_between(0, 1)))
+        (point,) = self.sampling.points_between(0, 1)
+        with self._at(point):
+            return self.setting(point)
 
     @property
     def runs(self) -> int:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from dqcontrol import algebra
+from dqcontrol.arrays import Array
 from dqcontrol.constraints.constraint_view import ConstraintView
 from dqcontrol.constraints.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import SELF
@@ -96,6 +98,17 @@ def headline(verdicts: Sequence[tuple[str, Verdict]]) -> str:
     return f"{len(failed)} of {len(verdicts)} runs failed: {label}: {words}"
 
 
+def whole_duration(spec: Spec, robot: Robot, start: Array, folder: Path) -> float:
+    """Return the s that a reference takes, if a spec says how long its runs are; 0 if not, or if nothing ends it.
+
+    ``start`` is the configuration that they start in, (n,), and ``folder`` where file names of the spec start.
+    """
+    if spec.duration is None or spec.reference.plans_around:
+        return 0.0
+    whole = spec.reference.build(robot.fkm(start), folder).duration
+    return whole if math.isfinite(whole) else 0.0
+
+
 class Judge:
     """Gives verdicts on the runs of one robot, law and plant.
 
@@ -110,6 +123,8 @@ class Judge:
         Its further tasks, made ready.
     desired
         What the samples of the reference ask for, if that is known.
+    whole
+        As `whole_duration` says.
     """
 
     def __init__(
@@ -120,10 +135,11 @@ class Judge:
         spec: Spec | None = None,
         tasks: PreparedTasks | None = None,
         desired: DesiredMotion | None = None,
+        whole: float = 0.0,
     ) -> None:
         self.robot, self.law, self.plant, self.desired = robot, law, plant, desired
         self._supervisor = None if spec is None or plant is None else spec.supervisor_of(plant)
-        self._period, self._tasks = 1.0 if spec is None else spec.period, tasks
+        self._period, self._tasks, self._whole = 1.0 if spec is None else spec.period, tasks, whole
         self._constraints: Constraints | None = None if law is None else law.constraints
         reference = None if spec is None else spec.reference
         kind = "" if reference is None else str(reference.__struct_config__.tag)
@@ -173,7 +189,11 @@ class Judge:
         further = [] if self._tasks is None else list(self._further(record, self._tasks, skip_initial))
         found.extend(("task", words) for words, failed in further if failed)
         told = [words for words, failed in (*pressed, *further) if not failed]
-        task = metrics.verdict
+        lasted = record.duration
+        cut = f" (only the first {lasted:.3g} s of {self._whole:.3g} s)" * (
+            lasted < self._whole - self._period
+        )
+        task = metrics.verdict + cut
         met += [
             words.replace("hit ", "pressed on ", 1)
             if (body := self._hit(words)) and body.role == "springy"
@@ -190,7 +210,7 @@ class Judge:
             return Verdict("; ".join([*met, task, *told, *kept, *self._done(record)]), "")
         if task.startswith("not ") and not self._outcome:
             if not found and (left := self._left(record, result)):
-                left = f"left the {self._motion} by {left}; back on it at the end"
+                left = f"left the {self._motion} by {left}; back on it at the end{cut}"
                 return Verdict("; ".join([*self._kept(record), left, *told]), "")
             cause = next(self._causes(record, metrics, result), "")
             found.append(("task", f"{cause}; {task}" if cause else task))

@@ -33,6 +33,7 @@ from dqcontrol.loop.closed_loop import SampleSink
 from dqcontrol.loop.interrupts import first_interrupt
 from dqcontrol.loop.supervision import SECONDS, Watch, most_steps_to_rest
 from dqcontrol.plants.plant import CompiledPlant
+from dqcontrol.recording.stream import broken_off
 from dqcontrol.references.sample import SAMPLE_SIZE, TIME
 from dqcontrol.supervisor.interventions import INTERVENTIONS, describe_stop, reasons
 
@@ -102,7 +103,7 @@ def run_compiled_in_real_time(
             try:
                 _watched(host, recording, watch)
             except BaseException as error:
-                _keep_last_seconds(parts, streamed, host, f"broken off: {error or type(error).__name__}")
+                _keep_last_seconds(parts, streamed, host, broken_off(error))
                 raise
             rows = host.rows[: host.written]
             record = _record(parts, rows)

@@ -264,6 +264,8 @@ def _drawn_size(axes: Any) -> tuple[float, float]:
 
 _VIEWS = ((18.0, -60.0), (18.0, 30.0))  # elevation and azimuth, degrees
 _OPACITY = 0.5
+_DARKER = 0.5
+_NAMES, _ROW = 4, 0.2  # of shapes in a row, and its height, inches
 _THINNEST = 0.4  # of the longest side: less would leave no room for the numbers
 
 
@@ -286,17 +288,23 @@ def shapes_picture(robot: Robot, shapes: Sequence[LinkShape], q: Array) -> Figur
     >>> arm = dqc.load_robot("panda")
     >>> shapes_picture(arm, arm.shapes.shapes, np.zeros(7)).savefig("panda.png")  # doctest: +SKIP
     """
+    from matplotlib.colors import to_rgb
     from matplotlib.patches import Patch
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     moved = [list(surroundings.faces_of(each, 1.0)) for each in LinkShapes(tuple(shapes)).moved(robot, q)]
-    colours = [styles.COLOURS[i % len(styles.COLOURS)] for i in range(len(shapes))]
+    colours = [  # the same again are darker
+        tuple(
+            _DARKER ** (i // len(styles.COLOURS)) * np.array(to_rgb(styles.COLOURS[i % len(styles.COLOURS)]))
+        )
+        for i in range(len(shapes))
+    ]
     branches, discs = silhouette(robot, robot.frames(q))
     everything = np.vstack([*branches, *discs, *(face for faces in moved for face in faces)])
     middle = 0.5 * (everything.min(axis=0) + everything.max(axis=0))
     extents = np.ptp(everything, axis=0)
     size = 1.05 * np.maximum(extents, _THINNEST * extents.max())
-    figure = styles.new_figure(7.2, 4.4)
+    figure = styles.new_figure(7.2, 4.0 + _ROW * -(-len(shapes) // _NAMES))
     for i, (elevation, azimuth) in enumerate(_VIEWS):
         axes: Any = figure.add_subplot(1, 2, i + 1, projection="3d", computed_zorder=False)
         faces = [face for each in moved for face in each]
@@ -306,11 +314,11 @@ def shapes_picture(robot: Robot, shapes: Sequence[LinkShape], q: Array) -> Figur
             axes.plot(*joints.T, color=styles.NEUTRAL, lw=1.5, marker="o", ms=3, zorder=3)
         for disc in discs:
             axes.plot(*disc.T, color=styles.NEUTRAL, lw=0.8)
-        styles.frame_space(axes, middle, size, [4 if each > 0.6 * size.max() else 2 for each in size])
-        axes.set_box_aspect(size.copy(), zoom=0.9)  # it changes its argument
+        styles.frame_space(axes, middle, size, [4 if each > 0.6 * size.max() else 2 for each in size], 7.0)
+        axes.set_box_aspect(size.copy(), zoom=0.84)  # it changes its argument
         axes.view_init(elev=elevation, azim=azimuth)
     handles = [Patch(fc=colours[i], alpha=_OPACITY, label=each.name) for i, each in enumerate(shapes)]
-    figure.legend(handles=handles, loc="lower center", ncols=4)
+    figure.legend(handles=handles, loc="lower center", ncols=_NAMES)
     return figure
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-_UNITS = {
+UNITS = {
     "rad": ("rad", 1.0),
     "mrad": ("rad", 1e-3),
     "deg": ("rad", math.pi / 180),
@@ -31,7 +31,7 @@ _UNITS = {
 }
 _QUANTITY = re.compile(
     r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*("
-    + "|".join(sorted(_UNITS, key=len, reverse=True))
+    + "|".join(sorted(UNITS, key=len, reverse=True))
     + r")(/s(?:[²³]|\^?[23])?)?\s*"
 )
 _SHORT_TIMES = frozenset(  # of servos, networks and filters: milliseconds; none of ours is longer than 1 s
@@ -57,7 +57,7 @@ def as_quantity(text: str) -> tuple[float, str] | None:
     """
     if not (match := _QUANTITY.fullmatch(text)):
         return None
-    unit, factor = _UNITS[match[2]]
+    unit, factor = UNITS[match[2]]
     number = float(match[1])
     value = math.radians(number) if factor == math.pi / 180 else number * factor
     return value, unit + (match[3] or "").translate(_POWERS)

@@ -22,7 +22,7 @@ except ImportError:  # PyYAML was built without libyaml, which reads several tim
 
 from dqcontrol.errors import FileFormatError, suggest
 from dqcontrol.files.input_file import read_text
-from dqcontrol.files.units import as_quantity
+from dqcontrol.files.units import UNITS, as_quantity
 
 T = TypeVar("T")
 
@@ -234,7 +234,12 @@ def _in_words(text: str, data: Any) -> str:
 
     text = re.sub(r"'((?:\w+)(?: \| \w+)*)'", plain, text)
     if isinstance(data, str) and text.endswith(", got text"):
-        return f"{text} {data!r:.80}"
+        units = (
+            f"; units: {', '.join(UNITS)}"
+            if "a number" in text and re.match(r"[-+.\d]+ *[^\W\d]", data)
+            else ""
+        )
+        return f"{text} {data!r:.80}{units}"
     if isinstance(data, bool | int | float):
         return re.sub(", got (true or false|a whole number|a number)$", f", got {str(data).lower()}", text)
     return text

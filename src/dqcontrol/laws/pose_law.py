@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dqcontrol.arrays import Array
 from dqcontrol.compiled.memory_layout import MemoryLayout
-from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_positive
+from dqcontrol.errors import ShapeError, ValueRangeError, as_array, as_each, as_positive
 from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
 from dqcontrol.laws.law import Law, LoopRates
 from dqcontrol.named_fields import CheckedFields
@@ -78,10 +78,7 @@ def gain_matrix_rows(
         return np.full((1, size), as_positive(field, gain))
     if isinstance(gain, Schedule) or np.ndim(gain) == 0:
         return np.repeat(gain_rows(field, gain, times)[:, None], size, axis=1)  # type: ignore[arg-type]
-    diagonal = as_array(field, gain, (size,))
-    if diagonal.ndim != 1:
-        raise ShapeError(f"{field}: expected a number or {size} diagonal entries, got shape {diagonal.shape}")
-    return diagonal[None, :]
+    return as_each(field, gain, size)[None, :]
 
 
 class PoseParameters(NamedTuple):

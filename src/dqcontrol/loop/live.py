@@ -464,7 +464,10 @@ class Live:
 
 def _one_pose(field: str, pose: ArrayLike) -> Array:
     """Return a unit dual quaternion, shape (8,), or one that is no pose as it is not finite; raise of anything else."""
-    goal = np.asarray(pose, dtype=np.float64)
+    try:
+        goal = np.asarray(pose, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ShapeError(f"{field}: expected one pose, shape (8,), got {pose!r:.80}") from None
     if goal.shape != (8,) or np.isfinite(goal).all():
         goal = algebra.as_unit(field, goal)
         if goal.shape != (8,):

@@ -95,7 +95,7 @@ SHORT = (
 
 
 def summary_table(metrics: Metrics, title: str = "") -> Table:
-    """Return all numbers of one run, one a row.
+    """Return all numbers of one run, one a row; its verdict stands for itself, and takes more than a line.
 
     Examples
     --------
@@ -105,7 +105,7 @@ def summary_table(metrics: Metrics, title: str = "") -> Table:
     rows: list[list[Cell]] = [
         [column.title, column.show(flat[key]), column.unit]
         for key, column in METRIC_COLUMNS.items()
-        if flat[key] not in (None, "")
+        if key != "verdict" and flat[key] not in (None, "")
     ]
     for name, key, (title, unit) in _of_tasks(metrics):
         for part, part_title in _PARTS.items():

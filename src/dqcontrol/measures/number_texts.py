@@ -1,4 +1,4 @@
-"""Numbers in sentences: as many digits as tell something, and no powers of ten."""
+"""Numbers in sentences: as many digits as tell something, and powers of ten from a million on alone."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def number_text(value: float, digits: int = 3) -> str:
     >>> number_text(0.12345), number_text(99.7, 2), number_text(46512.3)
     ('0.123', '100', '46512')
     """
-    return f"{value:.{digits}g}" if abs(value) < 10**digits - 0.5 else f"{value:.0f}"
+    return f"{value:.0f}" if 10**digits - 0.5 <= abs(value) < 1e6 else f"{value:.{digits}g}"
 
 
 def length_text(value: float, digits: int = 3) -> str:

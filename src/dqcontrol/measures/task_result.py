@@ -94,7 +94,7 @@ class TaskResult:
             return ""
         if self.at_rest:
             where = " in a singularity" * self.is_singular
-            return f"{'still moves' if self.is_moving else 'rests'} {', '.join(parts)} off{where}"
+            return f"{'still moves,' if self.is_moving else 'rests'} {', '.join(parts)} off{where}"
         return f"errs by {', '.join(parts)} RMS"
 
 
@@ -173,7 +173,7 @@ def task_result(
     >>> for duration in (1.0, 4.0):
     ...     found = task_result(dqc.simulate(arm, goal, law, dqc.plants.Integrator(), q, 0.01, duration))
     ...     print(found.words)
-    not reached: still moves 24.5 mm, 6.3° off
+    not reached: still moves, 24.5 mm, 6.3° off
     reached
     """
     judged = _before_braking(record)

@@ -34,6 +34,11 @@ def prepare_to_record(robot: Robot) -> None:
     _ = pose_errors.compiled, robot.fkm(np.zeros((1, robot.configuration_size)))
 
 
+def broken_off(error: BaseException) -> str:
+    """Return how a run ended that an error, or the user, broke off."""
+    return f"broken off: {str(error) or type(error).__name__}"
+
+
 class RecordStream:
     """Writes samples to an MCAP file from a thread, once a second, and faster if they come faster than in real time.
 
@@ -127,7 +132,9 @@ class RecordStream:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close(f"broken off: {error}" if error else "")
+        if error:
+            error.add_note(f"recorded until then: {self.path}")
+        self.close(broken_off(error) if error else "")
 
     def _work(self) -> None:
         if self._is_urgent:

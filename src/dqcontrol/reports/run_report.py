@@ -24,7 +24,7 @@ from dqcontrol.measures.held import deadlocks, plans_of_run
 from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.measures.metric_tables import metrics_tables
 from dqcontrol.measures.metrics import UNSEEN
-from dqcontrol.measures.number_texts import angle_text, length_text, percent_text
+from dqcontrol.measures.number_texts import angle_text, length_text, number_text, percent_text
 from dqcontrol.measures.task_range import RANGE, TaskRange
 from dqcontrol.measures.task_result import TaskResult
 from dqcontrol.plants.mujoco.gripper import GRIP_FORCE
@@ -211,8 +211,8 @@ def _loop_gains(found: LoopCheck) -> Row:
     if found.loops:
         worst = found.worst
         words = (
-            f"{worst.gain.loop}: k = {abs(worst.gain.value):.3g} 1/s, limit "
-            f"{worst.limits.stable / found.period:.3g} 1/s, overshoot {percent_text(found.overshoot)}"
+            f"{worst.gain.loop}: k = {number_text(abs(worst.gain.value))} 1/s, limit "
+            f"{number_text(worst.limits.stable / found.period)} 1/s, overshoot {percent_text(found.overshoot)}"
         )
     return ["Loop gains", judged(found), words]
 

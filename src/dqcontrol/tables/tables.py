@@ -24,6 +24,7 @@ T = TypeVar("T")
 
 MISSING = "–"
 _AGREES = 0.1  # as a ratio: 10 %
+_LARGE = re.compile(r"e\+0[1-5]$")  # a power of ten that takes as much room as all digits before the point
 _DIGITS = 8  # of a value that is shown to the place of its spread; beyond, both are shown for themselves
 
 
@@ -155,7 +156,10 @@ class Column:
             return cell.parts(self.format)
         if known(cell) is None:
             return MISSING, ""
-        return format(cell, self.format) if isinstance(cell, float) else str(cell), ""
+        if not isinstance(cell, float):
+            return str(cell), ""
+        text = format(cell, self.format)
+        return f"{cell:.0f}" if self.format.endswith("g") and _LARGE.search(text) else text, ""
 
 
 def known(cell: T) -> T | None:

@@ -27,6 +27,7 @@ from dqcontrol.experiments.result_pages import clip
 from dqcontrol.figures.style import COLOURS
 from dqcontrol.geometry import Plane
 from dqcontrol.loop.record import Record
+from dqcontrol.measures.number_texts import number_text
 from dqcontrol.robots import describe
 
 
@@ -191,17 +192,17 @@ class LawTab(_Quiet):
                 limits, period = row.worst.limits, setting.spec.period
                 good, limit = limits.recommended / period, limits.stable / period
                 self._mark(self._present_gain(), good, limit)
-                ends = f"; stable up to {limit:.3g}" if math.isfinite(limit) else ""
-                words = f"Good up to {good:.3g} 1/s{ends}. "
+                ends = f"; stable up to {number_text(limit)}" if math.isfinite(limit) else ""
+                words = f"Good up to {number_text(good)} 1/s{ends}. "
             self._expected.content = f"{words}This one: {row.verdict}. {row.remark}".strip()
 
     def _mark(self, gain: float, good: float, limit: float) -> None:
         """Let the slider reach beyond the limit, as far as that is near; mark both."""
         most = max(1.3 * limit if limit < 8 * good else 4 * good, 1.2 * gain, 1.0)
         most = _STEP * math.ceil(most / _STEP)
-        marks = [(round(good, 1), f"good {good:.3g}")] if _LEAST < good < most else []
+        marks = [(round(good, 1), f"good {number_text(good)}")] if _LEAST < good < most else []
         if limit < most:
-            marks.append((round(limit, 1), f"limit {limit:.3g}"))
+            marks.append((round(limit, 1), f"limit {number_text(limit)}"))
         value = min(max(round(gain, 1), _LEAST), most)
         if self._marked == (most, marks):
             self._gain.value = value

@@ -573,7 +573,12 @@ def in_numbers(where: str, data: dict[str, Any], folder: Path) -> dict[str, Any]
     """Return plain data with what files say in their place, and with numbers in SI units for texts like ``60 mm``."""
     complete_plants(data, folder)
     if "world" in data:
-        data["world"] = said_world(data["world"], folder)
+        try:
+            data["world"] = said_world(data["world"], folder)
+        except FileFormatError as error:
+            if isinstance(data["world"], str):
+                raise FileFormatError(f"{where}: world: {error}") from None
+            raise
     admit(where, data, folder)
     data = numbers_for_quantities(where, data, list(kinds_of(Spec)))
     changed = [(f"grids.{law}", keys) for law, keys in _items(data.get("grids"))]

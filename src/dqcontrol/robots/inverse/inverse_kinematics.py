@@ -284,7 +284,7 @@ def _explain(
     few = f" (an arm of {n} joints has few orientations anywhere)" if n < 6 else ""
     return False, (
         "unreachable: the position can be reached, but not with this orientation; the nearest pose found is "
-        f"{position:.3g} m and {orientation:.3g} rad off{few}"
+        f"{round(1e3 * position, 3):g} mm and {round(math.degrees(orientation), 3):g}° off{few}"
     )
 
 
