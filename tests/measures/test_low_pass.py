@@ -45,3 +45,12 @@ def test_motion_is_that_of_the_smooth_run_and_all_else_is_as_it_was():
             name
         )
     assert found["joint_path_length"] < 0.2 * given["joint_path_length"]
+
+
+@pytest.mark.parametrize(("share", "left"), [(0.5, 16 / 17), (1.0, 1 / 2), (2.0, 1 / 17)])
+def test_a_sine_leaves_as_of_a_filter_of_second_order_there_and_back(share, left):
+    """|H|² = 1/(1 + (f/f_c)⁴), without a shift, far below the Nyquist frequency."""
+    time = 1e-3 * np.arange(8000)
+    sine = np.sin(2 * np.pi * 5.0 * share * time)[:, None]
+    inside = slice(2000, 6000)
+    assert low_passed(time, sine, 5.0)[inside] == pytest.approx(left * sine[inside], abs=2e-3)

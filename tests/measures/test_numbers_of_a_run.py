@@ -130,7 +130,9 @@ def test_a_desired_motion_is_measured_from_its_mean_and_its_end():
     axis = np.array([0.6, -0.3, 0.74]) / np.linalg.norm([0.6, -0.3, 0.74])
     turns = np.hstack([np.cos(angles / 2)[:, None], np.sin(angles / 2)[:, None] * axis])
     desired = algebra.pose(turns, places)
-    samples = np.hstack([desired, np.zeros((40, 12)), np.arange(40.0)[:, None]])
+    signs = rng.choice([-1.0, 1.0], (40, 1))
+    signs[0] = -1.0
+    samples = np.hstack([signs * desired, np.zeros((40, 12)), np.arange(40.0)[:, None]])
     mean = 2 * np.arctan2(np.sin(angles / 2).mean(), np.cos(angles / 2).mean())
     steps = np.linalg.norm(np.diff(desired, axis=0), axis=1)
     found = DesiredMotion.of(samples).numbers

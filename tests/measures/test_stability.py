@@ -412,3 +412,49 @@ def test_behind_a_limit_of_acceleration_large_errors_bound_what_is_recommended(a
     free, limited = (gain_limits(model, T, accelerations_limited=each) for each in (False, True))
     assert (free.large, limited.large) == (np.inf, large_error_limit(model, T))
     assert limited.recommended == min(free.recommended, limited.large)
+
+
+@pytest.mark.parametrize("window", [2, 5])
+@pytest.mark.parametrize("from_measured", [False, True])
+def test_behind_a_mean_leaves_that_of_the_last_rates_or_positions(window, from_measured):
+    """Of rates u itself is averaged, of positions y + T u, whose rate is (mean − y)/T."""
+    rng = np.random.default_rng(6)
+    model = LinearModel(rng.normal(0, 0.4, (3, 3)), rng.normal(0, 1, (3, 2)))
+    seen = with_mean(model, window, T, from_measured=from_measured)
+    state, last = np.zeros(3), [np.zeros(2)] * window
+    whole = np.zeros(len(seen.transition))
+    for command in rng.normal(size=(20, 2)):
+        last = [state[:2] + T * command if from_measured else command, *last[:-1]]
+        rate = (np.mean(last, axis=0) - state[:2]) / T if from_measured else np.mean(last, axis=0)
+        # A model's inputs are of a rate; where commands count from y they move its target by T times it.
+        state = model.transition @ state + model.inputs @ rate
+        whole = seen.transition @ whole + seen.inputs @ command
+        np.testing.assert_allclose(whole[:3], state, atol=1e-9 * max(1, np.abs(state).max()))
+
+
+@pytest.mark.parametrize(("tau", "delay"), [(0.05, 0.0), (0.05, 0.02), (0.02, 0.013)])
+def test_at_the_limit_of_large_errors_the_harmonic_balance_holds(arm, tau, delay):
+    """k G N = −1 at some frequency, N = 8/π² cos φ e^(−jφ) of a rate that is always at its limit."""
+    model = Servo(time_constant=tau, delay=delay).linear_model(arm, None, T)
+    gain = large_error_limit(model, T) / T
+    unit, angles = np.eye(len(model.transition)), np.geomspace(1e-3, 3.1, 3000)
+    loop = np.array(
+        [np.linalg.solve(np.exp(1j * a) * unit - model.transition, model.inputs)[0, 0] for a in angles]
+    )
+    late = np.pi + np.unwrap(np.angle(loop))
+    rated = (late > 0) & (late < np.pi / 2)
+    balance = loop * 8 / np.pi**2 * np.cos(late) * np.exp(-1j * late)
+    assert np.abs(gain * balance[rated] + 1).min() < 2e-3
+    assert np.abs(0.97 * gain * balance[rated] + 1).min() > 0.02
+
+
+def test_a_loop_s_gain_is_its_largest_and_the_integral_s_share_is_of_its_square(arm):
+    law = Proportional(gain=4.0, integral_gain=2.0)
+    assert [each.integral_share for each in loop_gains(law, law.prepare(arm, None, T)) or ()] == [
+        0.125,
+        0.125,
+    ]
+    steps = dqc.laws.Schedule(times=[0.0, 1.0, 2.0], values=[1.0, 5.0, 2.0])
+    law = Proportional(gain=steps)
+    found = (loop_gains(law, law.prepare(arm, SetPoint(arm.fkm(Q0)), T)) or ())[0]
+    assert (found.value, found.time) == (pytest.approx(5.0), pytest.approx(1.0))
