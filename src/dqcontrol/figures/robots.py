@@ -309,7 +309,10 @@ def shapes_picture(robot: Robot, shapes: Sequence[LinkShape], q: Array) -> Figur
         axes: Any = figure.add_subplot(1, 2, i + 1, projection="3d", computed_zorder=False)
         faces = [face for each in moved for face in each]
         fill = [colour for each, colour in zip(moved, colours, strict=True) for _ in each]
-        axes.add_collection3d(Poly3DCollection(faces, facecolors=fill, alpha=_OPACITY, shade=True))
+        solid = Poly3DCollection(faces, facecolors=fill, alpha=_OPACITY, shade=True)
+        axes.add_collection3d(
+            solid, autolim=False
+        )  # Matplotlib reads memory that faces of fewer corners leave unset
         for joints in branches:
             axes.plot(*joints.T, color=styles.NEUTRAL, lw=1.5, marker="o", ms=3, zorder=3)
         for disc in discs:
