@@ -163,12 +163,12 @@ def test_the_old_results_survive_when_the_new_cannot_be_moved(tmp_path, monkeypa
 
 def test_where_nothing_can_be_written(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(Error, match=r"run: cannot be written: .*file is not writable$"):
+    with pytest.raises(Error, match=r"run: cannot be written: .*file: Not a directory$"):
         check_new(tmp_path / "file" / "run", force=False)
     check_new(tmp_path / "new", force=False)
     assert files(tmp_path) == ["file"]
     if sys.platform == "linux":  # there root may write, by its rights
-        with pytest.raises(Error, match=r"x: cannot be written: /proc is not writable$"):
+        with pytest.raises(Error, match=r"x: cannot be written: /proc: .*$"):
             check_new("/proc/x", force=False)
 
 

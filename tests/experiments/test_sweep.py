@@ -209,7 +209,7 @@ def test_points_that_fail_are_rows_and_have_no_place(tmp_path):
     data = study(laws=None, law={**AT_ONCE, "gain": 1}, reference=FAR, sweep=keys)
     ranking = run_sweep_to(data, tmp_path / "s")
     assert ranking.placed == 1
-    assert "1 with failed runs left out" in ranking.table().title
+    assert "1 left out, whose runs hit something, left their limits or ended early" in ranking.table().title
     bad = [row for row in load_study(tmp_path / "s").rows if row["point"] == 1]
     assert all(str(row["stopped"]).startswith("diverged") for row in bad)
 
@@ -224,7 +224,10 @@ def test_points_that_hit_something_have_no_place(tmp_path):
     )
     ranking = run_sweep_to(data, tmp_path / "s", jobs=1)
     assert ranking.column("point").tolist() == [1]
-    assert ranking.table().title == "best 1 of 2 by error.integral; 1 with failed runs left out"
+    assert (
+        ranking.table().title
+        == "best 1 of 2 by error.integral; 1 left out, whose runs hit something, left their limits or ended early"
+    )
     failures = [row["failure"] for row in load_study(tmp_path / "s").rows]
     assert failures == ["contact", "contact", "task", "task"]
 

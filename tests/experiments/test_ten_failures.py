@@ -2,6 +2,7 @@
 
 import re
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -189,6 +190,28 @@ GOOD = {
         "followed (only the first 0.5 s of 4 s)",
     ),
 }
+
+
+def test_only_who_followed_the_reference_is_told_how_much_of_it(tmp_path):
+    """Not a run that another motion led, nor one whose points file is gone since."""
+    given = dqc.run({"name": "run"} | GOOD["cut short"][0])
+    assert given.verdict.words.endswith("(only the first 0.5 s of 4 s)")
+    away = dqc.algebra.multiply(dqc.algebra.pose([1, 0, 0, 0], [0, 0, 0.1]), given.record.desired[:, :8])
+    other = replace(given.record, desired=np.hstack([away, given.record.desired[:, 8:]]))
+    assert "only the first" not in replace(given, record=other).verdict.words
+    x, y, z = given.record.position[0].tolist()
+    file = tmp_path / "way.csv"
+    file.write_text(f"time,x,y,z\n0,{x},{y},{z}\n4,{x},{y + 0.1},{z}\n")
+    spec = (
+        {"name": "run"}
+        | IIWA
+        | IDEAL
+        | {"reference": {"kind": "points", "file": str(file)}, "law": FEED_FORWARD, "duration": 0.5}
+    )
+    saved = dqc.run(spec)
+    assert "only the first 0.5 s" in saved.verdict.words
+    file.unlink()
+    assert replace(saved).verdict.words.startswith("followed")
 
 
 @pytest.fixture

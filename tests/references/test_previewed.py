@@ -87,7 +87,7 @@ def test_a_jump_is_led_by_as_much_for_the_lag_not_by_a_pulse():
     assert np.allclose(made_up, 0.05 * plain[50] * 3 / 5)  # all but the delay that cannot be made up for
 
 
-@pytest.mark.parametrize("lag", [0.0, 0.05])
+@pytest.mark.parametrize("lag", [0.0, 0.005, 0.009, 0.05])
 @pytest.mark.parametrize("periods", [0.5, 1.0, 2.2, 2.5, 3.0])
 def test_samples_are_led_as_the_motion_that_they_are_of_whatever_the_delay(lag, periods):
     """A piece's twist is that of its middle: read at its start it would come half a period early."""

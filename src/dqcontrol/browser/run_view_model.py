@@ -1,4 +1,4 @@
-"""A run as what a scene needs of it at any time: frames, paths, and the numbers beside it, as HTML."""
+"""A run as what a scene needs of it: frames and paths at any time, extent, view, and numbers beside it as HTML."""
 
 from __future__ import annotations
 

@@ -152,13 +152,17 @@ def main() -> None:
         sys.exit(0)
     except OSError as error:  # a full disk, a folder that went away
         _drop_output()
-        _fail(USER_ERROR, str(error))
+        _fail(USER_ERROR, str(error), error)
     except ValueError as error:
         if type(error).__name__ != "LinAlgError":  # by name: NumPy may not be loaded
             raise
-        _fail(USER_ERROR, f"cannot be computed: {error}; look for a zero, an infinite or a very large number")
-    except MemoryError:
-        _fail(USER_ERROR, "not enough memory for this; take fewer or shorter runs, or smaller files")
+        _fail(
+            USER_ERROR,
+            f"cannot be computed: {error}; look for a zero, an infinite or a very large number",
+            error,
+        )
+    except MemoryError as error:
+        _fail(USER_ERROR, "not enough memory for this; take fewer or shorter runs, or smaller files", error)
 
 
 def _without_flags(arguments: list[str]) -> list[str]:

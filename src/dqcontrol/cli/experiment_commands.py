@@ -317,7 +317,7 @@ def learn(
     ros2: Literal["velocity", "position", "trajectory"] | None = None,
     network: options.Switch = False,
 ) -> None:
-    """Repeat a motion and learn from each repeat; writes learnt.csv, and learnt.yaml, which dqcontrol run runs.
+    """Repeat a motion and learn from each repeat; writes learnt.yaml, which dqcontrol run runs, and its learnt.csv.
 
     Parameters
     ----------

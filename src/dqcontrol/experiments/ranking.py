@@ -114,7 +114,9 @@ class Ranking(Tabled):
         if self.each:
             return f"best by {self.by} for each {self.each.removeprefix(_PARAMETER)}"
         lost = len(self.groups) - self.placed
-        left_out = f"; {lost:,} with failed runs left out" if lost else ""
+        left_out = (
+            f"; {lost:,} left out, whose runs hit something, left their limits or ended early" if lost else ""
+        )
         return f"best {shown} of {len(self.groups):,} by {self.by}{left_out}"
 
 

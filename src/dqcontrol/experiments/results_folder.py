@@ -63,10 +63,10 @@ def check_new(folder: str | Path, *, force: bool) -> None:
     is_new = not target.exists() and not target.is_symlink()
     if is_new or force:
         near = next((parent for parent in target.absolute().parents if parent.exists()), Path("/"))
-        try:  # what a system says of rights is not all that keeps one from writing
+        try:  # rights alone do not tell: the file system may be read-only or full
             Path(tempfile.mkdtemp(prefix=".dqcontrol-", dir=near)).rmdir()
-        except OSError:
-            raise Error(f"{target}: cannot be written: {near} is not writable") from None
+        except OSError as error:
+            raise Error(f"{target}: cannot be written: {near}: {error.strerror}") from None
     if is_new:
         return
     if not force:

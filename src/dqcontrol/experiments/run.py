@@ -15,7 +15,7 @@ from msgspec.structs import replace as replace_field
 
 from dqcontrol.arrays import Array
 from dqcontrol.constraints import Constraints
-from dqcontrol.errors import ShapeError
+from dqcontrol.errors import Error, ShapeError
 from dqcontrol.experiments.check import LoopCheck, warn_unstable
 from dqcontrol.experiments.failure_hints import warn_of_failures
 from dqcontrol.experiments.prepared_experiment import Combination, PreparedExperiment, prepare
@@ -24,7 +24,7 @@ from dqcontrol.experiments.results_folder import PARENT, new_folder
 from dqcontrol.experiments.run_comparison import summary
 from dqcontrol.experiments.spec import AnyLaw, AnyPlant, MetricsFrom, Spec, read_spec
 from dqcontrol.experiments.spec.spec_files import write_spec
-from dqcontrol.experiments.verdict import Judge, Verdict, verdict_of, whole_duration
+from dqcontrol.experiments.verdict import Judge, Verdict, verdict_of
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.files.yaml_file import parse_yaml
 from dqcontrol.loop import Record, Timing, simulate_prepared
@@ -35,9 +35,12 @@ from dqcontrol.measures.task_range import with_range
 from dqcontrol.measures.task_result import TaskResult, task_result
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.recording import export_record, save_record
+from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
 
 Progress = Callable[[int, int], None]
+
+_SAME = 1e-6  # of a pose's numbers: what is recorded is the reference's own, to rounding
 
 
 @dataclass(frozen=True)
@@ -170,8 +173,19 @@ class Run:
         times = spec.period * np.arange(len(self.record), dtype=np.float64)
         start, folder = self.record.q[0], Path()  # as file names in the text are absolute
         tasks = spec.prepared_tasks(self.robot, start, folder, times)
-        whole = whole_duration(spec, self.robot, start, folder)
+        whole = self._whole(spec, folder)
         return Judge(self.robot, spec.variants[0].law, self.plant, spec, tasks, whole=whole)
+
+    def _whole(self, spec: Spec, folder: Path) -> float:
+        """Return the reference's duration, s; 0 where that takes a plan, its file is gone, or another was followed."""
+        if spec.duration is None or spec.reference.plans_around:
+            return 0.0
+        try:
+            reference = spec.reference.build(self.robot.fkm(self.record.q[0]), folder)
+        except Error:  # a file that has been moved
+            return 0.0
+        wanted, last = reference.at(self.record.time[-1]).pose, self.record.desired[-1, POSE]
+        return reference.duration if np.abs(wanted - last).max() < _SAME else 0.0
 
     @cached_property
     def task(self) -> TaskResult:
@@ -275,9 +289,8 @@ def measure(
     ``judge`` gives its verdict; without it one that knows the robot alone.
     """
     limits, judge = robot.limits, judge or Judge(robot)
-    if (
-        judge.plant is not None and command_mode(judge.plant) == "measured"
-    ):  # its commands are no velocities of joints
+    # Commands that count from what is measured are no velocities of joints.
+    if judge.plant is not None and command_mode(judge.plant) == "measured":
         limits = replace(limits, velocity=np.full_like(limits.velocity, np.inf))
     shown = as_measured(record, robot, metrics_from)
     skip_initial = min(skip_initial, record.duration)

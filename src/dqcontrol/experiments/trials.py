@@ -17,7 +17,7 @@ from dqcontrol.experiments.prepared_experiment import Combination, Names, Prepar
 from dqcontrol.experiments.processes import in_processes
 from dqcontrol.experiments.results_folder import Row, folder_names
 from dqcontrol.experiments.run import Run, as_run, execute, measure
-from dqcontrol.experiments.verdict import Judge, whole_duration
+from dqcontrol.experiments.verdict import Judge
 from dqcontrol.loop import Record
 from dqcontrol.measures.metric_tables import METRIC_COLUMNS
 
@@ -92,7 +92,7 @@ class Batch:
         case = case if law is case.prepared else replace(case, prepared=law)
         scene = case.scene
         spec = self.setting.spec
-        whole = whole_duration(spec, scene.robot, scene.start, self.setting.folder)
+        whole = 0.0 if spec.reference.plans_around else scene.reference.duration
         judge = Judge(scene.robot, case.variant.law, case.plant, spec, scene.tasks, scene.desired, whole)
         for repeat in self.repeats:
             yield self._outcome(case, repeat, progress, judge)

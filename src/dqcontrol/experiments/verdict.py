@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from dqcontrol import algebra
-from dqcontrol.arrays import Array
 from dqcontrol.constraints.constraint_view import ConstraintView
 from dqcontrol.constraints.constraints import Constraints
 from dqcontrol.constraints.prepared_constraints import SELF
@@ -98,17 +96,6 @@ def headline(verdicts: Sequence[tuple[str, Verdict]]) -> str:
     return f"{len(failed)} of {len(verdicts)} runs failed: {label}: {words}"
 
 
-def whole_duration(spec: Spec, robot: Robot, start: Array, folder: Path) -> float:
-    """Return the s that a reference takes, if a spec says how long its runs are; 0 if not, or if nothing ends it.
-
-    ``start`` is the configuration that they start in, (n,), and ``folder`` where file names of the spec start.
-    """
-    if spec.duration is None or spec.reference.plans_around:
-        return 0.0
-    whole = spec.reference.build(robot.fkm(start), folder).duration
-    return whole if math.isfinite(whole) else 0.0
-
-
 class Judge:
     """Gives verdicts on the runs of one robot, law and plant.
 
@@ -124,7 +111,7 @@ class Judge:
     desired
         What the samples of the reference ask for, if that is known.
     whole
-        As `whole_duration` says.
+        Duration of the whole reference, s, before whose end a run may be told to end; 0 or infinite: none is known.
     """
 
     def __init__(
@@ -139,7 +126,9 @@ class Judge:
     ) -> None:
         self.robot, self.law, self.plant, self.desired = robot, law, plant, desired
         self._supervisor = None if spec is None or plant is None else spec.supervisor_of(plant)
-        self._period, self._tasks, self._whole = 1.0 if spec is None else spec.period, tasks, whole
+        self._period, self._tasks = 1.0 if spec is None else spec.period, tasks
+        is_cut = spec is not None and spec.duration is not None and math.isfinite(whole)
+        self._whole = whole if is_cut else 0.0
         self._constraints: Constraints | None = None if law is None else law.constraints
         reference = None if spec is None else spec.reference
         kind = "" if reference is None else str(reference.__struct_config__.tag)

@@ -1,4 +1,4 @@
-"""Numbers in sentences: as many digits as tell something, and powers of ten from a million on alone."""
+"""Numbers in sentences: as many digits as tell something, and powers of ten only from a million on."""
 
 from __future__ import annotations
 
@@ -12,7 +12,11 @@ def number_text(value: float, digits: int = 3) -> str:
     --------
     >>> number_text(0.12345), number_text(99.7, 2), number_text(46512.3)
     ('0.123', '100', '46512')
+    >>> number_text(5.7e-5, 2)
+    '0.000057'
     """
+    if 0 < abs(value) < 1e-4:  # where Python begins with powers of ten
+        return f"{value:.{digits - 1 - math.floor(math.log10(abs(value)))}f}" if abs(value) >= 1e-9 else "0"
     return f"{value:.0f}" if 10**digits - 0.5 <= abs(value) < 1e6 else f"{value:.{digits}g}"
 
 

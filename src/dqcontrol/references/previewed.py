@@ -76,7 +76,7 @@ class Previewed(Reference):
         step = max(_STEP * lag, _LEAST_STEP) if self.step is None else as_positive("step", self.step)
         starts, jumps = _starts(_Same(self.reference))
         gaps, smoothed = np.diff(starts), max(lag, step + SNAP)
-        close = gaps < lag
+        close = gaps < smoothed
         even = 1 + np.flatnonzero((gaps[1:] < smoothed) & (np.abs(np.diff(gaps)) < SNAP))
         sampled = starts[even], gaps[even - 1], jumps[even]
         if close.any():
@@ -118,9 +118,8 @@ class Previewed(Reference):
             return moving
         k = np.minimum(np.searchsorted(corners + gaps / 2, times), len(corners) - 1)
         away = times - corners[k]
-        found = np.flatnonzero(
-            np.abs(away) < gaps[k] / 2 - SNAP
-        )  # in the middle it is what it is, to the last bit
+        # In the middle it is what it is, to the last bit.
+        found = np.flatnonzero(np.abs(away) < gaps[k] / 2 - SNAP)
         k, away, out = k[found], away[found], moving.copy()
         out[found, :6] += (away / gaps[k] + np.where(away < -SNAP, 0.5, -0.5))[:, None] * jumps[k]
         return out

@@ -73,7 +73,7 @@ def write_sweep_report(ranking: Ranking, spec: str, folder: Path) -> None:
     from dqcontrol.figures import sweep_figure
 
     count = len(ranking.groups)
-    well = VerdictCell.of(ranking.placed == count, "succeeded", "failed")
+    well = VerdictCell.of(not ranking.failures, "succeeded", ranking.failures)
     _write(
         spec,
         folder,
@@ -82,7 +82,7 @@ def write_sweep_report(ranking: Ranking, spec: str, folder: Path) -> None:
         facts=f"{count:,} points, ranked by {ranking.by}",
         verdicts=[
             Table(
-                [Column("Points whose runs ended well"), Column("End")],
+                [Column("Points with a place"), Column("Runs")],
                 [[f"{ranking.placed:,} of {count:,}", well]],
             )
         ],

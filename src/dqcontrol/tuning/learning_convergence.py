@@ -129,7 +129,7 @@ def loop_shape(
     period = prepared.period
     smoothed = (
         period < reference.smoothed
-    )  # twists of points go from middle to middle, else they are constant
+    )  # twists of points go from middle to middle; else they are constant
     steps = reference.delay / period - 0.5 * smoothed
     ahead = math.floor(steps + 1e-9)
     part = smoothed * round(steps - ahead, 9)
