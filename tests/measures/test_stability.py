@@ -436,6 +436,7 @@ def test_behind_a_mean_leaves_that_of_the_last_rates_or_positions(window, from_m
 def test_at_the_limit_of_large_errors_the_harmonic_balance_holds(arm, tau, delay):
     """k G N = −1 at some frequency, N = 8/π² cos φ e^(−jφ) of a rate that is always at its limit."""
     model = Servo(time_constant=tau, delay=delay).linear_model(arm, None, T)
+    assert model is not None
     gain = large_error_limit(model, T) / T
     unit, angles = np.eye(len(model.transition)), np.geomspace(1e-3, 3.1, 3000)
     loop = np.array(
@@ -456,5 +457,5 @@ def test_a_loop_s_gain_is_its_largest_and_the_integral_s_share_is_of_its_square(
     ]
     steps = dqc.laws.Schedule(times=[0.0, 1.0, 2.0], values=[1.0, 5.0, 2.0])
     law = Proportional(gain=steps)
-    found = (loop_gains(law, law.prepare(arm, SetPoint(arm.fkm(Q0)), T)) or ())[0]
+    found, *_ = loop_gains(law, law.prepare(arm, SetPoint(arm.fkm(Q0)), T)) or ()
     assert (found.value, found.time) == (pytest.approx(5.0), pytest.approx(1.0))
