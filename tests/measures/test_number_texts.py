@@ -20,7 +20,7 @@ from dqcontrol.measures.task_result import TaskResult
         (999.4, 3, "999"),
         (999.6, 3, "1000"),
         (46512.3, 4, "46512"),
-        (1e-7, 3, "1e-07"),
+        (1e-7, 3, "0.0000001"),
     ],
 )
 def test_digits_or_all_before_the_point(value, digits, text):

@@ -127,8 +127,7 @@ class Judge:
         self.robot, self.law, self.plant, self.desired = robot, law, plant, desired
         self._supervisor = None if spec is None or plant is None else spec.supervisor_of(plant)
         self._period, self._tasks = 1.0 if spec is None else spec.period, tasks
-        is_cut = spec is not None and spec.duration is not None and math.isfinite(whole)
-        self._whole = whole if is_cut else 0.0
+        self._whole = whole if math.isfinite(whole) else 0.0
         self._constraints: Constraints | None = None if law is None else law.constraints
         reference = None if spec is None else spec.reference
         kind = "" if reference is None else str(reference.__struct_config__.tag)

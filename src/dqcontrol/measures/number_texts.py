@@ -16,7 +16,8 @@ def number_text(value: float, digits: int = 3) -> str:
     '0.000057'
     """
     if 0 < abs(value) < 1e-4:  # where Python begins with powers of ten
-        return f"{value:.{digits - 1 - math.floor(math.log10(abs(value)))}f}" if abs(value) >= 1e-9 else "0"
+        places = digits - 1 - math.floor(math.log10(abs(value)))
+        return f"{value:.{places}f}".rstrip("0") if abs(value) >= 1e-9 else "0"
     return f"{value:.0f}" if 10**digits - 0.5 <= abs(value) < 1e6 else f"{value:.{digits}g}"
 
 
