@@ -27,7 +27,9 @@ from dqcontrol.experiments.spec.spec_files import write_spec
 from dqcontrol.experiments.verdict import Judge, Verdict, verdict_of
 from dqcontrol.files.long_array import row_by_row
 from dqcontrol.files.yaml_file import parse_yaml
-from dqcontrol.loop import Record, Timing, simulate_prepared
+from dqcontrol.loop import Clock, Record, Timing, simulate_prepared
+from dqcontrol.loop.closed_loop import SampleSink
+from dqcontrol.loop.supervision import BlackBox, Watch
 from dqcontrol.measures.lyapunov import with_certificate
 from dqcontrol.measures.metrics import Metrics, metrics_of
 from dqcontrol.measures.run_numbers import run_numbers
@@ -301,11 +303,19 @@ def measure(
     return metrics.judged(verdict.words, verdict.failure)
 
 
-def execute(setting: PreparedExperiment, case: Combination, repeat: int = 0, **how: Any) -> Record:
-    """Return the record of one trial of a prepared spec.
-
-    ``how`` it runs, as with a clock in real time, is said as to `loop.simulate.simulate_prepared`: ``interpreted``,
-    ``progress``, ``clock``, ``recording``, ``watch`` and ``black_box``.
+def execute(
+    setting: PreparedExperiment,
+    case: Combination,
+    repeat: int = 0,
+    *,
+    interpreted: bool = False,
+    progress: Progress | None = None,
+    clock: Clock | None = None,
+    recording: Callable[[], SampleSink] | None = None,
+    watch: Watch | None = None,
+    black_box: BlackBox | None = None,
+) -> Record:
+    """Return the record of one trial of a prepared spec; with a clock in real time.
 
     Raises
     ------
@@ -324,7 +334,12 @@ def execute(setting: PreparedExperiment, case: Combination, repeat: int = 0, **h
         seed=spec.seed + repeat,
         reference=scene.reference,
         lasts=spec.duration is None,
-        **how,
+        interpreted=interpreted,
+        progress=progress,
+        clock=clock,
+        recording=recording,
+        watch=watch,
+        black_box=black_box,
     )
     record = with_range(scene.robot, record, case.variant.law)
     if not spec.keeps_records:
