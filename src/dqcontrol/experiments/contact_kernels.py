@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from dqcontrol.algebra.dual_quaternion_kernels import position
+from dqcontrol.algebra.dual_quaternion_kernels import position, rotated
 from dqcontrol.compiled.compile import OK, READ2, STATUS, WRITE, WRITE2, inline, kernel
 from dqcontrol.geometry.distance_kernels import (
     ALONG,
@@ -46,27 +46,17 @@ def pair_distances(frames, shapes, pairs, shifts, placed, found, out):
 @inline
 def _move(pose, body, out):
     """Write a ball, capsule or box where a pose takes it."""
-    w, x, y, z = pose[0], pose[1], pose[2], pose[3]
     px, py, pz = position(pose)
     at = CORE if body[KIND] == ROUND else CENTER
-    out[at], out[at + 1], out[at + 2] = _turned(w, x, y, z, body[at], body[at + 1], body[at + 2])
+    out[at], out[at + 1], out[at + 2] = rotated(pose, body[at : at + 3])
     out[at] += px
     out[at + 1] += py
     out[at + 2] += pz
     if body[KIND] == ROUND:
-        out[ALONG], out[ALONG + 1], out[ALONG + 2] = _turned(
-            w, x, y, z, body[ALONG], body[ALONG + 1], body[ALONG + 2]
-        )
+        out[ALONG], out[ALONG + 1], out[ALONG + 2] = rotated(pose, body[ALONG : ALONG + 3])
     else:
         for k in range(ROTATION, ROTATION + 3):
-            out[k], out[k + 3], out[k + 6] = _turned(w, x, y, z, body[k], body[k + 3], body[k + 6])
-
-
-@inline
-def _turned(w, x, y, z, a, b, c):
-    """Return a vector turned by a unit quaternion."""
-    u, v, t = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
-    return a + w * u + y * t - z * v, b + w * v + z * u - x * t, c + w * t + x * v - y * u
+            out[k], out[k + 3], out[k + 6] = rotated(pose, (body[k], body[k + 3], body[k + 6]))
 
 
 @inline
