@@ -180,7 +180,7 @@ class Run:
 
     def _whole(self, spec: Spec, folder: Path) -> float:
         """Return the reference's duration, s; 0 where that takes a plan, its file is gone, or another was followed."""
-        if spec.duration is None or spec.reference.plans_around:
+        if not spec.may_cut:
             return 0.0
         try:
             reference = spec.reference.build(self.robot.fkm(self.record.q[0]), folder)

@@ -92,8 +92,7 @@ class Batch:
         case = case if law is case.prepared else replace(case, prepared=law)
         scene = case.scene
         spec = self.setting.spec
-        is_whole = spec.duration is None or spec.reference.plans_around
-        whole = 0.0 if is_whole else scene.reference.duration
+        whole = scene.reference.duration if spec.may_cut else 0.0
         judge = Judge(scene.robot, case.variant.law, case.plant, spec, scene.tasks, scene.desired, whole)
         for repeat in self.repeats:
             yield self._outcome(case, repeat, progress, judge)

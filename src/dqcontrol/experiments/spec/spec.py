@@ -481,6 +481,11 @@ class Spec(Part, frozen=True, kw_only=True, dict=True):
         return self.repeats == 1 if self.record is None else self.record == "all"
 
     @property
+    def may_cut(self) -> bool:
+        """Whether its runs may end before their reference, and how long that is takes no plan to find out."""
+        return self.duration is not None and not self.reference.plans_around
+
+    @property
     def is_single(self) -> bool:
         """Whether it describes one run."""
         return not self.several
