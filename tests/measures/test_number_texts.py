@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from dqcontrol.measures.number_texts import angle_text, force_text, length_text, number_text, percent_text
 from dqcontrol.measures.task_result import TaskResult
+from dqcontrol.tables.number_texts import angle_text, force_text, length_text, number_text, percent_text
 
 
 @pytest.mark.parametrize(

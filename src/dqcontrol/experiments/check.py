@@ -23,10 +23,10 @@ from dqcontrol.experiments.spec import AnyPlant, Spec
 from dqcontrol.geometry import Hull, distance_kernels as kernels
 from dqcontrol.limits import CommandLimits, Compensation
 from dqcontrol.measures import stability
-from dqcontrol.measures.number_texts import number_text, percent_text
 from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import command_mode
 from dqcontrol.robots import Robot
+from dqcontrol.tables.number_texts import number_text, percent_text
 from dqcontrol.tables.tables import Cell, Column, Table, Tabled, VerdictCell, known
 
 _REPEATS = 20

@@ -14,9 +14,9 @@ from dqcontrol.experiments.feasibility import too_few_joints, way_out
 from dqcontrol.experiments.prepared_experiment import Combination
 from dqcontrol.laws.null_space import BestHeading
 from dqcontrol.measures.metrics import AT_LIMIT, UNSEEN
-from dqcontrol.measures.number_texts import angle_text, length_text, percent_text
 from dqcontrol.references.drive_to import PlannedWay
 from dqcontrol.references.sample import TIME
+from dqcontrol.tables.number_texts import angle_text, length_text, percent_text
 
 Trials = Sequence[Mapping[str, Any]]  # metrics of the repeats of one case
 

@@ -22,7 +22,6 @@ from dqcontrol.experiments.prepared_experiment import (
 )
 from dqcontrol.limits import CommandLimits
 from dqcontrol.loop.simulate import simulate_prepared
-from dqcontrol.measures.number_texts import percent_text
 from dqcontrol.measures.run_numbers import run_numbers
 from dqcontrol.measures.task_range import inverse_of, lost_share
 from dqcontrol.measures.task_result import FOLLOWED, SETTLED, TaskResult, task_result
@@ -36,6 +35,7 @@ from dqcontrol.references.drive_to import DriveTo, PlannedWay
 from dqcontrol.references.sample import POSE, TIME, TWIST, TWIST_RATE
 from dqcontrol.robots import Robot
 from dqcontrol.robots.robot import base_coordinates
+from dqcontrol.tables.number_texts import percent_text
 
 _MOST = 50_000  # samples of the reference that are followed; longer ones in coarser steps
 _PULL = 0.2  # of an error that a period takes away

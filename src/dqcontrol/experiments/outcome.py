@@ -15,9 +15,9 @@ from dqcontrol.errors import ShapeError, ValueRangeError, unknown_name
 from dqcontrol.experiments.spec.reference_spec import Part
 from dqcontrol.loop.record import Record
 from dqcontrol.measures.metrics import contact_force
-from dqcontrol.measures.number_texts import angle_text, force_text, length_text
 from dqcontrol.plants.mujoco.world_model import DEPTH, FORCE, ITSELF, LINK
 from dqcontrol.robots import Robot
+from dqcontrol.tables.number_texts import angle_text, force_text, length_text
 from dqcontrol.world import World
 
 Name = Annotated[str, Meta(min_length=1, max_length=60)]

@@ -22,7 +22,6 @@ from dqcontrol.loop.record import Record, has_failed, row_norms
 from dqcontrol.loop.signals import DISTANCE, PRESSURE, ROOM, held_poses
 from dqcontrol.measures.held import deadlocks
 from dqcontrol.measures.metrics import AT_LIMIT, UNSEEN, Metrics, joint_margins
-from dqcontrol.measures.number_texts import angle_text, length_text, percent_text
 from dqcontrol.measures.run_numbers import DesiredMotion
 from dqcontrol.measures.task_result import TaskResult, further_results
 from dqcontrol.plants import MobilePlant, MujocoPlant, Plant
@@ -33,6 +32,7 @@ from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
 from dqcontrol.supervisor import list_interventions
 from dqcontrol.supervisor.interventions import INTERVENTIONS
+from dqcontrol.tables.number_texts import angle_text, length_text, percent_text
 from dqcontrol.world import Body, World
 from dqcontrol.world.body import INSTANT
 

@@ -15,12 +15,12 @@ from dqcontrol.contact import Admittance
 from dqcontrol.controller import PreparedTasks
 from dqcontrol.laws import Law, PartialProportional
 from dqcontrol.loop.record import Record, has_failed, part_of, row_norms
-from dqcontrol.measures.number_texts import angle_text, length_text
 from dqcontrol.measures.run_numbers import LAST, RunNumbers, run_numbers
 from dqcontrol.measures.task_range import inverse_of, lost_share
 from dqcontrol.references.sample import POSE
 from dqcontrol.robots import Robot
 from dqcontrol.supervisor.interventions import INTERVENTIONS, SOFT_STOP
+from dqcontrol.tables.number_texts import angle_text, length_text
 
 Outcome = Literal["reached", "not reached", "followed", "not followed", "kept", "not kept", "failed"]
 

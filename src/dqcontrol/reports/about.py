@@ -19,9 +19,9 @@ from dqcontrol.experiments.parameter_units import parameter_unit
 from dqcontrol.experiments.prepared_experiment import sources
 from dqcontrol.experiments.spec import read_spec
 from dqcontrol.files.yaml_file import parse_yaml
-from dqcontrol.measures.number_texts import length_text, number_text
 from dqcontrol.robots import Robot, SerialArm, WholeBody, describe
 from dqcontrol.robots.files.urdf_xml import mesh_names, missing_meshes
+from dqcontrol.tables.number_texts import length_text, number_text
 from dqcontrol.tables.tables import Cell, Column, Table, VerdictCell
 
 if TYPE_CHECKING:

@@ -24,7 +24,6 @@ from dqcontrol.measures.held import deadlocks, plans_of_run
 from dqcontrol.measures.lyapunov import Certificate
 from dqcontrol.measures.metric_tables import metrics_tables
 from dqcontrol.measures.metrics import UNSEEN
-from dqcontrol.measures.number_texts import angle_text, length_text, number_text, percent_text
 from dqcontrol.measures.task_range import RANGE, TaskRange
 from dqcontrol.measures.task_result import TaskResult
 from dqcontrol.plants.mujoco.gripper import GRIP_FORCE
@@ -33,6 +32,7 @@ from dqcontrol.reports.about import RERUN_FOLDER, about_run, command, evaluation
 from dqcontrol.reports.report import write_report
 from dqcontrol.supervisor import list_interventions
 from dqcontrol.supervisor.interventions import INTERVENTIONS
+from dqcontrol.tables.number_texts import angle_text, length_text, number_text, percent_text
 from dqcontrol.tables.tables import Cell, Column, Table, VerdictCell
 
 if TYPE_CHECKING:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from dqcontrol.errors import ExistsError, ShapeError, unknown_name
+from dqcontrol.tables.number_texts import without_powers
 
 if TYPE_CHECKING:
     from rich.table import Table as RichTable
@@ -24,7 +25,6 @@ T = TypeVar("T")
 
 MISSING = "–"
 _AGREES = 0.1  # as a ratio: 10 %
-_LARGE = re.compile(r"e\+0[1-5]$")  # a power of ten that takes as much room as all digits before the point
 _DIGITS = 8  # of a value that is shown to the place of its spread; beyond, both are shown for themselves
 
 
@@ -158,8 +158,7 @@ class Column:
             return MISSING, ""
         if not isinstance(cell, float):
             return str(cell), ""
-        text = format(cell, self.format)
-        return f"{cell:.0f}" if self.format.endswith("g") and _LARGE.search(text) else text, ""
+        return (without_powers if self.format.endswith("g") else format)(cell, self.format), ""
 
 
 def known(cell: T) -> T | None:

@@ -31,7 +31,7 @@ from dqcontrol.experiments.spec.spec_files import write_spec
 from dqcontrol.files.output_file import finite_or_none, write_json, yaml_text
 from dqcontrol.measures.metric_tables import NUMBER_COLUMNS
 from dqcontrol.measures.metrics import AT_LIMIT
-from dqcontrol.measures.number_texts import percent_text
+from dqcontrol.tables.number_texts import percent_text
 from dqcontrol.tables.tables import Cell, Column, Table, Tabled
 from dqcontrol.tuning.law_search import LawResult, LawSearch, LawTask, ready_problem
 from dqcontrol.tuning.spec_blocks import TuneProblem, read_tune

@@ -27,8 +27,8 @@ from dqcontrol.experiments.result_pages import clip
 from dqcontrol.figures.style import COLOURS
 from dqcontrol.geometry import Plane
 from dqcontrol.loop.record import Record
-from dqcontrol.measures.number_texts import number_text
 from dqcontrol.robots import describe
+from dqcontrol.tables.number_texts import number_text
 
 
 def called(does: Callable[[], object]) -> Callable[[Any], None]:

@@ -1,8 +1,20 @@
-"""Numbers in sentences: as many digits as tell something, and powers of ten only from a million on."""
+"""Numbers as people read them: as many digits as tell something, and powers of ten only from a million on."""
 
 from __future__ import annotations
 
 import math
+
+
+def without_powers(value: float, form: str) -> str:
+    """Return a number in a format that ends in ``g``, with all digits before the point where that has a power of ten.
+
+    Examples
+    --------
+    >>> without_powers(46512.3, ".3g"), without_powers(1e6, ".3g")
+    ('46512', '1e+06')
+    """
+    text = format(value, form)
+    return f"{value:.0f}" if "e+" in text and abs(value) < 1e6 else text
 
 
 def number_text(value: float, digits: int = 3) -> str:
@@ -18,7 +30,7 @@ def number_text(value: float, digits: int = 3) -> str:
     if 0 < abs(value) < 1e-4:  # where Python begins with powers of ten
         places = digits - 1 - math.floor(math.log10(abs(value)))
         return f"{value:.{places}f}".rstrip("0") if abs(value) >= 1e-9 else "0"
-    return f"{value:.0f}" if 10**digits - 0.5 <= abs(value) < 1e6 else f"{value:.{digits}g}"
+    return without_powers(value, f".{digits}g")
 
 
 def length_text(value: float, digits: int = 3) -> str:
