@@ -8,6 +8,7 @@ import os
 import re
 import shutil
 import tempfile
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -20,6 +21,7 @@ from dqcontrol.errors import Error, ExistsError, FileFormatError, ValueRangeErro
 from dqcontrol.files.input_file import read_text
 from dqcontrol.files.output_file import whole_file
 from dqcontrol.measures.metric_tables import METRIC_COLUMNS, TEXTS
+from dqcontrol.tables.tables import Tabled
 
 Found = TypeVar("Found")
 Row = dict[str, float | int | str | None]
@@ -59,15 +61,18 @@ def check_new(folder: str | Path, *, force: bool) -> None:
         If nothing can be written there.
     """
     target = Path(folder)
+    _check_free(target, force=force)
+    near = next((parent for parent in target.absolute().parents if parent.exists()), Path("/"))
+    try:  # rights alone do not tell: the file system may be read-only or full
+        Path(tempfile.mkdtemp(prefix=".dqcontrol-", dir=near)).rmdir()
+    except OSError as error:
+        raise Error(f"{target}: cannot be written: {near}: {error.strerror}") from None
+
+
+def _check_free(target: Path, *, force: bool) -> None:
+    """Raise an `ExistsError` if a folder exists, and ``force`` is off or it holds anything but results."""
     _clear_up(target)
-    is_new = not target.exists() and not target.is_symlink()
-    if is_new or force:
-        near = next((parent for parent in target.absolute().parents if parent.exists()), Path("/"))
-        try:  # rights alone do not tell: the file system may be read-only or full
-            Path(tempfile.mkdtemp(prefix=".dqcontrol-", dir=near)).rmdir()
-        except OSError as error:
-            raise Error(f"{target}: cannot be written: {near}: {error.strerror}") from None
-    if is_new:
+    if not target.exists() and not target.is_symlink():
         return
     if not force:
         raise ExistsError(f"{target}: exists; choose another folder, or replace it with --force (force=True)")
@@ -106,7 +111,7 @@ def new_folder(folder: str | Path, *, force: bool) -> Iterator[Path]:
         As for `check_new`.
     """
     target = Path(folder)
-    check_new(target, force=force)
+    _check_free(target, force=force)
     with writing(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         draft = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
@@ -117,7 +122,7 @@ def new_folder(folder: str | Path, *, force: bool) -> Iterator[Path]:
             yield draft
             note_contents(draft)
             draft.chmod(0o755)
-            check_new(target, force=force)
+            _check_free(target, force=force)
             _replace(target, draft)
         except BaseException:
             shutil.rmtree(draft, ignore_errors=True)
@@ -125,6 +130,26 @@ def new_folder(folder: str | Path, *, force: bool) -> Iterator[Path]:
         finally:
             lock.release()
             _lock_of(draft).unlink(missing_ok=True)
+
+
+class SavedTable(Tabled):
+    """A result with files of its own beside its table."""
+
+    @abstractmethod
+    def write(self, folder: Path) -> None:
+        """Write its files into an existing folder."""
+
+    def save(self, folder: str | Path, *, force: bool = False) -> Path:
+        """Write its files into a new folder.
+
+        Raises
+        ------
+        ExistsError
+            If the folder exists (without ``force``).
+        """
+        with new_folder(folder, force=force) as new:
+            self.write(new)
+        return Path(folder)
 
 
 @contextmanager

@@ -127,9 +127,8 @@ def loop_shape(
     if not isinstance(reference, Previewed):
         return shape
     period = prepared.period
-    smoothed = (
-        period < reference.smoothed
-    )  # twists of points go from middle to middle; else they are constant
+    # Twists of points go from middle to middle, or are constant.
+    smoothed = period < reference.smoothed
     steps = reference.delay / period - 0.5 * smoothed
     ahead = math.floor(steps + 1e-9)
     part = smoothed * round(steps - ahead, 9)

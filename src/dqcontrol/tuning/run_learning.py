@@ -22,7 +22,7 @@ from dqcontrol.experiments.contact_check import sensed, stiffness_touched
 from dqcontrol.experiments.feasibility import path_demand
 from dqcontrol.experiments.prepared_experiment import PreparedExperiment, prepare_spec
 from dqcontrol.experiments.result_pages import result_pages
-from dqcontrol.experiments.results_folder import WorkingFolder, check_new, new_folder, told_first
+from dqcontrol.experiments.results_folder import SavedTable, WorkingFolder, check_new, told_first
 from dqcontrol.experiments.run_comparison import write_table
 from dqcontrol.experiments.spec.spec_files import write_spec
 from dqcontrol.files.output_file import finite_or_none, write_json, yaml_text
@@ -33,7 +33,7 @@ from dqcontrol.plants.linear_model import LinearModel
 from dqcontrol.plants.plant import WRENCH_READINGS, Plant
 from dqcontrol.recording import load_record, save_record
 from dqcontrol.references import POSE, TIME, TWIST, Points, Previewed
-from dqcontrol.tables.tables import Column, Table, Tabled
+from dqcontrol.tables.tables import Column, Table
 from dqcontrol.tuning import learnt_motion
 from dqcontrol.tuning.learning_convergence import (
     HIGHEST,
@@ -110,7 +110,7 @@ class LearningRun:
 
 
 @dataclass(frozen=True)
-class Learning(Tabled):
+class Learning(SavedTable):
     """What was learnt.
 
     Attributes
@@ -197,20 +197,8 @@ class Learning(Tabled):
         """Return the spec of a run of the learnt motion, as plain data; the one given where nothing was gained."""
         return self.problem.data | ({"reference": self.problem.points(file)} if self.best else {})
 
-    def save(self, folder: str | Path, *, force: bool = False) -> Path:
-        """Write the learnt motion, a spec that runs it, the table, figures and a report into a new folder.
-
-        Raises
-        ------
-        ExistsError
-            If the folder exists (without ``force``).
-        """
-        with new_folder(folder, force=force) as new:
-            self.write(new)
-        return Path(folder)
-
     def write(self, folder: Path) -> None:
-        """Write the files of `save` into an existing folder."""
+        """Write the learnt motion, a spec that runs it, the table, figures and a report into an existing folder."""
         text = _text(self.problem)
         write_spec(text, folder)
         law = json.dumps(self.problem.data.get("law") or self.problem.data.get("laws"))

@@ -17,6 +17,7 @@ from dqcontrol.experiments.prepared_experiment import prepare_spec, program
 from dqcontrol.experiments.processes import checked_jobs, workers
 from dqcontrol.experiments.result_pages import result_pages
 from dqcontrol.experiments.results_folder import (
+    SavedTable,
     WorkingFolder,
     check_new,
     new_folder,
@@ -32,7 +33,7 @@ from dqcontrol.files.output_file import finite_or_none, write_json, yaml_text
 from dqcontrol.measures.metric_tables import NUMBER_COLUMNS
 from dqcontrol.measures.metrics import AT_LIMIT
 from dqcontrol.tables.number_texts import percent_text
-from dqcontrol.tables.tables import Cell, Column, Table, Tabled
+from dqcontrol.tables.tables import Cell, Column, Table
 from dqcontrol.tuning.law_search import LawResult, LawSearch, LawTask, ready_problem
 from dqcontrol.tuning.spec_blocks import TuneProblem, read_tune
 
@@ -100,7 +101,7 @@ class TunedLaw:
 
 
 @dataclass(frozen=True)
-class Tuning(Tabled):
+class Tuning(SavedTable):
     """What a search found.
 
     Attributes
@@ -232,20 +233,8 @@ class Tuning(Tabled):
         faster = [{"faster": each.faster.to_dict()} if each.faster else {} for each in self.laws]
         return [each.to_dict() | more for each, more in zip(self.laws, faster, strict=True)]
 
-    def save(self, folder: str | Path, *, force: bool = False) -> Path:
-        """Write ``winners.json``, ``best.yaml``, all evaluations, the table, figures and a report into a new folder.
-
-        Raises
-        ------
-        ExistsError
-            If the folder exists (without ``force``).
-        """
-        with new_folder(folder, force=force) as new:
-            self.write(new)
-        return Path(folder)
-
     def write(self, folder: Path) -> None:
-        """Write the files of `save` into an existing folder."""
+        """Write ``winners.json``, ``best.yaml``, all evaluations, the table, figures and a report into a folder."""
         text = tune_text(self.problem)
         write_spec(text, folder)
         write_json(folder / WINNERS, self.winners())
