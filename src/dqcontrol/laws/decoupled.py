@@ -21,7 +21,6 @@ from dqcontrol.laws.inverses import FilteredInverse, Inverse, inverse_parameters
 from dqcontrol.laws.law import LAW, Law, LoopRates
 from dqcontrol.laws.pose_error import short_sign
 from dqcontrol.laws.pose_law import Gain, Schedule, gain_rows, pose_parameters
-from dqcontrol.robots.kinematics.kinematics_kernels import velocity_jacobian
 
 if TYPE_CHECKING:
     from dqcontrol.references import Reference
@@ -81,6 +80,17 @@ class PartialWork(NamedTuple):
 decoupled_work: MemoryLayout[DecoupledWork] = MemoryLayout(DecoupledWork, "m")
 partial_parameters: MemoryLayout[PartialParameters] = MemoryLayout(PartialParameters, unchecked=True)
 partial_work: MemoryLayout[PartialWork] = MemoryLayout(PartialWork, "m", unchecked=True)
+
+
+@inline
+def _velocity_rows(position, twist_jacobian, out):
+    """Write J_p with ṗ = J_p u into three rows."""
+    px, py, pz = position[0], position[1], position[2]
+    for c in range(twist_jacobian.shape[1]):
+        x, y, z = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]
+        out[0, c] = twist_jacobian[3, c] - (py * z - pz * y)
+        out[1, c] = twist_jacobian[4, c] - (pz * x - px * z)
+        out[2, c] = twist_jacobian[5, c] - (px * y - py * x)
 
 
 @inline
@@ -178,7 +188,7 @@ def position_proportional(q, pose, pose_jacobian, twist_jacobian, sample, parame
     error, inverse = pose_error(pose, sample), inverse_parameters(given.inverse)
     error = counted((0.0, 0.0, 0.0, error[3], error[4], error[5]), inverse.share)
     missing = twist_jacobian, (here[0], here[1], here[2]), error, 1.0
-    velocity_jacobian(here, twist_jacobian, own.matrix)
+    _velocity_rows(here, twist_jacobian, own.matrix)
     return solve(own.matrix, target, own.preferred, missing, given.inverse, own.solver, out)
 
 

@@ -261,23 +261,16 @@ def kinematics_apart(chain, q, pose, pose_jacobian, twist_jacobian):
 
 
 @inline
-def velocity_jacobian(position, twist_jacobian, out):
-    """Write the Jacobian (3 × m) of ṗ at the end effector's position."""
-    px, py, pz = position[0], position[1], position[2]
-    for c in range(twist_jacobian.shape[1]):
-        x, y, z = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]
-        out[0, c] = twist_jacobian[3, c] - (py * z - pz * y)
-        out[1, c] = twist_jacobian[4, c] - (pz * x - px * z)
-        out[2, c] = twist_jacobian[5, c] - (px * y - py * x)
-
-
-@inline
 def hand_jacobian(position, twist_jacobian, out):
     """Write the Jacobian (6 × m) of [ω ; ṗ]: the twist Jacobian moved to the end effector's position."""
-    velocity_jacobian(position, twist_jacobian, out[3:6])
-    for i in range(3):
-        for c in range(twist_jacobian.shape[1]):
-            out[i, c] = twist_jacobian[i, c]
+    # One loop: with the rows of ṗ in a kernel of their own the last bits are others, and S17's law [3.13] is chaotic.
+    px, py, pz = position
+    for c in range(twist_jacobian.shape[1]):
+        x, y, z = twist_jacobian[0, c], twist_jacobian[1, c], twist_jacobian[2, c]
+        out[0, c], out[1, c], out[2, c] = x, y, z
+        out[3, c] = twist_jacobian[3, c] - (py * z - pz * y)
+        out[4, c] = twist_jacobian[4, c] - (pz * x - px * z)
+        out[5, c] = twist_jacobian[5, c] - (px * y - py * x)
 
 
 @kernel(CHAIN)
