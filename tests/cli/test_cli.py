@@ -340,7 +340,7 @@ def test_sweep_and_compare_list_the_best_points(here, capsys):
     code, out, err = call("sweep", "sweep.yaml", capsys=capsys)
     assert code == 1, err  # as `run` ends where the task alone was missed
     assert "results: results/tiny" in out
-    assert re.match(r"\d of 2 runs failed, \d of them like point 0, .*: not followed: ", out.splitlines()[-1])
+    assert re.match(r"\d of 2 runs failed, \d of them like point 0, .*: not followed: ", out.splitlines()[0])
     assert '<figure id="sweep">' in (here / "results/tiny/report.html").read_text(encoding="utf-8")
     places = [row.split("│")[1:4] for row in out.splitlines() if row.startswith("│")]
     assert [[cell.strip() for cell in row] for row in places] == [["1", "1", "20"], ["2", "0", "2"]]

@@ -224,7 +224,9 @@ def sweep(
         ranking = run_sweep_to(
             spec, folder, force=force, jobs=jobs, scheduler=scheduler, by=by, progress=progress
         )
-    print_found(ranking.table(), folder=folder, words=[ranking.failures] * bool(ranking.failures))
+    if ranking.failures:
+        print(ranking.failures)
+    print_found(ranking.table(), folder=folder)
     if ranking.failures:
         sys.exit(FAILED)
 
